@@ -1,0 +1,13 @@
+/* eulerfsi: the header that users include. */
+#ifndef EULERFSI_EULERFSI_H
+#define EULERFSI_EULERFSI_H
+
+#include "eulerfsi/base.h"
+#include "eulerfsi/fields.h"
+#include "eulerfsi/fluid.h"
+#include "eulerfsi/io.h"
+#include "eulerfsi/profile.h"
+#include "eulerfsi/simulation.h"
+#include "eulerfsi/solid.h"
+
+#endif

@@ -1,0 +1,84 @@
+/* eulerfsi: meshes and elastic solids. */
+#ifndef EULERFSI_SOLID_H
+#define EULERFSI_SOLID_H
+
+#include "eulerfsi/base.h"
+#include "eulerfsi/profile.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+struct EfsiSim;
+
+/* A polygon mesh as the caller holds it; nothing is copied until a function says so. */
+typedef struct EfsiMeshView {
+  const float* points;        /* x y z of point i at (char*)points + i*point_stride [m] */
+  uint64_t point_count;
+  uint64_t point_stride;      /* bytes; 0 means 12 */
+  const int32_t* face_vertex_counts; /* NULL: all faces are triangles */
+  uint64_t face_count;
+  const int32_t* face_vertex_indices;
+  uint64_t index_count;
+} EfsiMeshView;
+
+/* What was found in a mesh and what was done about it. */
+typedef struct EfsiMeshReport {
+  double surface_volume;   /* signed volume of the mesh as given [m^3] */
+  double solid_volume;     /* volume of the closed solid [m^3] */
+  EfsiVec3 extent_min, extent_max; /* [m] */
+  uint64_t triangles;
+  uint64_t open_edges;     /* edges with one face */
+  uint64_t holes;          /* closed loops of open edges */
+  double largest_hole;     /* length of the longest such loop [m] */
+  uint64_t nonmanifold_edges; /* edges with three faces and more */
+  int32_t closed;          /* 1: no open edge */
+  int32_t repaired;        /* 1: the sign came from the winding number because the mesh is not a closed solid */
+  double thinnest_feature; /* estimate of the smallest thickness of the solid [m] */
+  double closing_radius;   /* offset used to close the mesh [m]; 0: none */
+  uint64_t reserved[2];
+} EfsiMeshReport;
+
+/* A mesh read from a file (obj, ply, stl, gltf, glb, fbx, ...). */
+typedef struct EfsiMesh EfsiMesh;
+EFSI_API EfsiStatus efsi_mesh_load(const char* path, EfsiMesh** mesh, EfsiError* error);
+EFSI_API EfsiStatus efsi_mesh_get_view(const EfsiMesh* mesh, EfsiMeshView* view);
+EFSI_API void efsi_mesh_destroy(EfsiMesh* mesh);
+/* Checks a mesh as efsi_solid_add would at this voxel size, without a simulation. */
+EFSI_API EfsiStatus efsi_mesh_check(const EfsiMeshView* mesh, double voxel_size, EfsiMeshReport* report,
+                                    EfsiError* error);
+
+#define EFSI_MATERIAL_COROTATIONAL 0
+#define EFSI_MATERIAL_STABLE_NEO_HOOKEAN 1
+
+/* An elastic solid; fields and limits as in libeulerfsi/parameters.toml, scope "solid". */
+typedef struct EfsiSolidDef {
+  uint32_t struct_size;
+  uint32_t magic;
+  EfsiMeshView mesh;      /* rest shape, placed where it starts, simulation space [m]; copied */
+  double density;         /* rho [kg/m^3] */
+  double youngs_modulus;  /* E [Pa] */
+  double poissons_ratio;  /* nu */
+  double rayleigh_alpha;  /* C = alpha M + beta K, Eq. 8 [1/s] */
+  double rayleigh_beta;   /* [s] */
+  EfsiVec3 velocity;         /* initial [m/s] */
+  EfsiVec3 angular_velocity; /* initial, about the centre of volume [rad/s] */
+  int32_t material;          /* EFSI_MATERIAL_* */
+  int32_t reserved0;
+  uint64_t reserved[4];
+} EfsiSolidDef;
+
+EFSI_API EfsiStatus efsi_solid_def_init(EfsiSolidDef* def);
+/* Adds a solid before the first step. id: out, 1-based and stable. report may be NULL. */
+EFSI_API EfsiStatus efsi_solid_add(struct EfsiSim* sim, const EfsiSolidDef* def, uint32_t* id, EfsiMeshReport* report);
+EFSI_API EfsiStatus efsi_solid_get_count(const struct EfsiSim* sim, uint32_t* count);
+/* Positions [m] and velocities [m/s] of the embedded surface, in the point order of the mesh that was given.
+ * points, velocities: 3*point_count floats each; either may be NULL. */
+EFSI_API EfsiStatus efsi_solid_get_surface(struct EfsiSim* sim, uint32_t id, float* points, float* velocities,
+                                           uint64_t point_count);
+EFSI_API EfsiStatus efsi_solid_get_diagnostics(struct EfsiSim* sim, uint32_t id, EfsiSolidDiagnostics* out);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
