@@ -1,0 +1,63 @@
+"""Frame ranges: what `--frames` accepts."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import fileseq
+
+from .errors import UsageError
+
+
+@dataclasses.dataclass(frozen=True)
+class FrameRange:
+    """Whole frames first..last, both included. Frame f shows the time (f - first)/fps."""
+
+    first: int
+    last: int
+
+    def __len__(self) -> int:
+        return self.last - self.first + 1
+
+    def __iter__(self):
+        return iter(range(self.first, self.last + 1))
+
+    def __str__(self) -> str:
+        return f"{self.first}-{self.last}"
+
+
+def parse_frames(text: str) -> FrameRange:
+    """Reads `a-b` (fileseq syntax). A simulation needs every frame, so steps and gaps are refused.
+
+    Raises UsageError with the text, the fault and what to write instead.
+    """
+    where = f"--frames {text!r}"
+    if ":" in text:
+        raise UsageError(
+            f"{where}: ':' means a stagger in one convention and a step in another, and a simulation needs every "
+            "frame; write first-last, for example 1-48"
+        )
+    if "x" in text or "y" in text:
+        raise UsageError(f"{where}: a step leaves frames out, and a simulation needs every frame; write first-last")
+    try:
+        frames = [int(f) for f in fileseq.FrameSet(text)] if "." not in text else []
+    except ValueError:
+        frames = []
+    if not frames:
+        raise UsageError(f"{where}: not a frame range; write first-last with whole numbers, for example 1-48")
+    if frames != list(range(frames[0], frames[-1] + 1)):
+        if frames == sorted(frames, reverse=True):
+            raise UsageError(f"{where}: runs backwards; write {frames[-1]}-{frames[0]}")
+        missing = sorted(set(range(min(frames), max(frames) + 1)) - set(frames))
+        gap = f"frame {missing[0]} is missing" if missing else "frames are out of order"
+        raise UsageError(f"{where}: not contiguous ({gap}); write {min(frames)}-{max(frames)}")
+    return check_frames(FrameRange(frames[0], frames[-1]), where)
+
+
+def check_frames(frames: FrameRange, where: str) -> FrameRange:
+    """Limits of every range: not negative (cache readers take the number from file names), two frames at least."""
+    if frames.first < 0:
+        raise UsageError(f"{where}: first frame {frames.first} must be >= 0")
+    if len(frames) < 2:
+        raise UsageError(f"{where}: {len(frames)} frame; a cache needs at least 2 (the first is the initial state)")
+    return frames

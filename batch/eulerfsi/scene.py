@@ -1,0 +1,410 @@
+"""Scene in: a USD stage becomes the definitions that the solver takes, in SI and simulation space."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
+
+from . import binding, solver
+from .errors import LibraryError, SceneError
+from .frames import FrameRange, check_frames
+from .parameters import Parameter, StageUnits, table
+from .space import SimulationSpace, domain_space
+
+DOMAIN_API, SOLID_API, EMITTER_API = "EulerFsiDomainAPI", "EulerFsiSolidAPI", "EulerFsiEmitterAPI"
+APIS = {DOMAIN_API: "domain", SOLID_API: "solid", EMITTER_API: "emitter"}
+EARTH_GRAVITY = 9.81  # m/s^2
+DEFAULT_DENSITY = 1000.0  # kg/m^3
+_TOKENS = {"preset": binding.PRESETS, "material": binding.MATERIALS, "mode": binding.EMITTER_MODES}
+
+
+@dataclasses.dataclass
+class Solid:
+    """One solid. mesh: rest surface in simulation space; local: the same surface as the prim holds it."""
+
+    path: str
+    output_path: str  # the Mesh prim that receives the points
+    mesh: solver.Mesh
+    local: solver.Mesh
+    values: dict[str, Any]  # fields of EfsiSolidDef
+    report: dict[str, Any]  # fields of EfsiMeshReport
+    surface_file: str = ""
+    subdivision: str = "none"
+    left_handed: bool = False
+
+
+@dataclasses.dataclass
+class Emitter:
+    """One emitter. values: fields of EfsiEmitterDef."""
+
+    path: str
+    values: dict[str, Any]
+
+
+@dataclasses.dataclass
+class Scene:
+    """Everything that a simulation needs. domain: fields of EfsiSimulationDef."""
+
+    path: Path
+    stage: Usd.Stage
+    units: StageUnits
+    space: SimulationSpace
+    frames: FrameRange
+    fps: float
+    domain_path: str
+    domain: dict[str, Any]
+    solids: list[Solid]
+    emitters: list[Emitter]
+    warnings: list[str]
+
+    @property
+    def name(self) -> str:
+        """File name of the scene without its suffix; cache files carry it."""
+        return self.path.stem
+
+    @property
+    def has_smoke(self) -> bool:
+        """Whether volumes are written: something emits and there is a fluid to carry it."""
+        return bool(self.emitters) and bool(self.domain["ambient_fluid"])
+
+    def parameters(self) -> dict[str, dict[str, Any]]:
+        """{prim path: {field of the C definition: SI value}}: all that was used."""
+        result = {self.domain_path: self.domain}
+        for item in [*self.solids, *self.emitters]:
+            result[item.path] = item.values
+        return json.loads(json.dumps(result))
+
+    def hash(self) -> str:
+        """Hash of all that the simulation depends on: parameters, meshes, frame rate, first frame."""
+        digest = hashlib.sha256()
+        start = {"fps": self.fps, "first": self.frames.first, "parameters": self.parameters()}
+        digest.update(json.dumps(start, sort_keys=True).encode())
+        for solid in self.solids:
+            for array in (solid.mesh.points, solid.mesh.counts, solid.mesh.indices):
+                digest.update(array.tobytes())
+        return digest.hexdigest()
+
+
+def applied_scopes(prim: Usd.Prim) -> list[str]:
+    """Scopes of the parameter table ("domain", "solid", "emitter") whose API is applied to the prim."""
+    schemas = prim.GetAppliedSchemas()
+    return [scope for api, scope in APIS.items() if api in schemas]
+
+
+def find_prims(stage: Usd.Stage, scope: str) -> list[Usd.Prim]:
+    """Prims of one scope in stage order, instance proxies included."""
+    everything = Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate))
+    return [prim for prim in everything if scope in applied_scopes(prim)]
+
+
+def stage_units(stage: Usd.Stage) -> StageUnits:
+    """Units of a stage; raises SceneError where they are not positive."""
+    units = StageUnits(UsdGeom.GetStageMetersPerUnit(stage), UsdPhysics.GetStageKilogramsPerUnit(stage))
+    for name, value in (("metersPerUnit", units.meters_per_unit), ("kilogramsPerUnit", units.kilograms_per_unit)):
+        if not 0 < value < math.inf:
+            raise SceneError(f"stage: {name} = {value:g}: must be > 0")
+    return units
+
+
+class _Reader:
+    """Reads attribute values at one time and converts them to SI."""
+
+    def __init__(self, units: StageUnits, time: Usd.TimeCode) -> None:
+        self.units = units
+        self.time = time
+
+    def value(self, prim: Usd.Prim, parameter: Parameter) -> Any:
+        """The authored value in SI, or the table's default (which is SI already) where nothing is authored."""
+        attribute = prim.GetAttribute(parameter.attribute)
+        if not attribute or not attribute.HasAuthoredValue():
+            return parameter.default
+        raw = attribute.Get(self.time)
+        where = f"{prim.GetPath()}: {parameter.attribute} = {raw}"
+        try:
+            if parameter.type == "token":
+                if str(raw) not in parameter.tokens:
+                    raise SceneError(f"{where}: must be one of {', '.join(parameter.tokens)}")
+                return str(raw)
+            if parameter.type == "bool":
+                return bool(raw)
+            if parameter.type == "asset":
+                return raw
+            factor = self.units.factor(parameter.stage_unit)
+            converted = [float(c) * factor for c in raw] if parameter.type == "vector" else float(raw) * factor
+        except (TypeError, ValueError) as error:
+            raise SceneError(f"{where}: must be of type {parameter.type}") from error
+        numbers = converted if isinstance(converted, list) else [converted]
+        low, high = parameter.hard
+        bad = [n for n in numbers if not math.isfinite(n) or n < low or n > high or (parameter.min_exclusive and n <= low)]
+        if bad:
+            raise SceneError(f"{where}: must be {parameter.limit_text() or 'finite'} {parameter.unit}".rstrip())
+        return converted
+
+    def fields(self, prim: Usd.Prim, scope: str) -> dict[str, Any]:
+        """{C field: SI value} of the parameters that map to one; vectors stay in world axes."""
+        result = {}
+        for parameter in table()[scope].values():
+            if not parameter.field or parameter.usd_physics:
+                continue
+            value = self.value(prim, parameter)
+            if parameter.type == "token":
+                value = binding.WALLS[value] if parameter.name.startswith("wall") else _TOKENS[parameter.name][value]
+            elif parameter.type == "bool":
+                value = int(value)
+            result[parameter.field] = value
+        return result
+
+    def authored(self, prim: Usd.Prim, name: str) -> Any:
+        """Authored value of any attribute, None where there is none."""
+        attribute = prim.GetAttribute(name)
+        return attribute.Get(self.time) if attribute and attribute.HasAuthoredValue() else None
+
+    def local_to_world(self, prim: Usd.Prim) -> np.ndarray:
+        """(4, 4) for row vectors, at this reader's time."""
+        return np.array(UsdGeom.XformCache(self.time).GetLocalToWorldTransform(prim))
+
+
+def open_stage(path: Path) -> Usd.Stage:
+    """Opens a scene file with the schema registered. Raises SceneError."""
+    from pxr import Tf
+
+    if not path.is_file():
+        raise SceneError(f"{path}: no such file")
+    try:
+        return Usd.Stage.Open(str(path))
+    except Tf.ErrorException as error:
+        raise SceneError(f"{path}: cannot be opened as USD: {str(error).strip().splitlines()[-1].strip()}") from error
+
+
+def stage_frames(stage: Usd.Stage) -> FrameRange:
+    """The stage's own range. Raises UsageError or SceneError."""
+    if not stage.HasAuthoredTimeCodeRange():
+        raise SceneError("stage: startTimeCode and endTimeCode are not authored; give the range with --frames first-last")
+    first, last = stage.GetStartTimeCode(), stage.GetEndTimeCode()
+    if first != int(first) or last != int(last):
+        raise SceneError(f"stage: startTimeCode {first:g} and endTimeCode {last:g}: must be whole numbers")
+    return check_frames(FrameRange(int(first), int(last)), f"stage range {int(first)}-{int(last)}")
+
+
+def read_scene(stage: Usd.Stage, path: Path, frames: FrameRange | None = None) -> Scene:
+    """Reads the stage at the first frame. Raises SceneError (or LibraryError for a missing library)."""
+    frames = frames or stage_frames(stage)
+    units = stage_units(stage)
+    reader = _Reader(units, Usd.TimeCode(frames.first))
+    domain_prim = _the_domain(stage)
+    space, scale, mirrored = domain_space(
+        str(domain_prim.GetPath()), reader.local_to_world(domain_prim), units.meters_per_unit
+    )
+    domain = _domain_values(reader, domain_prim, scale * units.meters_per_unit, mirrored)
+    warnings: list[str] = []
+    domain["gravity"] = space.vector_to_sim(_gravity(stage, units, warnings)).tolist()
+    enabled = table()["solid"]["enabled"]
+    solids = [
+        _solid(reader, space, prim, domain["voxel_size"])
+        for prim in find_prims(stage, "solid")
+        if reader.value(prim, enabled)
+    ]
+    emitters = [
+        _emitter(reader, space, prim) for prim in find_prims(stage, "emitter") if reader.value(prim, enabled)
+    ]
+    if emitters and not domain["ambient_fluid"]:
+        warnings.append(f"{domain_prim.GetPath()}: ambientFluid is off: {len(emitters)} emitter(s) have no effect")
+        emitters = []
+    fps = stage.GetTimeCodesPerSecond()
+    return Scene(path, stage, units, space, frames, fps, str(domain_prim.GetPath()), domain, solids, emitters, warnings)
+
+
+def _the_domain(stage: Usd.Stage) -> Usd.Prim:
+    prims = find_prims(stage, "domain")
+    if len(prims) != 1:
+        found = ", ".join(str(p.GetPath()) for p in prims) or "none"
+        raise SceneError(f"the scene must have exactly one prim with {DOMAIN_API} (found: {found})")
+    return prims[0]
+
+
+def _domain_values(reader: _Reader, prim: Usd.Prim, meters: np.ndarray, mirrored: bool) -> dict[str, Any]:
+    """Fields of EfsiSimulationDef without gravity. meters: length of the prim's local units along its axes [m]."""
+    values = reader.fields(prim, "domain")
+    if prim.IsA(UsdGeom.Cube):
+        edges = np.full(3, float(UsdGeom.Cube(prim).GetSizeAttr().Get(reader.time)))
+        where = f"{prim.GetPath()}: size = {edges[0]:g}"
+    else:
+        edges = np.array(reader.value(prim, table()["domain"]["size"]), float)
+        where = f"{prim.GetPath()}: eulerfsi:size = {tuple(edges.tolist())}"
+    if not (edges > 0).all():
+        raise SceneError(f"{where}: the edges of the domain must be > 0 (on an Xform set eulerfsi:size)")
+    size, voxel = edges * meters, values["voxel_size"]
+    # A size that is a whole number of voxels up to rounding must not gain a voxel from that rounding.
+    count = np.round(size / voxel)
+    size = np.where(np.abs(size / voxel - count) < 1e-4 * np.maximum(count, 1), np.maximum(count, 1) * voxel, size)
+    if (size < 2 * voxel).any():
+        raise SceneError(
+            f"{prim.GetPath()}: eulerfsi:voxelSize = {voxel / reader.units.meters_per_unit:g}: the domain's shortest edge "
+            f"{size.min() / reader.units.meters_per_unit:g} must hold at least 2 voxels"
+        )
+    if mirrored:
+        values["wall[0]"], values["wall[1]"] = values["wall[1]"], values["wall[0]"]
+    for axis, name in enumerate("XYZ"):
+        pair = (values[f"wall[{2 * axis}]"], values[f"wall[{2 * axis + 1}]"])
+        if binding.WALLS["periodic"] in pair and pair[0] != pair[1]:
+            raise SceneError(f"{prim.GetPath()}: wall{name}Min and wall{name}Max: both or none must be periodic")
+    values["domain_min"] = (-size / 2).tolist()
+    values["domain_size"] = size.tolist()
+    return values
+
+
+def _gravity(stage: Usd.Stage, units: StageUnits, warnings: list[str]) -> np.ndarray:
+    """World vector [m/s^2] from the PhysicsScene; 9.81 down without one."""
+    up = np.array([0.0, 0.0, 1.0] if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else [0.0, 1.0, 0.0])
+    scenes = [UsdPhysics.Scene(prim) for prim in stage.Traverse() if prim.IsA(UsdPhysics.Scene)]
+    if len(scenes) > 1:
+        warnings.append(f"{len(scenes)} PhysicsScene prims: gravity is taken from {scenes[0].GetPath()}")
+    direction, magnitude = -up, EARTH_GRAVITY
+    if scenes:
+        authored = np.array(scenes[0].GetGravityDirectionAttr().Get(), float)
+        if np.linalg.norm(authored) > 0:
+            direction = authored / np.linalg.norm(authored)
+        given = scenes[0].GetGravityMagnitudeAttr().Get()
+        if math.isfinite(given) and given >= 0:
+            magnitude = given * units.meters_per_unit
+        elif given != -math.inf:
+            raise SceneError(f"{scenes[0].GetPath()}: physics:gravityMagnitude = {given}: must be >= 0 or -inf (9.81 m/s^2)")
+    return direction * magnitude
+
+
+def _surface(reader: _Reader, prim: Usd.Prim) -> tuple[solver.Mesh, str]:
+    """The prim's rest surface in its local space, and the file that it came from ('' for the prim's own points)."""
+    path = str(prim.GetPath())
+    asset = reader.authored(prim, "eulerfsi:surfaceFile")
+    if asset is not None and asset.path:
+        file = asset.resolvedPath or asset.path
+        if not Path(file).is_file():
+            raise SceneError(f"{path}: eulerfsi:surfaceFile = {asset.path}: no such file")
+        try:
+            return solver.load_mesh(file), file
+        except LibraryError as error:
+            raise SceneError(f"{path}: eulerfsi:surfaceFile = {asset.path}: {error}") from error
+    if not prim.IsA(UsdGeom.Mesh):
+        raise SceneError(f"{path}: a {prim.GetTypeName() or 'typeless'} prim needs eulerfsi:surfaceFile; or use a Mesh")
+    geom = UsdGeom.Mesh(prim)
+    points = geom.GetPointsAttr().Get(reader.time)
+    counts = geom.GetFaceVertexCountsAttr().Get(reader.time)
+    indices = geom.GetFaceVertexIndicesAttr().Get(reader.time)
+    if not points or not counts or not indices:
+        raise SceneError(f"{path}: the mesh has no points or no faces at frame {reader.time.GetValue():g}")
+    mesh = solver.Mesh(np.array(points), np.array(counts), np.array(indices))
+    bad = np.flatnonzero(~np.isfinite(mesh.points).all(axis=1))
+    if len(bad):
+        value = tuple(mesh.points[bad[0]].tolist())
+        raise SceneError(f"{path}: points[{bad[0]}] = {value}: must be finite ({len(bad)} such points)")
+    if int(mesh.counts.sum()) != len(mesh.indices) or (mesh.counts < 3).any():
+        raise SceneError(f"{path}: faceVertexCounts ask for {int(mesh.counts.sum())} indices, there are {len(mesh.indices)}")
+    if mesh.indices.min() < 0 or mesh.indices.max() >= len(mesh.points):
+        worst = mesh.indices.max() if mesh.indices.min() >= 0 else mesh.indices.min()
+        raise SceneError(f"{path}: faceVertexIndices hold {worst}: must be in 0..{len(mesh.points) - 1}")
+    return mesh, ""
+
+
+def _solid(reader: _Reader, space: SimulationSpace, prim: Usd.Prim, voxel_size: float) -> Solid:
+    path = str(prim.GetPath())
+    if prim.IsInstanceProxy():
+        raise SceneError(f"{path}: a solid inside an instance cannot be given its own points; set instanceable = false")
+    local, file = _surface(reader, prim)
+    to_sim = space.from_local(reader.local_to_world(prim))
+    points = local.points.astype(float) @ to_sim[:3, :3] + to_sim[3, :3]
+    mesh = solver.Mesh(points, local.counts, local.indices)
+    is_mesh = prim.IsA(UsdGeom.Mesh)
+    left_handed = is_mesh and not file and reader.authored(prim, "orientation") == UsdGeom.Tokens.leftHanded
+    if left_handed != (np.linalg.det(to_sim[:3, :3]) < 0):
+        mesh = mesh.flipped()  # outward faces stay outward
+    try:
+        report = solver.check_mesh(mesh, voxel_size)
+    except LibraryError as error:
+        raise SceneError(f"{path}: {file + ': ' if file else ''}{error}") from error
+    values = reader.fields(prim, "solid")
+    values["density"] = _density(reader, prim, report["solid_volume"])
+    values["velocity"], values["angular_velocity"] = _initial_motion(reader, space, prim, values)
+    subdivision = "none" if file or not is_mesh else str(UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get())
+    output = path if is_mesh else _free_child(prim, "surface")
+    return Solid(path, output, mesh, local, values, report, file, subdivision, left_handed)
+
+
+def _free_child(prim: Usd.Prim, name: str) -> str:
+    """Path of a child that the prim does not have yet."""
+    number, candidate = 1, name
+    while prim.GetStage().GetPrimAtPath(prim.GetPath().AppendChild(candidate)):
+        number, candidate = number + 1, f"{name}{number}"
+    return str(prim.GetPath().AppendChild(candidate))
+
+
+def _density(reader: _Reader, prim: Usd.Prim, volume: float) -> float:
+    """[kg/m^3]: physics:mass over the volume, else physics:density, else that of the physics material, else 1000."""
+    path, to_si = prim.GetPath(), reader.units.factor("kg^1 m^-3")
+    mass, density = reader.authored(prim, "physics:mass"), reader.authored(prim, "physics:density")
+    if mass is not None and mass != 0:  # UsdPhysics: 0 is "not given"
+        if not 0 < mass < math.inf:
+            raise SceneError(f"{path}: physics:mass = {mass:g}: must be > 0")
+        return mass * reader.units.kilograms_per_unit / volume
+    where = f"{path}: physics:density"
+    if density is None:
+        material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")
+        density = reader.authored(material.GetPrim(), "physics:density") if material else None
+        where = f"{material.GetPath()}: physics:density" if material else where
+        if not density:
+            return DEFAULT_DENSITY
+    if not 0 < density < math.inf:
+        raise SceneError(f"{where} = {density:g}: must be > 0 (remove the attribute for the default)")
+    return density * to_si
+
+
+def _initial_motion(
+    reader: _Reader, space: SimulationSpace, prim: Usd.Prim, values: dict[str, Any]
+) -> tuple[list[float], list[float]]:
+    """Velocity [m/s] and angular velocity [rad/s] in simulation axes.
+
+    eulerfsi: attributes are in world axes; PhysicsRigidBodyAPI's, used where those are not authored, in local axes.
+    """
+    linear = reader.local_to_world(prim)[:3, :3]
+    velocity, angular = np.array(values["velocity"], float), np.array(values["angular_velocity"], float)
+    rigid_velocity = reader.authored(prim, "physics:velocity")
+    if reader.authored(prim, "eulerfsi:velocity") is None and rigid_velocity is not None:
+        velocity = np.array(rigid_velocity, float) @ linear * reader.units.meters_per_unit
+    rigid_angular = reader.authored(prim, "physics:angularVelocity")
+    if reader.authored(prim, "eulerfsi:angularVelocity") is None and rigid_angular is not None:
+        left, _, right = np.linalg.svd(linear)
+        rotation = left @ right
+        # An axial vector: a mirror image turns the other way.
+        angular = np.radians(np.array(rigid_angular, float)) @ rotation * np.sign(np.linalg.det(rotation))
+    return space.vector_to_sim(velocity).tolist(), space.vector_to_sim(angular).tolist()
+
+
+def _emitter(reader: _Reader, space: SimulationSpace, prim: Usd.Prim) -> Emitter:
+    values = reader.fields(prim, "emitter")
+    if prim.IsA(UsdGeom.Cube):
+        shape, width = "box", UsdGeom.Cube(prim).GetSizeAttr().Get(reader.time)
+    elif prim.IsA(UsdGeom.Sphere):
+        shape, width = "sphere", 2 * UsdGeom.Sphere(prim).GetRadiusAttr().Get(reader.time)
+    else:
+        raise SceneError(f"{prim.GetPath()}: {EMITTER_API} on a {prim.GetTypeName()}: must be a Cube or a Sphere")
+    if not width > 0:
+        name = "size" if shape == "box" else "radius"
+        raise SceneError(f"{prim.GetPath()}: {name} = {width if shape == 'box' else width / 2:g}: must be > 0")
+    to_sim = space.from_local(np.diag([width, width, width, 1.0]) @ reader.local_to_world(prim))
+    if abs(np.linalg.det(to_sim[:3, :3])) == 0:
+        raise SceneError(f"{prim.GetPath()}: the transform of the emitter has a zero scale")
+    values["shape"] = binding.EMITTER_SHAPES[shape]
+    values["transform"] = to_sim.T.ravel().tolist()
+    values["velocity"] = space.vector_to_sim(values["velocity"]).tolist()
+    return Emitter(str(prim.GetPath()), values)
+
+
+def asset_value(path: str) -> Sdf.AssetPath:
+    """An asset path value for authoring."""
+    return Sdf.AssetPath(path)

@@ -1,0 +1,320 @@
+"""The solver for Python: meshes, simulations, fields. SI units; a thin layer over `binding`.
+
+One simulation is used by one thread at a time; many simulations may live in one process.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import dataclasses
+from collections.abc import Callable, Mapping
+from ctypes import POINTER, byref, c_double, c_float, c_int32, c_uint32, c_uint64, c_void_p
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from . import binding
+from .binding import check_error, library
+from .errors import LibraryError
+
+LogFunction = Callable[[int, str], None]
+ProgressFunction = Callable[[float, dict], bool]
+
+
+@dataclasses.dataclass
+class Mesh:
+    """A polygon mesh. points: (n, 3) float32 [m]; counts: (faces,) int32; indices: (sum of counts,) int32."""
+
+    points: np.ndarray
+    counts: np.ndarray
+    indices: np.ndarray
+
+    def __post_init__(self) -> None:
+        self.points = np.ascontiguousarray(self.points, np.float32).reshape(-1, 3)
+        self.counts = np.ascontiguousarray(self.counts, np.int32)
+        self.indices = np.ascontiguousarray(self.indices, np.int32)
+
+    def triangles(self) -> np.ndarray:
+        """(m, 3) int32: every polygon as a fan around its first vertex."""
+        if len(self.counts) and (self.counts == 3).all():
+            return self.indices.reshape(-1, 3)
+        starts = np.concatenate([[0], np.cumsum(self.counts)[:-1]]) if len(self.counts) else np.zeros(0, int)
+        fans = []
+        for count in np.unique(self.counts[self.counts >= 3]):
+            first = starts[self.counts == count][:, None]
+            polygon = self.indices[first + np.arange(count)]
+            fans += [polygon[:, [0, k, k + 1]] for k in range(1, count - 1)]
+        return np.concatenate(fans) if fans else np.zeros((0, 3), np.int32)
+
+    def flipped(self) -> Mesh:
+        """The same surface with every face wound the other way."""
+        ends = np.cumsum(self.counts)
+        owner = np.repeat(np.arange(len(self.counts)), self.counts)
+        position = np.arange(len(self.indices)) - (ends - self.counts)[owner]
+        return Mesh(self.points, self.counts, self.indices[ends[owner] - 1 - position])
+
+    def view(self) -> binding.MeshView:
+        """The C view; valid while this object lives."""
+        view = binding.MeshView()
+        view.points = self.points.ctypes.data_as(POINTER(c_float))
+        view.point_count = len(self.points)
+        view.point_stride = 12
+        view.face_vertex_counts = self.counts.ctypes.data_as(POINTER(c_int32))
+        view.face_count = len(self.counts)
+        view.face_vertex_indices = self.indices.ctypes.data_as(POINTER(c_int32))
+        view.index_count = len(self.indices)
+        return view
+
+
+def to_dict(struct: ctypes.Structure) -> dict[str, Any]:
+    """A result structure as plain numbers and lists, without the reserved fields."""
+    result = {}
+    for name, *_ in struct._fields_:
+        value = getattr(struct, name)
+        if name.startswith("reserved"):
+            continue
+        result[name] = list(value) if isinstance(value, (binding.Vec3, ctypes.Array)) else value
+    return result
+
+
+def _fill(struct: ctypes.Structure, values: Mapping[str, Any]) -> None:
+    """Writes values into a definition; "wall[2]" is an element, a sequence of 3 a vector. Unknown names raise."""
+    fields = {name for name, *_ in struct._fields_}
+    for name, value in values.items():
+        base, _, index = name.partition("[")
+        if base not in fields:
+            raise KeyError(f"{type(struct).__name__} has no field {name!r}; it has {', '.join(sorted(fields))}")
+        current = getattr(struct, base)
+        if index:
+            current[int(index[:-1])] = value
+        elif isinstance(current, binding.Vec3):
+            current.x, current.y, current.z = (float(c) for c in value)
+        elif isinstance(current, ctypes.Array):
+            current[:] = [float(c) for c in np.asarray(value).ravel()]
+        else:
+            setattr(struct, base, value)
+
+
+def load_mesh(path: str | Path) -> Mesh:
+    """Reads a mesh file (obj, ply, stl, gltf, glb, fbx, ...) in the file's own units. Raises LibraryError."""
+    lib, error, handle, view = library(), binding.Error(), c_void_p(), binding.MeshView()
+    check_error(lib.efsi_mesh_load(str(path).encode(), byref(handle), byref(error)), error)
+    try:
+        status = lib.efsi_mesh_get_view(handle, byref(view))
+        if status != binding.OK:
+            raise LibraryError(status, f"{path}: {binding.status_text(status)}")
+        count, stride = view.point_count, view.point_stride or 12
+        raw = np.ctypeslib.as_array(ctypes.cast(view.points, POINTER(ctypes.c_uint8)), (count * stride,))
+        points = raw.reshape(count, stride)[:, :12].copy().view(np.float32)
+        indices = np.ctypeslib.as_array(view.face_vertex_indices, (view.index_count,)).copy()
+        if view.face_vertex_counts:
+            counts = np.ctypeslib.as_array(view.face_vertex_counts, (view.face_count,)).copy()
+        else:
+            counts = np.full(view.index_count // 3, 3, np.int32)
+    finally:
+        lib.efsi_mesh_destroy(handle)
+    return Mesh(points, counts, indices)
+
+
+def check_mesh(mesh: Mesh, voxel_size: float) -> dict[str, Any]:
+    """What a solid made of this mesh would be (fields of EfsiMeshReport). Raises LibraryError."""
+    error, report, view = binding.Error(), binding.MeshReport(), mesh.view()
+    check_error(library().efsi_mesh_check(byref(view), voxel_size, byref(report), byref(error)), error)
+    return to_dict(report)
+
+
+class Simulation:
+    """One simulation. `values`: fields of EfsiSimulationDef by name (SI); what is left out keeps its default.
+
+    log(level, message): receives the library's messages. A context manager; close() frees the memory.
+    """
+
+    def __init__(self, values: Mapping[str, Any], log: LogFunction | None = None) -> None:
+        self._lib = library()
+        self._handle = c_void_p()
+        self._log = binding.LogCallback(lambda _user, level, text: log(level, text.decode("utf-8", "replace"))) if log else None
+        definition, error = _simulation_def(values), binding.Error()
+        if self._log:
+            definition.log = self._log
+        check_error(self._lib.efsi_simulation_create(byref(definition), byref(self._handle), byref(error)), error)
+
+    def __enter__(self) -> Simulation:
+        return self
+
+    def __exit__(self, *_exc: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Frees the simulation; later calls are no longer possible."""
+        handle, self._handle = self._handle, c_void_p()
+        self._lib.efsi_simulation_destroy(handle)
+
+    def _check(self, status: int) -> None:
+        if status != binding.OK:
+            text = self._lib.efsi_simulation_last_error(self._handle).decode("utf-8", "replace")
+            raise LibraryError(status, text or binding.status_text(status))
+
+    def add_solid(self, mesh: Mesh, **values: Any) -> tuple[int, dict[str, Any]]:
+        """Adds a solid before the first step. values: fields of EfsiSolidDef (SI). Returns (id, mesh report)."""
+        definition, identifier, report = binding.SolidDef(), c_uint32(), binding.MeshReport()
+        self._lib.efsi_solid_def_init(byref(definition))
+        _fill(definition, values)
+        definition.mesh = mesh.view()
+        self._check(self._lib.efsi_solid_add(self._handle, byref(definition), byref(identifier), byref(report)))
+        return identifier.value, to_dict(report)
+
+    def add_emitter(self, **values: Any) -> int:
+        """Adds an emitter before the first step. values: fields of EfsiEmitterDef (SI). Returns its id."""
+        definition, identifier = binding.EmitterDef(), c_uint32()
+        self._lib.efsi_emitter_def_init(byref(definition))
+        _fill(definition, values)
+        self._check(self._lib.efsi_emitter_add(self._handle, byref(definition), byref(identifier)))
+        return identifier.value
+
+    def step(self, max_dt: float) -> dict[str, Any]:
+        """One step of at most max_dt seconds; returns the fields of EfsiStepInfo."""
+        info = binding.StepInfo()
+        self._check(self._lib.efsi_simulation_step(self._handle, max_dt, byref(info)))
+        return to_dict(info)
+
+    def advance(self, duration: float, progress: ProgressFunction | None = None) -> dict[str, Any]:
+        """Advances by `duration` seconds; returns EfsiStepInfo, counters summed over the steps.
+
+        progress(fraction, step info) is called between steps; True asks to stop, which raises LibraryError with
+        status ERROR_CANCELLED. An exception inside it stops the run and is raised here.
+        """
+        info, raised = binding.StepInfo(), []
+
+        def forward(_user: Any, fraction: float, step: Any) -> int:
+            try:
+                return int(bool(progress(fraction, to_dict(step.contents) if step else {})))
+            except BaseException as error:  # must not cross the C frames; raised again below
+                raised.append(error)
+                return 1
+
+        callback = binding.ProgressCallback(forward) if progress else binding.ProgressCallback()
+        status = self._lib.efsi_simulation_advance(self._handle, duration, byref(info), callback, None)
+        if raised:
+            raise raised[0]
+        self._check(status)
+        return to_dict(info)
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self._time_and_steps()[0]
+
+    @property
+    def steps(self) -> int:
+        """Steps since time 0."""
+        return self._time_and_steps()[1]
+
+    def _time_and_steps(self) -> tuple[float, int]:
+        time, steps = c_double(), c_uint64()
+        self._check(self._lib.efsi_simulation_get_time(self._handle, byref(time), byref(steps)))
+        return time.value, steps.value
+
+    def state_hash(self) -> str:
+        """64-bit hash of the state's values, 16 hexadecimal digits."""
+        value = c_uint64()
+        self._check(self._lib.efsi_simulation_get_hash(self._handle, byref(value)))
+        return f"{value.value:016x}"
+
+    def save_checkpoint(self, path: str | Path) -> None:
+        """Writes the state."""
+        self._check(self._lib.efsi_simulation_save_checkpoint(self._handle, str(path).encode()))
+
+    def restore_checkpoint(self, path: str | Path) -> None:
+        """Restores a state of the same definitions."""
+        self._check(self._lib.efsi_simulation_restore_checkpoint(self._handle, str(path).encode()))
+
+    def surface(self, solid: int, point_count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Positions [m] and velocities [m/s] of a solid's surface, (point_count, 3) float32 each."""
+        points, velocities = (np.empty((point_count, 3), np.float32) for _ in range(2))
+        self._check(
+            self._lib.efsi_solid_get_surface(
+                self._handle, solid, points.ctypes.data, velocities.ctypes.data, point_count
+            )
+        )
+        return points, velocities
+
+    def solid_diagnostics(self, solid: int) -> dict[str, Any]:
+        """Fields of EfsiSolidDiagnostics."""
+        out = binding.SolidDiagnostics()
+        self._check(self._lib.efsi_solid_get_diagnostics(self._handle, solid, byref(out)))
+        return to_dict(out)
+
+    def fluid_diagnostics(self) -> dict[str, Any]:
+        """Fields of EfsiFluidDiagnostics."""
+        out = binding.FluidDiagnostics()
+        self._check(self._lib.efsi_simulation_get_fluid_diagnostics(self._handle, byref(out)))
+        return to_dict(out)
+
+    def profile(self) -> dict[str, Any]:
+        """Fields of EfsiProfile; seconds, tiles and bytes are dicts by stage."""
+        out = binding.Profile()
+        self._check(self._lib.efsi_simulation_get_profile(self._handle, byref(out)))
+        result = to_dict(out)
+        for name in ("seconds", "tiles", "bytes"):
+            result[name] = dict(zip(binding.STAGES, result[name], strict=True))
+        return result
+
+    def reset_profile(self) -> None:
+        """Starts the profile's sums at zero."""
+        self._check(self._lib.efsi_simulation_reset_profile(self._handle))
+
+    def field(self, name: str, solid: int = 0) -> tuple[np.ndarray, dict[str, Any]]:
+        """A copy of a field as (components, nx, ny, nz) float32, and where it lies (origin, spacing, cell_centered).
+
+        name: a key of binding.FIELDS. A field that the scene does not use has shape (components, 0, 0, 0).
+        """
+        view = binding.FieldView()
+        self._check(self._lib.efsi_field_get_view(self._handle, binding.FIELDS[name], solid, byref(view)))
+        size, stride = tuple(view.size), tuple(4 * s for s in view.stride)
+        place = {"origin": list(view.origin), "spacing": view.spacing, "cell_centered": bool(view.cell_centered)}
+        if 0 in size or not view.data[0]:
+            return np.zeros((view.components, 0, 0, 0), np.float32), place
+        extent = 1 + sum((n - 1) * s for n, s in zip(size, view.stride, strict=True))
+        parts = []
+        for component in range(view.components):
+            flat = np.ctypeslib.as_array(view.data[component], (extent,))
+            parts.append(np.lib.stride_tricks.as_strided(flat, size, stride).copy())
+        return np.stack(parts), place
+
+    def set_field(self, name: str, values: np.ndarray, solid: int = 0) -> None:
+        """Replaces a field; values: (components, nx, ny, nz) as `field` returns it."""
+        flat = np.concatenate([np.asarray(part, np.float32).ravel(order="F") for part in values])
+        self._check(
+            self._lib.efsi_field_set(self._handle, binding.FIELDS[name], solid, flat.ctypes.data, len(flat))
+        )
+
+    def write_vdb(self, path: str | Path, **values: Any) -> str:
+        """Writes one .vdb with all grids. values: fields of EfsiVdbDef. Returns the content hash."""
+        definition, content = binding.VdbDef(), c_uint64()
+        self._lib.efsi_vdb_def_init(byref(definition))
+        _fill(definition, values)
+        self._check(self._lib.efsi_vdb_write(self._handle, str(path).encode(), byref(definition), byref(content)))
+        return f"{content.value:016x}"
+
+
+def _simulation_def(values: Mapping[str, Any]) -> binding.SimulationDef:
+    definition = binding.SimulationDef()
+    library().efsi_simulation_def_init(byref(definition))
+    _fill(definition, values)
+    return definition
+
+
+def estimate_memory(values: Mapping[str, Any], solid_volume: float) -> tuple[int, float]:
+    """(bytes a simulation will need, smallest voxel size that fits values["memory_limit"] or 0).
+
+    solid_volume: sum of the bounding-box volumes of the solids [m^3]. Raises LibraryError.
+    """
+    error, count, fitting, definition = binding.Error(), c_uint64(), c_double(), _simulation_def(values)
+    check_error(
+        library().efsi_simulation_estimate_memory(
+            byref(definition), solid_volume, byref(count), byref(fitting), byref(error)
+        ),
+        error,
+    )
+    return count.value, fitting.value

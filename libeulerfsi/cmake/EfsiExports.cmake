@@ -1,0 +1,18 @@
+# efsi_write_version_script(file header...): writes a linker version script that exports exactly the functions that the
+# headers declare with EFSI_API. Hidden visibility is not used: over OpenVDB's headers it makes the library crash.
+function(efsi_write_version_script file)
+  set(names "")
+  foreach(header IN LISTS ARGN)
+    set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS "${header}")
+    file(STRINGS "${header}" lines REGEX "^EFSI_API ")
+    foreach(line IN LISTS lines)
+      if(NOT line MATCHES "(efsi_[a-z0-9_]+)\\(")
+        message(FATAL_ERROR "${header}: a declaration must name its function on the line of EFSI_API: ${line}")
+      endif()
+      list(APPEND names "${CMAKE_MATCH_1}")
+    endforeach()
+  endforeach()
+  list(SORT names)
+  list(JOIN names ";\n    " joined)
+  file(CONFIGURE OUTPUT "${file}" CONTENT "{\n  global:\n    ${joined};\n  local:\n    *;\n};\n" @ONLY)
+endfunction()

@@ -1,0 +1,44 @@
+# Run after a Catch2 program is linked: writes OUTPUT, a CTest file with one test per test case of PROGRAM.
+# Inputs: PROGRAM, LABEL, OUTPUT, CATCH_VERSION.
+if(CATCH_VERSION VERSION_LESS 3)
+  set(list_names --list-test-names-only)
+  set(run_arguments "--warn NoTests") # version 2 calls an empty run a success otherwise
+else()
+  set(list_names --list-tests --verbosity quiet)
+  set(run_arguments "")
+endif()
+
+# test_names(<out> [tag]): names of all test cases, or of those with a tag.
+function(test_names out)
+  execute_process(COMMAND "${PROGRAM}" ${ARGN} ${list_names} OUTPUT_VARIABLE text RESULT_VARIABLE status)
+  if(NOT status MATCHES "^[0-9]+$") # version 2 returns the number of tests
+    message(FATAL_ERROR "${PROGRAM} ${list_names}: ${status}")
+  endif()
+  if(text MATCHES "[];[]")
+    message(FATAL_ERROR "${PROGRAM}: a test name holds one of the characters ; [ ]:\n${text}")
+  endif()
+  string(STRIP "${text}" text)
+  string(REPLACE "\n" ";" names "${text}")
+  set(${out} "${names}" PARENT_SCOPE)
+endfunction()
+
+test_names(tests)
+execute_process(COMMAND "${PROGRAM}" --list-tags OUTPUT_VARIABLE tag_text)
+string(REGEX MATCHALL "\\[[a-z][a-z0-9_-]*\\]" tags "${tag_text}")
+foreach(tag IN LISTS tags)
+  test_names(tagged "${tag}")
+  string(REGEX REPLACE "[][]" "" word "${tag}")
+  foreach(test IN LISTS tagged)
+    list(APPEND "labels_of_${test}" "${word}")
+  endforeach()
+endforeach()
+
+set(script "")
+foreach(test IN LISTS tests)
+  set(labels "${LABEL}" ${labels_of_${test}})
+  list(REMOVE_DUPLICATES labels)
+  string(REPLACE "," "\\," spec "${test}")
+  string(APPEND script "add_test([==[${LABEL}: ${test}]==] [==[${PROGRAM}]==] [==[${spec}]==] ${run_arguments})\n"
+                       "set_tests_properties([==[${LABEL}: ${test}]==] PROPERTIES LABELS \"${labels}\" TIMEOUT 900)\n")
+endforeach()
+file(WRITE "${OUTPUT}" "${script}")

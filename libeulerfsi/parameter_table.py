@@ -1,0 +1,135 @@
+"""Reads and validates the parameter table parameters.toml; used by generate_parameters.py and by tests."""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+TABLE = ROOT / "libeulerfsi" / "parameters.toml"
+HEADERS = ROOT / "libeulerfsi" / "include" / "eulerfsi"
+
+SCOPES = ("domain", "solid", "emitter")
+STRUCTS = {"domain": "EfsiSimulationDef", "solid": "EfsiSolidDef", "emitter": "EfsiEmitterDef"}
+C_TYPES = {"double": "double", "int": "int32_t", "bool": "int32_t", "token": "int32_t", "vector": "EfsiVec3"}
+TYPES = {*C_TYPES, "asset"}
+REQUIRED_KEYS = {"name", "field", "symbol", "type", "default", "doc"}
+KNOWN_KEYS = REQUIRED_KEYS | {"tokens", "hard", "soft", "min_exclusive", "unit", "stage_unit", "usd_physics"}
+
+Parameter = dict
+Table = dict[str, dict]
+
+
+class TableError(ValueError):
+    """An entry of the table breaks a rule; the message names scope, parameter, key and value."""
+
+
+def load_table(path: Path = TABLE, headers: Path = HEADERS) -> Table:
+    """Reads and validates the table; returns {scope: {"doc": str, "parameter": [Parameter]}}.
+
+    Raises TableError when an entry breaks a rule.
+    """
+    with open(path, "rb") as stream:
+        table = tomllib.load(stream)
+    if tuple(table) != SCOPES:
+        raise TableError(f"{path.name}: sections are {list(table)}, must be {list(SCOPES)}")
+    for scope in SCOPES:
+        members = read_struct_members(headers, STRUCTS[scope])
+        names: set[str] = set()
+        fields: set[str] = set()
+        for parameter in table[scope]["parameter"]:
+            where = f"[{scope}] {parameter.get('name', '?')}"
+            check_parameter(where, parameter)
+            check_field(where, parameter, STRUCTS[scope], members)
+            for key, seen in (("name", names), ("field", fields)):
+                if parameter[key] and parameter[key] in seen:
+                    raise TableError(f"{where}: {key} = {parameter[key]!r} occurs twice")
+                seen.add(parameter[key])
+    return table
+
+
+def check_parameter(where: str, parameter: Parameter) -> None:
+    """Checks keys, type, default, limits and units of one parameter."""
+    keys = set(parameter)
+    if missing := REQUIRED_KEYS - keys:
+        raise TableError(f"{where}: missing keys {sorted(missing)}")
+    if unknown := keys - KNOWN_KEYS:
+        raise TableError(f"{where}: unknown keys {sorted(unknown)}")
+    kind, default = parameter["type"], parameter["default"]
+    if not re.fullmatch(r"[a-z][A-Za-z0-9]*", parameter["name"]):
+        raise TableError(f"{where}: name must be camelCase")
+    if kind not in TYPES:
+        raise TableError(f"{where}: type = {kind!r}, must be one of {sorted(TYPES)}")
+    if not parameter["doc"].endswith("."):
+        raise TableError(f"{where}: doc must be a sentence that ends in a full stop")
+    if (kind == "token") != ("tokens" in keys):
+        raise TableError(f"{where}: tokens belong to type token, and to it only")
+
+    accepted = {"double": float, "int": int, "bool": bool, "vector": list}.get(kind, str)
+    if type(default) is not accepted or (kind == "vector" and [type(x) for x in default] != [float] * 3):
+        raise TableError(f"{where}: default = {default!r} is not of type {kind}")
+    if kind == "token" and default not in parameter["tokens"]:
+        raise TableError(f"{where}: default = {default!r} is not one of {parameter['tokens']}")
+    if kind in ("double", "int", "vector"):
+        check_limits(where, parameter)
+    elif keys & {"hard", "soft", "unit", "stage_unit", "min_exclusive"}:
+        raise TableError(f"{where}: limits and units belong to numbers")
+
+
+def check_limits(where: str, parameter: Parameter) -> None:
+    """The default lies inside the limits, sliders are finite, and limits hold in every stage unit."""
+    if missing := {"hard", "soft", "unit", "stage_unit"} - set(parameter):
+        raise TableError(f"{where}: missing keys {sorted(missing)}")
+    (low, high), (soft_low, soft_high) = parameter["hard"], parameter["soft"]
+    values = parameter["default"] if parameter["type"] == "vector" else [parameter["default"]]
+    if not low < high or not soft_low < soft_high:
+        raise TableError(f"{where}: a lower limit is not below its upper limit")
+    if not (math.isfinite(soft_low) and math.isfinite(soft_high) and low <= soft_low and soft_high <= high):
+        raise TableError(f"{where}: soft = {parameter['soft']} must be finite and within hard = {parameter['hard']}")
+    for value in values:
+        if not low <= value <= high or (parameter.get("min_exclusive") and value == low):
+            raise TableError(f"{where}: default = {parameter['default']} is outside hard = {parameter['hard']}")
+    stage_unit = parameter["stage_unit"]
+    if stage_unit and any(limit != 0 and math.isfinite(limit) for limit in (low, high)):
+        raise TableError(f"{where}: a finite hard limit other than 0 needs stage_unit = ''")
+    if stage_unit not in ("", "local", "degrees") and unit_powers(parameter["unit"]) != stage_powers(stage_unit):
+        raise TableError(f"{where}: unit = {parameter['unit']!r} and stage_unit = {stage_unit!r} do not agree")
+
+
+def unit_powers(unit: str) -> dict[str, int]:
+    """Powers of m and kg in a unit such as "kg/m^3": {"kg": 1, "m": -3}."""
+    powers: dict[str, int] = {}
+    for position, factor in enumerate(unit.split("/")):
+        base, _, exponent = factor.partition("^")
+        if base in ("m", "kg"):
+            powers[base] = int(exponent or 1) * (1 if position == 0 else -1)
+    return powers
+
+
+def stage_powers(stage_unit: str) -> dict[str, int]:
+    """Powers in a stage unit such as "kg^1 m^-3"."""
+    return {base: int(exponent) for base, exponent in (factor.split("^") for factor in stage_unit.split())}
+
+
+def read_struct_members(headers: Path, struct: str) -> dict[str, str]:
+    """C type of every member of a definition struct, arrays as one entry per element ("wall[0]")."""
+    text = "".join(path.read_text(encoding="utf-8") for path in sorted(headers.glob("*.h")))
+    body = re.search(rf"typedef struct {struct} {{(.*?)}} {struct};", text, re.DOTALL)
+    if body is None:
+        raise TableError(f"no struct {struct} in {headers}")
+    members: dict[str, str] = {}
+    declaration = r"^\s*(\w+)\s+([\w\s,\[\]]+);"
+    for c_type, names in re.findall(declaration, re.sub(r"/\*.*?\*/", "", body[1], flags=re.DOTALL), re.MULTILINE):
+        for name in (part.strip() for part in names.split(",")):
+            base, _, count = name.rstrip("]").partition("[")
+            members |= {f"{base}[{i}]": c_type for i in range(int(count))} if count else {name: c_type}
+    return members
+
+
+def check_field(where: str, parameter: Parameter, struct: str, members: dict[str, str]) -> None:
+    """The C field exists and has the type of the parameter."""
+    field, expected = parameter["field"], C_TYPES.get(parameter["type"])
+    if field and members.get(field) != expected:
+        raise TableError(f"{where}: {struct}.{field} is {members.get(field, 'missing')}, must be {expected}")

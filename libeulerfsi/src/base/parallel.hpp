@@ -1,0 +1,70 @@
+// Purpose: the only place that starts threads. Loops are split into contiguous ranges whose results do not depend on the
+// split; sums are taken over fixed slabs in a fixed order, so every thread count gives the same bits.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <exception>
+#include <vector>
+
+namespace efsi {
+
+class Parallel {
+ public:
+  explicit Parallel(int threads = 1) : threads_(std::max(1, threads)) {}
+  int threads() const { return threads_; }
+
+  // Calls body(i) for i in [0, n); the iterations must not depend on each other.
+  template <class Body>
+  void for_each(std::int64_t n, const Body& body) const {
+    for_ranges(n, [&](std::int64_t begin, std::int64_t end) {
+      for (std::int64_t i = begin; i < end; ++i) body(i);
+    });
+  }
+
+  // Calls body(begin, end) on one contiguous range per thread. An exception of a body is rethrown on the caller's thread.
+  template <class Body>
+  void for_ranges(std::int64_t n, const Body& body) const {
+    if (threads_ == 1 || n < 2) {
+      body(std::int64_t{0}, n);
+      return;
+    }
+    std::vector<std::exception_ptr> errors(static_cast<std::size_t>(threads_));
+#pragma omp parallel for num_threads(threads_) schedule(static, 1)
+    for (int t = 0; t < threads_; ++t) {
+      try {
+        const std::int64_t begin = n * t / threads_, end = n * (t + 1) / threads_;
+        if (begin < end) body(begin, end);
+      } catch (...) {
+        errors[static_cast<std::size_t>(t)] = std::current_exception();
+      }
+    }
+    for (const auto& error : errors)
+      if (error) std::rethrow_exception(error);
+  }
+
+  // Sum over i in [0, n) of term(i), a double, added up in the order of i.
+  template <class Term>
+  double sum(std::int64_t n, const Term& term) const {
+    std::vector<double> parts(static_cast<std::size_t>(n));
+    for_each(n, [&](std::int64_t i) { parts[static_cast<std::size_t>(i)] = term(i); });
+    double total = 0.0;
+    for (double part : parts) total += part;
+    return total;
+  }
+
+  template <class Term>
+  double max(std::int64_t n, double start, const Term& term) const {
+    std::vector<double> parts(static_cast<std::size_t>(n), start);
+    for_each(n, [&](std::int64_t i) { parts[static_cast<std::size_t>(i)] = term(i); });
+    double best = start;
+    for (double part : parts) best = std::max(best, part);
+    return best;
+  }
+
+ private:
+  int threads_;
+};
+
+}  // namespace efsi

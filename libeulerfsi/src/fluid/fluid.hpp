@@ -1,0 +1,49 @@
+// Purpose: state of the ambient fluid and the smoke that it carries; emitters.
+#pragma once
+
+#include <vector>
+
+#include "grid/boundary.hpp"
+#include "grid/grid.hpp"
+
+namespace efsi::fluid {
+
+using grid::Grid;
+using grid::VectorField;
+using grid::Walls;
+
+struct FluidParams {
+  bool present = true;
+  double density = 1.0;  // rho_f [kg/m^3]
+  double vorticity_confinement = 0.0;
+  double smoke_buoyancy = 0.0;        // [m/s^2]
+  double temperature_buoyancy = 0.0;  // [m/s^2/K]
+};
+
+struct FluidState {
+  VectorField velocity;           // nodes [m/s]
+  std::vector<Real> pressure;     // padded cells [Pa]; warm start of Eq. 12
+  std::vector<Real> smoke;        // cells, density; empty where the scene has no smoke
+  std::vector<Real> temperature;  // cells, above ambient [K]; empty where unused
+};
+
+// A region that carries smoke into the fluid.
+struct Emitter {
+  enum class Shape : std::int32_t { kBox = 0, kSphere = 1 };
+  enum class Mode : std::int32_t { kInitial = 0, kContinuous = 1 };
+  Shape shape = Shape::kBox;
+  Mode mode = Mode::kInitial;
+  Eigen::Matrix4d from_world = Eigen::Matrix4d::Identity();  // world [m] to the unit box or ball
+  double density = 1.0;
+  double temperature = 0.0;
+  Vec3d velocity = Vec3d::Zero();
+  bool has_velocity = false;
+  double start_time = 0.0, end_time = 0.0;
+
+  bool contains(const Vec3d& x) const {
+    const Vec3d p = (from_world * x.homogeneous()).head<3>();
+    return shape == Shape::kBox ? p.cwiseAbs().maxCoeff() <= 0.5 : p.squaredNorm() <= 0.25;
+  }
+};
+
+}  // namespace efsi::fluid

@@ -1,0 +1,279 @@
+// Purpose: how the triangles of a mesh hang together: coincident points, edges, holes, parts, orientation.
+#include "geometry/mesh_topology.hpp"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "geometry/triangle_tree.hpp"
+
+namespace efsi::geometry {
+
+namespace {
+
+constexpr double kWeldTolerance = 1e-7;  // of the diagonal of the extents
+
+// One side of one triangle: the edge {low, high}, run along from low to high or back.
+struct HalfEdge {
+  std::int32_t low, high, triangle;
+  bool forward;
+};
+
+std::vector<HalfEdge> sorted_half_edges(const TriangleMesh& mesh) {
+  std::vector<HalfEdge> edges;
+  edges.reserve(3 * mesh.triangles.size());
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    const Triangle& t = mesh.triangles[i];
+    for (int side = 0; side < 3; ++side) {
+      const std::int32_t from = t[side], to = t[(side + 1) % 3];
+      edges.push_back({std::min(from, to), std::max(from, to), static_cast<std::int32_t>(i), from < to});
+    }
+  }
+  std::sort(edges.begin(), edges.end(), [](const HalfEdge& a, const HalfEdge& b) {
+    if (a.low != b.low) return a.low < b.low;
+    if (a.high != b.high) return a.high < b.high;
+    return a.triangle < b.triangle;
+  });
+  return edges;
+}
+
+// Calls visit(begin, end) for the half-edges of each edge.
+template <class Visit>
+void for_each_edge(const std::vector<HalfEdge>& edges, const Visit& visit) {
+  for (std::size_t begin = 0, end = 0; begin < edges.size(); begin = end) {
+    while (end < edges.size() && edges[end].low == edges[begin].low && edges[end].high == edges[begin].high) ++end;
+    visit(begin, end);
+  }
+}
+
+std::int32_t root_of(std::vector<std::int32_t>& parent, std::int32_t item) {
+  while (parent[item] != item) item = parent[item] = parent[parent[item]];
+  return item;
+}
+
+void join(std::vector<std::int32_t>& parent, std::int32_t a, std::int32_t b) {
+  a = root_of(parent, a);
+  b = root_of(parent, b);
+  parent[std::max(a, b)] = std::min(a, b);
+}
+
+// Open edges form closed loops; where loops touch in a point the shortest way back closes one.
+void trace_holes(const TriangleMesh& mesh, const std::vector<std::array<std::int32_t, 2>>& open, Topology& topology) {
+  struct Side {
+    std::int32_t from, to;
+    std::size_t edge;
+  };
+  std::vector<Side> sides;
+  for (std::size_t e = 0; e < open.size(); ++e) {
+    sides.push_back({open[e][0], open[e][1], e});
+    sides.push_back({open[e][1], open[e][0], e});
+  }
+  std::sort(sides.begin(), sides.end(),
+            [](const Side& a, const Side& b) { return a.from != b.from ? a.from < b.from : a.edge < b.edge; });
+  std::vector<bool> used(open.size(), false);
+  std::vector<std::size_t> path;  // indices of sides walked and not yet closed
+  const auto next_side = [&](std::int32_t point) {
+    auto side = std::lower_bound(sides.begin(), sides.end(), point,
+                                 [](const Side& s, std::int32_t value) { return s.from < value; });
+    while (side != sides.end() && side->from == point && used[side->edge]) ++side;
+    return side != sides.end() && side->from == point ? static_cast<std::size_t>(side - sides.begin()) : sides.size();
+  };
+  for (std::size_t start = 0; start < sides.size(); ++start) {
+    path.clear();
+    std::int32_t point = sides[start].from;
+    for (std::size_t side = next_side(point); side != sides.size(); side = next_side(point)) {
+      used[sides[side].edge] = true;
+      path.push_back(side);
+      point = sides[side].to;
+      auto begin = std::find_if(path.begin(), path.end(), [&](std::size_t s) { return sides[s].from == point; });
+      if (begin == path.end()) continue;
+      double length = 0.0;
+      for (auto s = begin; s != path.end(); ++s)
+        length += (mesh.points[sides[*s].to] - mesh.points[sides[*s].from]).norm();
+      path.erase(begin, path.end());
+      ++topology.holes;
+      topology.largest_hole = std::max(topology.largest_hole, length);
+    }
+  }
+}
+
+// Turns triangles until the two sides of every manifold edge run in opposite directions, where that is possible; in each
+// connected patch the smaller number of triangles is turned.
+std::uint64_t agree_with_neighbours(TriangleMesh& mesh) {
+  struct Link {
+    std::int32_t from, to;
+    bool agree;
+  };
+  std::vector<Link> links;
+  const std::vector<HalfEdge> edges = sorted_half_edges(mesh);
+  for_each_edge(edges, [&](std::size_t begin, std::size_t end) {
+    if (end - begin != 2) return;
+    const HalfEdge &a = edges[begin], &b = edges[begin + 1];
+    links.push_back({a.triangle, b.triangle, a.forward != b.forward});
+    links.push_back({b.triangle, a.triangle, a.forward != b.forward});
+  });
+  std::stable_sort(links.begin(), links.end(), [](const Link& a, const Link& b) { return a.from < b.from; });
+  std::vector<std::size_t> first(mesh.triangles.size() + 1, 0);
+  for (const Link& link : links) ++first[link.from + 1];
+  std::partial_sum(first.begin(), first.end(), first.begin());
+
+  std::uint64_t turned = 0;
+  std::vector<signed char> side(mesh.triangles.size(), 0);  // +1 as given, -1 turned
+  std::vector<std::int32_t> patch;
+  for (std::size_t seed = 0; seed < mesh.triangles.size(); ++seed) {
+    if (side[seed] != 0) continue;
+    side[seed] = 1;
+    patch.assign(1, static_cast<std::int32_t>(seed));
+    std::size_t minus = 0;
+    for (std::size_t head = 0; head < patch.size(); ++head) {
+      const std::int32_t t = patch[head];
+      for (std::size_t l = first[t]; l < first[t + 1]; ++l) {
+        if (side[links[l].to] != 0) continue;
+        side[links[l].to] = static_cast<signed char>(links[l].agree ? side[t] : -side[t]);
+        minus += side[links[l].to] < 0;
+        patch.push_back(links[l].to);
+      }
+    }
+    const signed char turn = minus * 2 > patch.size() ? 1 : -1;
+    for (const std::int32_t t : patch) {
+      if (side[t] != turn) continue;
+      std::swap(mesh.triangles[t][1], mesh.triangles[t][2]);
+      ++turned;
+    }
+  }
+  return turned;
+}
+
+}  // namespace
+
+std::vector<std::int32_t> weld_points(const TriangleMesh& mesh) {
+  const std::size_t n = mesh.points.size();
+  std::vector<std::int32_t> parent(n);
+  std::iota(parent.begin(), parent.end(), 0);
+  if (mesh.triangles.empty()) return parent;
+  const Extents box = extents(mesh);
+  const double tolerance = kWeldTolerance * (box.max - box.min).norm();
+  // Points that coincide are neighbours in the order along any direction; a skew one keeps the points of an
+  // axis-aligned plane apart.
+  const Vec3d direction = Vec3d(0.7548776662, 0.5698402910, 0.3247179572).normalized();
+  std::vector<std::pair<double, std::int32_t>> order(n);
+  for (std::size_t i = 0; i < n; ++i) order[i] = {mesh.points[i].dot(direction), static_cast<std::int32_t>(i)};
+  std::sort(order.begin(), order.end());
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t j = i + 1; j < n && order[j].first - order[i].first <= tolerance; ++j) {
+      if ((mesh.points[order[j].second] - mesh.points[order[i].second]).squaredNorm() <= tolerance * tolerance)
+        join(parent, order[i].second, order[j].second);
+    }
+  }
+  for (std::size_t i = 0; i < n; ++i) parent[i] = root_of(parent, static_cast<std::int32_t>(i));
+  return parent;
+}
+
+TriangleMesh weld(const TriangleMesh& mesh) {
+  const std::vector<std::int32_t> lowest = weld_points(mesh);
+  TriangleMesh welded;
+  welded.points = mesh.points;
+  welded.triangles.reserve(mesh.triangles.size());
+  for (const Triangle& t : mesh.triangles) {
+    const Triangle joined = {lowest[t[0]], lowest[t[1]], lowest[t[2]]};
+    if (joined[0] != joined[1] && joined[1] != joined[2] && joined[2] != joined[0]) welded.triangles.push_back(joined);
+  }
+  return welded;
+}
+
+Topology analyse_topology(const TriangleMesh& welded) {
+  Topology topology;
+  const std::size_t n = welded.triangles.size();
+  std::vector<std::int32_t> parent(n);
+  std::iota(parent.begin(), parent.end(), 0);
+  std::vector<std::array<std::int32_t, 2>> open;
+  std::vector<bool> broken(n, false);  // has an edge that a closed oriented surface does not have
+  const std::vector<HalfEdge> edges = sorted_half_edges(welded);
+  for_each_edge(edges, [&](std::size_t begin, std::size_t end) {
+    const std::size_t faces = end - begin;
+    for (std::size_t e = begin + 1; e < end; ++e) join(parent, edges[begin].triangle, edges[e].triangle);
+    if (faces == 1) open.push_back({edges[begin].low, edges[begin].high});
+    if (faces > 2) ++topology.nonmanifold_edges;
+    const bool inconsistent = faces == 2 && edges[begin].forward == edges[begin + 1].forward;
+    if (inconsistent) ++topology.inconsistent_edges;
+    if (faces != 2 || inconsistent) broken[edges[begin].triangle] = true;
+  });
+  topology.open_edges = open.size();
+  trace_holes(welded, open, topology);
+
+  topology.part.resize(n);
+  std::vector<std::int32_t> number(n, -1);
+  for (std::size_t i = 0; i < n; ++i) {
+    std::int32_t& part = number[root_of(parent, static_cast<std::int32_t>(i))];
+    if (part < 0) part = topology.parts++;
+    topology.part[i] = part;
+  }
+  topology.part_closed.assign(topology.parts, true);
+  for (std::size_t i = 0; i < n; ++i)
+    if (broken[i]) topology.part_closed[topology.part[i]] = false;
+  return topology;
+}
+
+OrientationRepair orient_outwards(TriangleMesh& welded) {
+  OrientationRepair repair;
+  repair.turned_triangles = agree_with_neighbours(welded);
+  if (signed_volume(welded) < 0.0) {
+    for (Triangle& t : welded.triangles) std::swap(t[1], t[2]);
+    repair.turned_mesh = true;
+  }
+  const Topology topology = analyse_topology(welded);
+  if (topology.parts < 2) return repair;
+
+  // A closed part with negative volume is the wall of a cavity when its inner side lies outside the solid (w = 0), and
+  // inside out when the winding number there is -1. The test point sits below the largest triangle.
+  std::vector<double> volume(topology.parts, 0.0), largest(topology.parts, -1.0);
+  std::vector<std::size_t> widest(topology.parts, 0);
+  const Vec3d origin = welded.points[welded.triangles[0][0]];
+  for (std::size_t i = 0; i < welded.triangles.size(); ++i) {
+    const Triangle& t = welded.triangles[i];
+    const Vec3d a = welded.points[t[0]] - origin, b = welded.points[t[1]] - origin, c = welded.points[t[2]] - origin;
+    const std::int32_t part = topology.part[i];
+    const double area = 0.5 * (b - a).cross(c - a).norm();
+    volume[part] += a.dot(b.cross(c)) / 6.0;
+    if (area > largest[part]) {
+      largest[part] = area;
+      widest[part] = i;
+    }
+  }
+  const TriangleTree tree(welded);
+  std::vector<bool> turn(topology.parts, false);
+  for (std::int32_t part = 0; part < topology.parts; ++part) {
+    if (!topology.part_closed[part] || volume[part] >= 0.0) continue;
+    const Triangle& t = welded.triangles[widest[part]];
+    const Vec3d &a = welded.points[t[0]], &b = welded.points[t[1]], &c = welded.points[t[2]];
+    const Vec3d outer = (b - a).cross(c - a);  // points into the part, which is inside out
+    const Vec3d inside = (a + b + c) / 3.0 + 1e-3 * std::sqrt(largest[part]) * outer.normalized();
+    turn[part] = tree.winding_number(inside) < -0.5;
+    repair.turned_parts += turn[part];
+  }
+  if (repair.turned_parts > 0) {
+    for (std::size_t i = 0; i < welded.triangles.size(); ++i)
+      if (turn[topology.part[i]]) std::swap(welded.triangles[i][1], welded.triangles[i][2]);
+  }
+  return repair;
+}
+
+MeshReport inspect(const TriangleMesh& mesh) {
+  MeshReport report;
+  report.triangles = mesh.triangles.size();
+  if (mesh.triangles.empty()) return report;
+  const Extents box = extents(mesh);
+  const Topology topology = analyse_topology(weld(mesh));
+  report.surface_volume = signed_volume(mesh);
+  report.extent_min = box.min;
+  report.extent_max = box.max;
+  report.open_edges = topology.open_edges;
+  report.holes = topology.holes;
+  report.largest_hole = topology.largest_hole;
+  report.nonmanifold_edges = topology.nonmanifold_edges;
+  report.closed = topology.closed();
+  return report;
+}
+
+}  // namespace efsi::geometry

@@ -1,0 +1,50 @@
+// Purpose: how the triangles of a mesh hang together: coincident points, open and non-manifold edges, holes, parts,
+// orientation.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "geometry/triangle_mesh.hpp"
+
+namespace efsi::geometry {
+
+// For each point the lowest index of the points that coincide with it within 1e-7 of the extents' diagonal.
+std::vector<std::int32_t> weld_points(const TriangleMesh& mesh);
+
+// The mesh with coincident points joined and triangles dropped that lost an edge by that. Point indices are those of the
+// original mesh; points that are no longer used stay.
+TriangleMesh weld(const TriangleMesh& mesh);
+
+struct Topology {
+  std::uint64_t open_edges = 0;         // edges with one triangle
+  std::uint64_t nonmanifold_edges = 0;  // edges with three triangles and more
+  std::uint64_t inconsistent_edges = 0;  // edges with two triangles that run along it in the same direction
+  std::uint64_t holes = 0;              // closed loops of open edges
+  double largest_hole = 0.0;            // length of the longest such loop [m]
+  std::vector<std::int32_t> part;       // per triangle: number of its part, connected across edges, from 0
+  std::int32_t parts = 0;
+  std::vector<bool> part_closed;        // per part: every edge has two triangles, consistently oriented
+
+  bool closed() const { return open_edges == 0; }
+  // One closed, consistently oriented, manifold surface.
+  bool simple() const { return closed() && nonmanifold_edges == 0 && inconsistent_edges == 0 && parts == 1; }
+};
+
+// Edges, holes and parts of a welded mesh.
+Topology analyse_topology(const TriangleMesh& welded);
+
+struct OrientationRepair {
+  std::uint64_t turned_triangles = 0;  // turned to agree with their neighbours
+  std::int32_t turned_parts = 0;       // parts that were inside out
+  bool turned_mesh = false;            // the mesh as a whole was inside out
+};
+
+// Turns triangles of a welded mesh so that neighbours agree and the normals point out of the solid: the whole mesh when
+// its volume is negative, then every closed part that is inside out and is not the wall of a cavity.
+OrientationRepair orient_outwards(TriangleMesh& welded);
+
+// A report of what the mesh is like as given; solid_volume, thinnest_feature, repaired are left to the solid's builder.
+MeshReport inspect(const TriangleMesh& mesh);
+
+}  // namespace efsi::geometry

@@ -1,0 +1,59 @@
+// Purpose: triangle meshes: from polygons, volume, extents, normals, and what is known about one as a solid.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "base/math_types.hpp"
+
+namespace efsi::geometry {
+
+using Triangle = std::array<std::int32_t, 3>;
+
+struct TriangleMesh {
+  std::vector<Vec3d> points;       // [m]
+  std::vector<Triangle> triangles;  // counter-clockwise seen from outside
+};
+
+struct Extents {
+  Vec3d min, max;  // [m]
+};
+
+// What was found in a mesh and what was done about it; the C++ face of EfsiMeshReport.
+struct MeshReport {
+  double surface_volume = 0.0;  // signed volume of the mesh as given [m^3]
+  double solid_volume = 0.0;    // volume of the closed solid [m^3]
+  Vec3d extent_min = Vec3d::Zero(), extent_max = Vec3d::Zero();  // [m]
+  std::uint64_t triangles = 0;
+  std::uint64_t open_edges = 0;         // edges with one face
+  std::uint64_t holes = 0;              // closed loops of open edges
+  double largest_hole = 0.0;            // length of the longest such loop [m]
+  std::uint64_t nonmanifold_edges = 0;  // edges with three faces and more
+  bool closed = false;                  // no open edge
+  bool repaired = false;                // the sign came from the winding number: the mesh is not a closed solid
+  double thinnest_feature = 0.0;        // estimate of the smallest thickness of the solid [m]
+  double closing_radius = 0.0;          // offset used to close the mesh [m]; 0: none
+};
+
+// Triangles of a polygon mesh; concave polygons are cut by ear clipping in the plane of their mean normal.
+//   points: [m], kept in number and order
+//   face_vertex_counts: corners per face; empty: every face is a triangle
+//   face_vertex_indices: corners of all faces, 0-based
+// Throws Error(kMesh) naming the entry, its value and the limit: point that is not finite, count below 3, index out of
+// range, counts that do not add up to the number of indices, no face at all.
+TriangleMesh triangulate(std::vector<Vec3d> points, std::span<const std::int32_t> face_vertex_counts,
+                         std::span<const std::int32_t> face_vertex_indices);
+
+// Box around the points that triangles use [m]. The mesh must have a triangle.
+Extents extents(const TriangleMesh& mesh);
+
+// Signed volume [m^3], positive when triangles are counter-clockwise seen from outside. An open mesh is closed by cones
+// from the centre of its extents.
+double signed_volume(const TriangleMesh& mesh);
+
+// Unit normal of each point, the area-weighted mean over its triangles; zero for a point without area around it.
+std::vector<Vec3d> vertex_normals(const TriangleMesh& mesh);
+
+}  // namespace efsi::geometry

@@ -1,0 +1,160 @@
+// Purpose: a tree of boxes over triangles that answers winding numbers and rays.
+#include "geometry/triangle_tree.hpp"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace efsi::geometry {
+
+namespace {
+
+constexpr std::int32_t kLeafSize = 8;
+constexpr double kFarFactor = 2.0;  // a node is far when X is farther than this many radii
+
+// Solid angle of a triangle over 4 pi (van Oosterom and Strackee 1983), positive behind the triangle.
+double winding_of_triangle(const Vec3d& a, const Vec3d& b, const Vec3d& c) {
+  const double la = a.norm(), lb = b.norm(), lc = c.norm();
+  const double numerator = a.dot(b.cross(c));
+  const double denominator = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
+  return std::atan2(numerator, denominator) / (2.0 * std::numbers::pi);
+}
+
+// Slab test of a box against a ray from `origin`; 1/0 = inf stands for a ray parallel to a slab.
+bool ray_meets_box(const Vec3d& origin, const Vec3d& inverse, const Vec3d& min, const Vec3d& max) {
+  double enter = 0.0, leave = std::numeric_limits<double>::infinity();
+  for (int axis = 0; axis < 3; ++axis) {
+    double near = (min[axis] - origin[axis]) * inverse[axis];
+    double far = (max[axis] - origin[axis]) * inverse[axis];
+    if (near > far) std::swap(near, far);
+    if (near > enter) enter = near;  // a NaN (0 * inf: origin on the slab) leaves the range as it is
+    if (far < leave) leave = far;
+  }
+  return enter <= leave;
+}
+
+}  // namespace
+
+TriangleTree::TriangleTree(const TriangleMesh& mesh) {
+  corners_.reserve(mesh.triangles.size());
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    const Triangle& t = mesh.triangles[i];
+    corners_.push_back({mesh.points[t[0]], mesh.points[t[1]], mesh.points[t[2]], static_cast<std::int32_t>(i)});
+  }
+  nodes_.reserve(corners_.size() / 2 + 1);
+  if (!corners_.empty()) build(0, static_cast<std::int32_t>(corners_.size()));
+}
+
+void TriangleTree::build(std::int32_t begin, std::int32_t end) {
+  const std::size_t index = nodes_.size();
+  nodes_.emplace_back();
+  Node node;
+  node.begin = begin;
+  node.end = end;
+  node.right = 0;
+  node.min = Vec3d::Constant(std::numeric_limits<double>::infinity());
+  node.max = -node.min;
+  node.area_normal.setZero();
+  node.moment.setZero();
+  Vec3d weighted = Vec3d::Zero(), low = node.min, high = node.max;
+  double area = 0.0;
+  for (std::int32_t i = begin; i < end; ++i) {
+    const Corners& t = corners_[i];
+    node.min = node.min.cwiseMin(t.a).cwiseMin(t.b).cwiseMin(t.c);
+    node.max = node.max.cwiseMax(t.a).cwiseMax(t.b).cwiseMax(t.c);
+    const Vec3d middle = (t.a + t.b + t.c) / 3.0, vector_area = 0.5 * (t.b - t.a).cross(t.c - t.a);
+    low = low.cwiseMin(middle);
+    high = high.cwiseMax(middle);
+    weighted += vector_area.norm() * middle;
+    area += vector_area.norm();
+    node.area_normal += vector_area;
+  }
+  node.centre = area > 0.0 ? Vec3d(weighted / area) : Vec3d(0.5 * (node.min + node.max));
+  for (std::int32_t i = begin; i < end; ++i) {
+    const Corners& t = corners_[i];
+    node.moment += ((t.a + t.b + t.c) / 3.0 - node.centre) * (0.5 * (t.b - t.a).cross(t.c - t.a)).transpose();
+  }
+  const Vec3d reach = (node.max - node.centre).cwiseMax(node.centre - node.min);
+  node.far_distance_squared = kFarFactor * kFarFactor * reach.squaredNorm();
+
+  if (end - begin > kLeafSize) {
+    // Halves by the order of the triangle centres along the longest side; equal centres by index, so that the tree
+    // depends on the mesh alone.
+    int axis = 0;
+    (high - low).maxCoeff(&axis);
+    const std::int32_t middle = begin + (end - begin) / 2;
+    const auto before = [axis](const Corners& s, const Corners& t) {
+      const double p = s.a[axis] + s.b[axis] + s.c[axis], q = t.a[axis] + t.b[axis] + t.c[axis];
+      return p != q ? p < q : s.triangle < t.triangle;
+    };
+    std::nth_element(corners_.begin() + begin, corners_.begin() + middle, corners_.begin() + end, before);
+    build(begin, middle);
+    node.right = static_cast<std::int32_t>(nodes_.size());
+    build(middle, end);
+  }
+  nodes_[index] = node;
+}
+
+double TriangleTree::winding_number(const Vec3d& X) const {
+  double near = 0.0, far = 0.0;
+  std::int32_t stack[64];
+  int top = 0;
+  if (!nodes_.empty()) stack[top++] = 0;
+  while (top > 0) {
+    const std::int32_t index = stack[--top];
+    const Node& node = nodes_[index];
+    const Vec3d r = node.centre - X;
+    const double distance_squared = r.squaredNorm();
+    if (distance_squared > node.far_distance_squared) {
+      // N . r / |r|^3 and its first derivative along the spread of the triangles: (tr M - 3 r.M r / r^2) / |r|^3
+      const double bend = node.moment.trace() - 3.0 * r.dot(node.moment * r) / distance_squared;
+      far += (node.area_normal.dot(r) + bend) / (distance_squared * std::sqrt(distance_squared));
+    } else if (node.right == 0) {
+      for (std::int32_t i = node.begin; i < node.end; ++i)
+        near += winding_of_triangle(corners_[i].a - X, corners_[i].b - X, corners_[i].c - X);
+    } else {
+      stack[top++] = node.right;
+      stack[top++] = index + 1;
+    }
+  }
+  return near + far / (4.0 * std::numbers::pi);
+}
+
+void TriangleTree::cast(const Vec3d& origin, const Vec3d& direction, std::vector<Hit>& hits) const {
+  hits.clear();
+  const Vec3d inverse = direction.cwiseInverse();
+  std::int32_t stack[64];
+  int top = 0;
+  if (!nodes_.empty()) stack[top++] = 0;
+  while (top > 0) {
+    const std::int32_t index = stack[--top];
+    const Node& node = nodes_[index];
+    if (!ray_meets_box(origin, inverse, node.min, node.max)) continue;
+    if (node.right != 0) {
+      stack[top++] = node.right;
+      stack[top++] = index + 1;
+      continue;
+    }
+    for (std::int32_t i = node.begin; i < node.end; ++i) {
+      // Moller-Trumbore: origin + t direction = a + u e1 + v e2
+      const Corners& corner = corners_[i];
+      const Vec3d e1 = corner.b - corner.a, e2 = corner.c - corner.a, normal = e1.cross(e2);
+      const double slope = direction.dot(normal);
+      if (slope == 0.0) continue;
+      const Vec3d from_a = origin - corner.a;
+      const double t = -from_a.dot(normal) / slope;
+      const Vec3d turned = direction.cross(from_a);
+      const double u = e2.dot(turned) / slope, v = -e1.dot(turned) / slope;
+      if (t > 0.0 && u >= 0.0 && v >= 0.0 && u + v <= 1.0)
+        hits.push_back({t, slope / normal.norm(), corner.triangle});
+    }
+  }
+  std::sort(hits.begin(), hits.end(), [](const Hit& s, const Hit& t) {
+    return s.distance != t.distance ? s.distance < t.distance : s.triangle < t.triangle;
+  });
+}
+
+}  // namespace efsi::geometry

@@ -1,0 +1,51 @@
+// Purpose: a tree of boxes over triangles that answers winding numbers and rays.
+// The winding number w(X) of a surface is its solid angle seen from X over 4 pi: 1 inside a closed surface, 0 outside,
+// between in the mouth of an open one. Far triangles act together through the first two terms of the Taylor series of
+// the dipole field, near ones exactly (Jacobson et al. 2013, Barill et al. 2018).
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "geometry/triangle_mesh.hpp"
+
+namespace efsi::geometry {
+
+class TriangleTree {
+ public:
+  explicit TriangleTree(const TriangleMesh& mesh);
+
+  // Generalized winding number at X; the sums run in one fixed order.
+  double winding_number(const Vec3d& X) const;
+
+  struct Hit {
+    double distance;        // along the ray, in units of its direction
+    double cosine;          // of the angle between the ray and the normal of the triangle; > 0: the ray leaves
+    std::int32_t triangle;  // index in the mesh
+  };
+
+  // Where the ray origin + t direction, t > 0, meets triangles, sorted by t. direction: unit vector.
+  void cast(const Vec3d& origin, const Vec3d& direction, std::vector<Hit>& hits) const;
+
+ private:
+  struct Corners {
+    Vec3d a, b, c;
+    std::int32_t triangle;
+  };
+  struct Node {
+    Vec3d min, max;       // box
+    Vec3d centre;         // area-weighted [m]
+    Vec3d area_normal;    // sum of vector areas [m^2]
+    Mat3d moment;         // sum of (triangle centre - centre) vector area^T [m^3]
+    double far_distance_squared;  // beyond this the series is used [m^2]
+    std::int32_t begin, end;      // triangles
+    std::int32_t right;           // second child, the first follows its parent; 0: leaf
+  };
+
+  void build(std::int32_t begin, std::int32_t end);
+
+  std::vector<Corners> corners_;
+  std::vector<Node> nodes_;
+};
+
+}  // namespace efsi::geometry

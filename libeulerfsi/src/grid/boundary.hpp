@@ -1,0 +1,64 @@
+// Purpose: the six faces of the box: which velocity components are fixed, ghost pressures.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "grid/grid.hpp"
+
+namespace efsi::grid {
+
+// Values equal EFSI_WALL_* of the C API.
+enum class Wall : std::int32_t { kSlip = 0, kNoSlip = 1, kOpen = 2, kPeriodic = 3 };
+
+struct Walls {
+  // -x +x -y +y -z +z
+  std::array<Wall, 6> face{Wall::kSlip, Wall::kSlip, Wall::kSlip, Wall::kSlip, Wall::kSlip, Wall::kSlip};
+
+  Wall lower(int axis) const { return face[static_cast<std::size_t>(2 * axis)]; }
+  Wall upper(int axis) const { return face[static_cast<std::size_t>(2 * axis + 1)]; }
+  bool any_open() const {
+    for (Wall wall : face)
+      if (wall == Wall::kOpen) return true;
+    return false;
+  }
+  static bool blocks(Wall wall) { return wall == Wall::kSlip || wall == Wall::kNoSlip; }
+};
+
+// Bit a of the result: component a of the velocity at node (i,j,k) is fixed to zero by a wall.
+inline unsigned fixed_components(const Grid& g, const Walls& walls, int i, int j, int k) {
+  const int index[3] = {i, j, k};
+  unsigned fixed = 0;
+  for (int a = 0; a < 3; ++a) {
+    const int n = g.cells[static_cast<std::size_t>(a)];
+    if (index[a] != 0 && index[a] != n) continue;
+    const Wall wall = index[a] == 0 ? walls.lower(a) : walls.upper(a);
+    if (wall == Wall::kSlip) fixed |= 1u << a;
+    if (wall == Wall::kNoSlip) fixed |= 7u;
+  }
+  return fixed;
+}
+
+// Fills the ghost layer of a padded cell array: opposite cells on periodic axes, `outside` elsewhere.
+template <class T>
+void fill_ghosts(const Grid& g, std::vector<T>& field, T outside) {
+  const int n[3] = {g.cells[0], g.cells[1], g.cells[2]};
+  // x, then y, then z, so that edges and corners of periodic axes are right.
+  for (int k = -1; k <= n[2]; ++k)
+    for (int j = -1; j <= n[1]; ++j) {
+      field[g.padded(-1, j, k)] = g.periodic[0] ? field[g.padded(n[0] - 1, j, k)] : outside;
+      field[g.padded(n[0], j, k)] = g.periodic[0] ? field[g.padded(0, j, k)] : outside;
+    }
+  for (int k = -1; k <= n[2]; ++k)
+    for (int i = -1; i <= n[0]; ++i) {
+      field[g.padded(i, -1, k)] = g.periodic[1] ? field[g.padded(i, n[1] - 1, k)] : outside;
+      field[g.padded(i, n[1], k)] = g.periodic[1] ? field[g.padded(i, 0, k)] : outside;
+    }
+  for (int j = -1; j <= n[1]; ++j)
+    for (int i = -1; i <= n[0]; ++i) {
+      field[g.padded(i, j, -1)] = g.periodic[2] ? field[g.padded(i, j, n[2] - 1)] : outside;
+      field[g.padded(i, j, n[2])] = g.periodic[2] ? field[g.padded(i, j, 0)] : outside;
+    }
+}
+
+}  // namespace efsi::grid

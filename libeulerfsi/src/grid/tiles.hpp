@@ -1,0 +1,63 @@
+// Purpose: activity of blocks of 8^3 points, so that a stage visits only what it needs.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "base/parallel.hpp"
+#include "grid/grid.hpp"
+
+namespace efsi::grid {
+
+inline constexpr int kTileSize = 8;
+
+class TileMask {
+ public:
+  TileMask() = default;
+  explicit TileMask(const Vec3i& points) : points_(points) {
+    for (std::size_t a = 0; a < 3; ++a) tiles_[a] = (points[a] + kTileSize - 1) / kTileSize;
+    active_.assign(static_cast<std::size_t>(tiles_[0]) * static_cast<std::size_t>(tiles_[1]) *
+                       static_cast<std::size_t>(tiles_[2]),
+                   0);
+  }
+  std::int64_t count() const { return static_cast<std::int64_t>(active_.size()); }
+  bool active(std::int64_t t) const { return active_[static_cast<std::size_t>(t)] != 0; }
+  void set(std::int64_t t, bool on) { active_[static_cast<std::size_t>(t)] = on; }
+  std::uint64_t active_count() const {
+    std::uint64_t sum = 0;
+    for (std::uint8_t a : active_) sum += a;
+    return sum;
+  }
+  // First point and end point of a tile.
+  void range(std::int64_t t, Vec3i& begin, Vec3i& end) const {
+    const int index[3] = {static_cast<int>(t % tiles_[0]), static_cast<int>(t / tiles_[0] % tiles_[1]),
+                          static_cast<int>(t / (static_cast<std::int64_t>(tiles_[0]) * tiles_[1]))};
+    for (std::size_t a = 0; a < 3; ++a) {
+      begin[a] = index[a] * kTileSize;
+      end[a] = std::min(points_[a], begin[a] + kTileSize);
+    }
+  }
+  // Every neighbour of an active tile becomes active (periodic neighbours included).
+  void dilate(const std::array<bool, 3>& periodic) {
+    for (int axis = 0; axis < 3; ++axis) {
+      const std::vector<std::uint8_t> old = active_;
+      const int n = tiles_[static_cast<std::size_t>(axis)];
+      const std::int64_t stride = axis == 0 ? 1 : (axis == 1 ? tiles_[0] : std::int64_t{1} * tiles_[0] * tiles_[1]);
+      for (std::int64_t t = 0; t < count(); ++t) {
+        const int i = static_cast<int>(t / stride % n);
+        for (const int d : {-1, 1}) {
+          int q = i + d;
+          if (periodic[static_cast<std::size_t>(axis)]) q = (q + n) % n;
+          if (q < 0 || q >= n) continue;
+          if (old[static_cast<std::size_t>(t + (q - i) * stride)]) active_[static_cast<std::size_t>(t)] = 1;
+        }
+      }
+    }
+  }
+
+ private:
+  Vec3i points_{0, 0, 0}, tiles_{0, 0, 0};
+  std::vector<std::uint8_t> active_;
+};
+
+}  // namespace efsi::grid

@@ -1,0 +1,55 @@
+#include "linalg/pcr.hpp"
+
+#include <cmath>
+
+#include "linalg/reduce.hpp"
+
+namespace efsi::linalg {
+
+SolveStats pcr(const Parallel& parallel, const Operator& apply, const std::vector<Real>& inverse_diagonal,
+               const std::vector<Real>& b, std::vector<Real>& x, const SolveOptions& options, PcrWorkspace& work) {
+  const std::size_t n = b.size();
+  for (auto* v : {&work.r, &work.z, &work.p, &work.az, &work.ap, &work.mp}) v->resize(n);
+  auto& [r, z, p, az, ap, mp] = work;
+
+  SolveStats stats;
+  const double b_norm = norm(parallel, b);
+  if (!(b_norm > 0.0)) {
+    x.assign(n, 0);
+    return stats;
+  }
+  apply(x, az);
+  r = b;
+  add_scaled(parallel, r, -1.0, az);
+  const auto done = [&] {
+    stats.residual = norm(parallel, r) / b_norm;
+    return stats.residual <= options.tolerance && (!options.also || options.also(r));
+  };
+  if (done()) return stats;
+  multiply(parallel, z, inverse_diagonal, r);
+  p = z;
+  apply(z, az);
+  ap = az;
+  double zaz = dot(parallel, z, az);
+  while (stats.iterations < options.max_iterations) {
+    multiply(parallel, mp, inverse_diagonal, ap);
+    const double denominator = dot(parallel, ap, mp);
+    if (!(denominator > 0.0) || !(zaz > 0.0) || !std::isfinite(zaz)) break;
+    const double alpha = zaz / denominator;
+    add_scaled(parallel, x, alpha, p);
+    add_scaled(parallel, r, -alpha, ap);
+    add_scaled(parallel, z, -alpha, mp);
+    ++stats.iterations;
+    if (done()) return stats;
+    apply(z, az);
+    const double zaz_new = dot(parallel, z, az);
+    const double beta = zaz_new / zaz;
+    scale_add(parallel, p, beta, z);
+    scale_add(parallel, ap, beta, az);
+    zaz = zaz_new;
+  }
+  stats.converged = false;
+  return stats;
+}
+
+}  // namespace efsi::linalg

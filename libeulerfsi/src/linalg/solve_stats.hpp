@@ -1,0 +1,26 @@
+// Purpose: what every iterative solve reports, and when it stops.
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "base/math_types.hpp"
+
+namespace efsi::linalg {
+
+struct SolveStats {
+  int iterations = 0;
+  double residual = 0.0;  // relative, 2-norm
+  bool converged = true;
+};
+
+struct SolveOptions {
+  double tolerance = 1e-3;  // on |r| / |b|, 2-norm
+  int max_iterations = 500;
+  // Optional further demand on the residual, asked when the 2-norm has passed.
+  std::function<bool(const std::vector<Real>& residual)> also;
+};
+
+using Operator = std::function<void(const std::vector<Real>& x, std::vector<Real>& y)>;
+
+}  // namespace efsi::linalg

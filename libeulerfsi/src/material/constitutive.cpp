@@ -1,0 +1,81 @@
+#include "material/constitutive.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+namespace efsi::material {
+
+Elastic from_youngs_modulus(Law law, double youngs_modulus, double poissons_ratio) {
+  const double E = youngs_modulus, nu = poissons_ratio;
+  return {law, E / (2.0 * (1.0 + nu)), E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))};
+}
+
+namespace {
+
+// psi = mu sum (s_i - 1)^2 + lambda/2 (sum s_i - 3)^2
+PrincipalResponse corotational(double mu, double lambda, const Vec3d& s) {
+  PrincipalResponse r;
+  const Vec3d strain = s - Vec3d::Ones();
+  const double trace = strain.sum();
+  r.energy = mu * strain.squaredNorm() + 0.5 * lambda * trace * trace;
+  r.stress = 2.0 * mu * strain + Vec3d::Constant(lambda * trace);
+  r.hessian = 2.0 * mu * Mat3d::Identity() + Mat3d::Constant(lambda);
+  r.symmetric.setConstant(2.0 * mu);
+  for (int p = 0; p < 3; ++p) {
+    const int i = (p + 1) % 3, j = (p + 2) % 3;
+    const double sum = std::max(s[i] + s[j], 1e-3);
+    r.skew[p] = (r.stress[i] + r.stress[j]) / sum;
+  }
+  return r;
+}
+
+// psi = m/2 (I - 3) + l/2 (J - a)^2 - m/2 log(I + 1) + const, I = sum s_i^2, J = s_0 s_1 s_2.
+// m = 4/3 mu, l = lambda + 5/6 mu make small strains agree with linear elasticity; a makes s = 1 stress free.
+PrincipalResponse stable_neo_hookean(double mu, double lambda, const Vec3d& s) {
+  const double m = 4.0 / 3.0 * mu, l = lambda + 5.0 / 6.0 * mu;
+  const double a = 1.0 + m / l - m / (4.0 * l);
+  const double I = s.squaredNorm(), J = s.prod();
+  const Vec3d dJ(s[1] * s[2], s[2] * s[0], s[0] * s[1]);
+  const double shear = m * (1.0 - 1.0 / (I + 1.0));
+  PrincipalResponse r;
+  const double rest = 0.5 * l * (1.0 - a) * (1.0 - a) - 0.5 * m * std::log(4.0);
+  r.energy = 0.5 * m * (I - 3.0) + 0.5 * l * (J - a) * (J - a) - 0.5 * m * std::log(I + 1.0) - rest;
+  r.stress = shear * s + l * (J - a) * dJ;
+  r.hessian = shear * Mat3d::Identity() + (2.0 * m / ((I + 1.0) * (I + 1.0))) * s * s.transpose() + l * dJ * dJ.transpose();
+  for (int p = 0; p < 3; ++p) {
+    const int i = (p + 1) % 3, j = (p + 2) % 3;
+    const double volumetric = l * (J - a) * s[p];  // l (J - a) d2J / ds_i ds_j
+    r.hessian(i, j) += volumetric;
+    r.hessian(j, i) += volumetric;
+    r.symmetric[p] = shear - volumetric;
+    r.skew[p] = shear + volumetric;
+  }
+  return r;
+}
+
+}  // namespace
+
+PrincipalResponse principal_response(const Elastic& material, const Vec3d& stretch) {
+  return material.law == Law::kCorotational ? corotational(material.mu, material.lambda, stretch)
+                                            : stable_neo_hookean(material.mu, material.lambda, stretch);
+}
+
+PrincipalResponse make_definite(PrincipalResponse response) {
+  response.symmetric = response.symmetric.cwiseMax(0.0);
+  response.skew = response.skew.cwiseMax(0.0);
+  // Gershgorin first: the usual case needs no eigenvalues.
+  bool dominant = true;
+  for (int i = 0; i < 3; ++i) {
+    const double off = std::abs(response.hessian(i, (i + 1) % 3)) + std::abs(response.hessian(i, (i + 2) % 3));
+    dominant = dominant && response.hessian(i, i) >= off;
+  }
+  if (!dominant) {
+    Eigen::SelfAdjointEigenSolver<Mat3d> eigen(response.hessian);
+    const Vec3d positive = eigen.eigenvalues().cwiseMax(0.0);
+    response.hessian = eigen.eigenvectors() * positive.asDiagonal() * eigen.eigenvectors().transpose();
+  }
+  return response;
+}
+
+}  // namespace efsi::material

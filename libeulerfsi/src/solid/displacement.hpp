@@ -1,0 +1,27 @@
+// Purpose: motion of a solid's reference map and of its own velocity.
+// Paper: Alg. 1 lines 13, 18 (velocity), 19 (u += dt v), 20 (semi-Lagrangian advection of u); Sec. 4.3.
+//   u^{n+1}(x) = u^n(x_d) + (x - x_d), x_d the point from which the solid's velocity leads to x
+// Departs from the paper: the back-trace is third order and the advection is corrected (MacCormack); no particles
+// (docs/deviations.md). The paper's own way (u + dt v, then linear semi-Lagrangian) is AdvectionScheme::kPaper.
+#pragma once
+
+#include "base/parallel.hpp"
+#include "grid/boundary.hpp"
+#include "solid/solid.hpp"
+
+namespace efsi::solid {
+
+enum class AdvectionScheme : std::int32_t { kMacCormack = 0, kPaper = 1 };
+
+// Lines 13, 18: takes the solid's velocity from the global field at the nodes that carry it and extends u and v outwards.
+void update_velocity(const Parallel& parallel, const Grid& global, const VectorField& velocity, SolidState& state,
+                     SolidWork& work);
+
+// Lines 19, 20 for u, and the transport of v by the same trace. Marks the nodes that hold data afterwards.
+void advect(const Parallel& parallel, const Grid& global, AdvectionScheme scheme, double dt, SolidState& state,
+            SolidWork& work);
+
+// Re-centres the band around the nodes that hold data and are inside the solid.
+void follow_solid(const Grid& global, const SolidRest& rest, SolidState& state);
+
+}  // namespace efsi::solid

@@ -1,0 +1,130 @@
+#include "solid/mass.hpp"
+
+#include <Eigen/Dense>
+#include <algorithm>
+
+#include "grid/plane_cut.hpp"
+#include "solid/hexahedron.hpp"
+
+namespace efsi::solid {
+namespace {
+
+void compute_fractions(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work) {
+  const Grid& g = state.band.grid;
+  const auto corner = grid::corner_offsets(g);
+  work.fraction.assign(g.cell_count(), 0);
+  work.volume_ratio.assign(g.cell_count(), 1);
+  parallel.for_each(g.cells[2], [&](std::int64_t kk) {
+    const int k = static_cast<int>(kk);
+    for (int j = 0; j < g.cells[1]; ++j)
+      for (int i = 0; i < g.cells[0]; ++i) {
+        const std::size_t n = g.node(i, j, k);
+        bool valid = true;
+        for (std::size_t offset : corner) valid = valid && state.valid[n + offset];
+        if (!valid) continue;
+        Vec3d u[8], mean = Vec3d::Zero();
+        for (std::size_t a = 0; a < 8; ++a) {
+          u[a] = state.u.at(n + corner[a]).cast<double>();
+          mean += 0.125 * u[a];
+        }
+        const Vec3d material = g.cell_center(i, j, k) - mean;
+        const double phi = rest.distance.sample(material);
+        if (phi > 4.0 * g.h) continue;
+        const Mat3d inverse_f = Mat3d::Identity() - displacement_gradient(u, center_gradients(), g.h);
+        const double inverse_det = std::clamp(inverse_f.determinant(), 0.1, 10.0);
+        double fraction = 1.0;
+        if (phi > -4.0 * g.h) {
+          Vec3d normal = inverse_f.transpose() * rest.distance.gradient(material);
+          const double length = std::clamp(normal.norm(), 0.25, 4.0);
+          normal = normal.norm() > 1e-12 ? Vec3d(normal.normalized()) : Vec3d(0, 1, 0);
+          fraction = grid::plane_cut_fraction(phi / (length * g.h), normal);
+        }
+        const std::size_t c = g.cell(i, j, k);
+        work.fraction[c] = static_cast<Real>(fraction);
+        work.volume_ratio[c] = static_cast<Real>(1.0 / inverse_det);
+      }
+  });
+}
+
+void find_elements(const SolidState& state, SolidWork& work) {
+  const Grid& g = state.band.grid;
+  const auto corner = grid::corner_offsets(g);
+  work.element.assign(g.cell_count(), -1);
+  work.carries.assign(g.node_count(), 0);
+  work.element_cell.clear();
+  work.element_corner.clear();
+  for (int k = 0; k < g.cells[2]; ++k)
+    for (int j = 0; j < g.cells[1]; ++j)
+      for (int i = 0; i < g.cells[0]; ++i) {
+        const std::size_t c = g.cell(i, j, k);
+        if (!(work.fraction[c] > kElementFraction)) continue;
+        const std::size_t n = g.node(i, j, k);
+        work.element[c] = static_cast<std::int32_t>(work.element_cell.size());
+        work.element_cell.push_back(static_cast<std::int32_t>(c));
+        work.element_corner.push_back(static_cast<std::int32_t>(n));
+        for (std::size_t offset : corner) work.carries[n + offset] = 1;
+      }
+}
+
+void lump_mass(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work) {
+  const Grid& g = state.band.grid;
+  const auto corner = grid::corner_offsets(g);
+  // Mass of a cell per corner that receives it.
+  std::vector<Real> share(g.cell_count(), 0);
+  std::vector<std::uint8_t> to_carriers(g.cell_count(), 0);
+  const double unit = rest.density * g.h * g.h * g.h;
+  parallel.for_each(g.cells[2], [&](std::int64_t kk) {
+    const int k = static_cast<int>(kk);
+    for (int j = 0; j < g.cells[1]; ++j)
+      for (int i = 0; i < g.cells[0]; ++i) {
+        const std::size_t c = g.cell(i, j, k), n = g.node(i, j, k);
+        if (!(work.fraction[c] > 0)) continue;
+        int carriers = 0;
+        for (std::size_t offset : corner) carriers += work.carries[n + offset];
+        to_carriers[c] = carriers > 0;
+        share[c] = static_cast<Real>(unit * static_cast<double>(work.fraction[c]) /
+                                     static_cast<double>(work.volume_ratio[c]) / (carriers ? carriers : 8));
+      }
+  });
+  work.mass.assign(g.node_count(), 0);
+  parallel.for_each(g.cells[2] + 1, [&](std::int64_t kk) {
+    const int k = static_cast<int>(kk);
+    for (int j = 0; j <= g.cells[1]; ++j)
+      for (int i = 0; i <= g.cells[0]; ++i) {
+        const std::size_t n = g.node(i, j, k);
+        Real sum = 0;
+        for (const auto& a : grid::kCorner) {
+          const int ci = i - a[0], cj = j - a[1], ck = k - a[2];
+          if (ci < 0 || cj < 0 || ck < 0 || ci >= g.cells[0] || cj >= g.cells[1] || ck >= g.cells[2]) continue;
+          const std::size_t c = g.cell(ci, cj, ck);
+          if (!to_carriers[c] || work.carries[n]) sum += share[c];
+        }
+        work.mass[n] = sum;
+      }
+  });
+}
+
+}  // namespace
+
+void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work) {
+  compute_fractions(parallel, rest, state, work);
+  find_elements(state, work);
+  lump_mass(parallel, rest, state, work);
+  const Grid& g = state.band.grid;
+  const auto slab = static_cast<std::size_t>(g.cells[0]) * static_cast<std::size_t>(g.cells[1]);
+  work.volume = g.h * g.h * g.h * parallel.sum(g.cells[2], [&](std::int64_t k) {
+    double sum = 0.0;
+    for (std::size_t c = static_cast<std::size_t>(k) * slab; c < (static_cast<std::size_t>(k) + 1) * slab; ++c)
+      sum += static_cast<double>(work.fraction[c]);
+    return sum;
+  });
+  const std::size_t plane = g.node_stride(2);
+  work.total_mass = parallel.sum(g.cells[2] + 1, [&](std::int64_t k) {
+    double sum = 0.0;
+    for (std::size_t n = static_cast<std::size_t>(k) * plane; n < (static_cast<std::size_t>(k) + 1) * plane; ++n)
+      sum += static_cast<double>(work.mass[n]);
+    return sum;
+  });
+}
+
+}  // namespace efsi::solid

@@ -1,0 +1,19 @@
+// Purpose: volume fractions and mass of a solid on the grid, and which cells carry its stiffness.
+// Paper: Alg. 1 line 3.
+//   fraction_c: exact cut of the cell by the plane that the rest distance field has there, carried to the world
+//   mass_c = rho0 det(F^-1) fraction_c h^3
+// Departs from the paper: mass of a cut cell goes to those of its corners that carry stiffness (docs/deviations.md).
+#pragma once
+
+#include "base/parallel.hpp"
+#include "solid/solid.hpp"
+
+namespace efsi::solid {
+
+// A cell carries stiffness when more than this part of it is solid: on average the elements fill the solid's volume.
+inline constexpr Real kElementFraction = Real(0.5);
+
+// Reads state.u; writes fraction, volume_ratio, element, element_cell, element_corner, carries, mass, volume, total_mass.
+void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work);
+
+}  // namespace efsi::solid

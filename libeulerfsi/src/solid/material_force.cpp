@@ -1,0 +1,215 @@
+#include "solid/material_force.hpp"
+
+#include <algorithm>
+#include <limits>
+
+#include "solid/hexahedron.hpp"
+#include "solid/reference_map.hpp"
+
+namespace efsi::solid {
+namespace {
+
+using Mat3 = Eigen::Matrix<Real, 3, 3>;
+constexpr int kPairFirst[3] = {1, 2, 0}, kPairSecond[3] = {2, 0, 1};
+
+struct RealGradients {
+  Real g[8][8][3];  // point, corner, axis: h grad N
+  explicit RealGradients(int points) {
+    for (std::size_t q = 0; q < static_cast<std::size_t>(points); ++q) {
+      const ShapeGradients& source = points == 1 ? center_gradients() : gauss_gradients()[q];
+      for (std::size_t a = 0; a < 8; ++a)
+        for (int i = 0; i < 3; ++i) g[q][a][i] = static_cast<Real>(source[a][i]);
+    }
+  }
+};
+
+const RealGradients& real_gradients(int points) {
+  static const RealGradients one(1), eight(8);
+  return points == 1 ? one : eight;
+}
+
+ElementPoint linearise(const material::Elastic& elastic, const Deformation& d, double dv0, double& energy) {
+  const material::PrincipalResponse r = material::make_definite(material::principal_response(elastic, d.stretch));
+  energy = r.energy * dv0;
+  ElementPoint point;
+  const Vec3d& s = d.stretch;
+  for (int i = 0; i < 9; ++i) point.axes[i] = static_cast<Real>(d.axes.data()[i]);
+  const auto normal = [&](int i, int j) { return static_cast<Real>(dv0 * s[i] * r.hessian(i, j) * s[j]); };
+  point.normal[0] = normal(0, 0);
+  point.normal[1] = normal(1, 1);
+  point.normal[2] = normal(2, 2);
+  point.normal[3] = normal(1, 2);
+  point.normal[4] = normal(2, 0);
+  point.normal[5] = normal(0, 1);
+  for (int p = 0; p < 3; ++p) {
+    const double si = s[kPairFirst[p]], sj = s[kPairSecond[p]];
+    const double mean = 0.5 * (r.symmetric[p] + r.skew[p]), cross = 0.5 * (r.symmetric[p] - r.skew[p]);
+    point.pair[p][0] = static_cast<Real>(dv0 * mean * sj * sj);
+    point.pair[p][1] = static_cast<Real>(dv0 * cross * si * sj);
+    point.pair[p][2] = static_cast<Real>(dv0 * mean * si * si);
+  }
+  const Mat3d tau = d.axes * (r.stress.cwiseProduct(s) * dv0).asDiagonal() * d.axes.transpose();
+  point.stress[0] = static_cast<Real>(tau(0, 0));
+  point.stress[1] = static_cast<Real>(tau(1, 1));
+  point.stress[2] = static_cast<Real>(tau(2, 2));
+  point.stress[3] = static_cast<Real>(tau(1, 2));
+  point.stress[4] = static_cast<Real>(tau(2, 0));
+  point.stress[5] = static_cast<Real>(tau(0, 1));
+  return point;
+}
+
+// T(E) in the frame of the principal axes.
+Mat3 stress_change(const ElementPoint& p, const Mat3& e) {
+  Mat3 t;
+  t(0, 0) = p.normal[0] * e(0, 0) + p.normal[5] * e(1, 1) + p.normal[4] * e(2, 2);
+  t(1, 1) = p.normal[5] * e(0, 0) + p.normal[1] * e(1, 1) + p.normal[3] * e(2, 2);
+  t(2, 2) = p.normal[4] * e(0, 0) + p.normal[3] * e(1, 1) + p.normal[2] * e(2, 2);
+  for (int q = 0; q < 3; ++q) {
+    const int i = kPairFirst[q], j = kPairSecond[q];
+    t(i, j) = p.pair[q][0] * e(i, j) + p.pair[q][1] * e(j, i);
+    t(j, i) = p.pair[q][1] * e(i, j) + p.pair[q][2] * e(j, i);
+  }
+  return t;
+}
+
+void add_hourglass(Real stiffness, const Real x[24], Real out[24]) {
+  const Real k = stiffness * Real(kHourglassNorm * kHourglassNorm);
+  for (const auto& sign : kHourglassSign)
+    for (int i = 0; i < 3; ++i) {
+      Real amplitude = 0;
+      for (int a = 0; a < 8; ++a) amplitude += static_cast<Real>(sign[a]) * x[3 * a + i];
+      amplitude *= k;
+      for (int a = 0; a < 8; ++a) out[3 * a + i] += static_cast<Real>(sign[a]) * amplitude;
+    }
+}
+
+}  // namespace
+
+void compute_material(const Parallel& parallel, const SolidRest& rest, const SolidState& state, int points_per_element,
+                      SolidWork& work) {
+  const Grid& g = state.band.grid;
+  const auto corner = grid::corner_offsets(g);
+  const std::size_t elements = work.element_cell.size();
+  const auto points = static_cast<std::size_t>(points_per_element);
+  work.points_per_element = points_per_element;
+  work.point.resize(elements * points);
+  work.hourglass.resize(elements);
+
+  struct Range {
+    double low = std::numeric_limits<double>::infinity(), high = 0.0, energy = 0.0;
+    std::uint64_t degenerate = 0;
+  };
+  constexpr std::int64_t kChunk = 256;
+  const auto chunks = (static_cast<std::int64_t>(elements) + kChunk - 1) / kChunk;
+  std::vector<Range> ranges(static_cast<std::size_t>(chunks));
+  parallel.for_each(chunks, [&](std::int64_t chunk) {
+    Range& range = ranges[static_cast<std::size_t>(chunk)];
+    const std::size_t end = std::min(elements, static_cast<std::size_t>((chunk + 1) * kChunk));
+    for (std::size_t e = static_cast<std::size_t>(chunk * kChunk); e < end; ++e) {
+      const auto n = static_cast<std::size_t>(work.element_corner[e]);
+      Vec3d u[8];
+      for (std::size_t a = 0; a < 8; ++a) u[a] = state.u.at(n + corner[a]).cast<double>();
+      bool degenerate = false;
+      for (std::size_t q = 0; q < points; ++q) {
+        const ShapeGradients& gradients = points == 1 ? center_gradients() : gauss_gradients()[q];
+        const Deformation d = deformation_from_displacement(displacement_gradient(u, gradients, g.h));
+        double energy = 0.0;
+        work.point[e * points + q] =
+            linearise(rest.elastic, d, g.h * g.h * g.h / (static_cast<double>(points) * d.det), energy);
+        range.energy += energy;
+        range.low = std::min(range.low, d.det);
+        range.high = std::max(range.high, d.det);
+        degenerate = degenerate || d.degenerate;
+      }
+      range.degenerate += degenerate;
+      work.hourglass[e] = points == 1 ? static_cast<Real>(kHourglassFactor * rest.elastic.mu * g.h) : Real(0);
+      if (points == 1) {
+        double energy = 0.0;
+        for (const auto& sign : kHourglassSign) {
+          Vec3d amplitude = Vec3d::Zero();
+          for (std::size_t a = 0; a < 8; ++a) amplitude += sign[a] * u[a];
+          energy += 0.5 * static_cast<double>(work.hourglass[e]) / 8.0 * amplitude.squaredNorm();
+        }
+        range.energy += energy;
+      }
+    }
+  });
+  Range total;
+  for (const Range& range : ranges) {
+    total.low = std::min(total.low, range.low);
+    total.high = std::max(total.high, range.high);
+    total.energy += range.energy;
+    total.degenerate += range.degenerate;
+  }
+  work.min_det_f = elements ? total.low : 1.0;
+  work.max_det_f = elements ? total.high : 1.0;
+  work.elastic_energy = total.energy;
+  work.degenerate = total.degenerate;
+}
+
+void element_force(const SolidState& state, const SolidWork& work, std::size_t e, Real out[24]) {
+  const Grid& g = state.band.grid;
+  const Real inverse_h = static_cast<Real>(1.0 / g.h);
+  const RealGradients& table = real_gradients(work.points_per_element);
+  std::fill(out, out + 24, Real(0));
+  for (std::size_t q = 0; q < static_cast<std::size_t>(work.points_per_element); ++q) {
+    const Real* s = work.point[e * static_cast<std::size_t>(work.points_per_element) + q].stress;
+    for (int a = 0; a < 8; ++a) {
+      const Real* grad = table.g[q][a];
+      out[3 * a + 0] -= inverse_h * (s[0] * grad[0] + s[5] * grad[1] + s[4] * grad[2]);
+      out[3 * a + 1] -= inverse_h * (s[5] * grad[0] + s[1] * grad[1] + s[3] * grad[2]);
+      out[3 * a + 2] -= inverse_h * (s[4] * grad[0] + s[3] * grad[1] + s[2] * grad[2]);
+    }
+  }
+  if (work.hourglass[e] > 0) {  // acts on the displacement: rigid and linear motion feel nothing
+    const auto corner = grid::corner_offsets(g);
+    const auto n = static_cast<std::size_t>(work.element_corner[e]);
+    Real u[24];
+    for (std::size_t a = 0; a < 8; ++a)
+      for (std::size_t i = 0; i < 3; ++i) u[3 * a + i] = state.u.c[i][n + corner[a]];
+    add_hourglass(-work.hourglass[e], u, out);
+  }
+}
+
+void element_stiffness(const SolidWork& work, double h, std::size_t e, const Real x[24], Real out[24]) {
+  const Real inverse_h = static_cast<Real>(1.0 / h);
+  const RealGradients& table = real_gradients(work.points_per_element);
+  std::fill(out, out + 24, Real(0));
+  for (std::size_t q = 0; q < static_cast<std::size_t>(work.points_per_element); ++q) {
+    const ElementPoint& point = work.point[e * static_cast<std::size_t>(work.points_per_element) + q];
+    Mat3 gradient = Mat3::Zero();
+    for (int a = 0; a < 8; ++a)
+      for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j) gradient(i, j) += x[3 * a + i] * table.g[q][a][j];
+    const Eigen::Map<const Mat3> axes(point.axes);
+    const Mat3 local = axes.transpose() * (gradient * inverse_h) * axes;
+    const Mat3 stress = axes * stress_change(point, local) * axes.transpose() * inverse_h;
+    for (int a = 0; a < 8; ++a) {
+      const Real* grad = table.g[q][a];
+      for (int i = 0; i < 3; ++i)
+        out[3 * a + i] += stress(i, 0) * grad[0] + stress(i, 1) * grad[1] + stress(i, 2) * grad[2];
+    }
+  }
+  if (work.hourglass[e] > 0) add_hourglass(work.hourglass[e], x, out);
+}
+
+void element_stiffness_diagonal(const SolidWork& work, double h, std::size_t e, Real out[24]) {
+  const Real inverse_h = static_cast<Real>(1.0 / h);
+  const RealGradients& table = real_gradients(work.points_per_element);
+  std::fill(out, out + 24, work.hourglass[e] * Real(4 * kHourglassNorm * kHourglassNorm));
+  for (std::size_t q = 0; q < static_cast<std::size_t>(work.points_per_element); ++q) {
+    const ElementPoint& point = work.point[e * static_cast<std::size_t>(work.points_per_element) + q];
+    const Eigen::Map<const Mat3> axes(point.axes);
+    for (int a = 0; a < 8; ++a) {
+      const Vec3 grad(table.g[q][a][0], table.g[q][a][1], table.g[q][a][2]);
+      const Vec3 b = axes.transpose() * (grad * inverse_h);
+      for (int i = 0; i < 3; ++i) {
+        const Vec3 p = axes.row(i).transpose();
+        const Mat3 local = p * b.transpose();
+        out[3 * a + i] += local.cwiseProduct(stress_change(point, local)).sum();
+      }
+    }
+  }
+}
+
+}  // namespace efsi::solid

@@ -1,0 +1,22 @@
+// Purpose: the deformation gradient from the displacement field, and the one policy for degenerate F.
+// Paper: Eq. 1, Sec. 3:  F = (I - du/dx)^-1.
+#pragma once
+
+#include "base/math_types.hpp"
+
+namespace efsi::solid {
+
+// Principal stretches s (of F = U S V^T), their axes in the world U, and det F.
+struct Deformation {
+  Vec3d stretch;
+  Mat3d axes;
+  double det = 1.0;
+  bool degenerate = false;  // a stretch was outside [kMinStretch, kMaxStretch] or F inverted, and was clamped
+};
+
+inline constexpr double kMinStretch = 0.2, kMaxStretch = 5.0;
+
+// displacement_gradient: du_i/dx_j. Eq. 1 through the eigenvectors of (I - du/dx)^T (I - du/dx) = (F F^T)^-1.
+Deformation deformation_from_displacement(const Mat3d& displacement_gradient);
+
+}  // namespace efsi::solid

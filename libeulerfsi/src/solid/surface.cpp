@@ -1,0 +1,96 @@
+#include "solid/surface.hpp"
+
+#include <Eigen/Dense>
+#include <algorithm>
+
+#include "grid/interpolate.hpp"
+
+namespace efsi::solid {
+namespace {
+
+constexpr int kNewtonIterations = 8;
+constexpr double kNewtonTolerance = 1e-4;  // cells
+
+Vec3 to_grid(const Grid& g, const Vec3d& x) { return ((x - g.origin) / g.h).cast<Real>(); }
+
+// Trilinear value and gradient of u in double precision; false where a corner holds no data.
+bool sample_displacement(const SolidState& state, const std::array<std::size_t, 8>& corner, const Vec3d& x, Vec3d& u,
+                         Mat3d& gradient) {
+  const Grid& g = state.band.grid;
+  const Vec3d p = (x - g.origin) / g.h;
+  double f[3];
+  int lower[3];
+  for (int a = 0; a < 3; ++a) {
+    const int n = g.cells[static_cast<std::size_t>(a)];
+    const double q = std::clamp(p[a], 0.0, static_cast<double>(n));
+    lower[a] = std::min(static_cast<int>(q), n - 1);
+    f[a] = p[a] - lower[a];  // extrapolates linearly beyond the band
+  }
+  const std::size_t base = g.node(lower[0], lower[1], lower[2]);
+  u.setZero();
+  gradient.setZero();
+  for (std::size_t a = 0; a < 8; ++a) {
+    if (!state.valid[base + corner[a]]) return false;
+    double w[3], s[3];
+    for (int i = 0; i < 3; ++i) {
+      w[i] = grid::kCorner[a][i] ? f[i] : 1.0 - f[i];
+      s[i] = grid::kCorner[a][i] ? 1.0 : -1.0;
+    }
+    const Vec3d value = state.u.at(base + corner[a]).cast<double>();
+    u += w[0] * w[1] * w[2] * value;
+    gradient += value * Vec3d(s[0] * w[1] * w[2], w[0] * s[1] * w[2], w[0] * w[1] * s[2]).transpose() / g.h;
+  }
+  return true;
+}
+
+}  // namespace
+
+void predict_surface(const Parallel& parallel, double dt, SolidState& state) {
+  const grid::NodeSampler sampler(state.band.grid);
+  const Real step = static_cast<Real>(dt / state.band.grid.h);
+  parallel.for_each(static_cast<std::int64_t>(state.surface.size()), [&](std::int64_t i) {
+    Vec3d& x = state.surface[static_cast<std::size_t>(i)];
+    const Vec3 g = to_grid(state.band.grid, x);
+    const Vec3 to = grid::trace_rk3(sampler, state.v, g, sampler.vector(state.v, g), -step);
+    x += state.band.grid.h * (to - g).cast<double>();
+  });
+}
+
+void correct_surface(const Parallel& parallel, const SolidRest& rest, SolidState& state) {
+  const auto corner = grid::corner_offsets(state.band.grid);
+  const double h = state.band.grid.h;
+  parallel.for_each(static_cast<std::int64_t>(state.surface.size()), [&](std::int64_t i) {
+    const Vec3d material = rest.surface.points[static_cast<std::size_t>(i)];
+    Vec3d x = state.surface[static_cast<std::size_t>(i)];
+    double best = std::numeric_limits<double>::infinity();
+    for (int it = 0; it < kNewtonIterations; ++it) {
+      Vec3d u;
+      Mat3d gradient;
+      if (!sample_displacement(state, corner, x, u, gradient)) return;
+      const Vec3d error = x - u - material;
+      const double size = error.norm();
+      if (size < best) {
+        best = size;
+        state.surface[static_cast<std::size_t>(i)] = x;
+      }
+      if (size < kNewtonTolerance * h) return;
+      const Mat3d inverse_f = Mat3d::Identity() - gradient;
+      Vec3d move = error;
+      if (inverse_f.determinant() > 0.05) move = inverse_f.inverse() * error;
+      const double length = move.norm();
+      if (length > h) move *= h / length;
+      x -= move;
+    }
+  });
+}
+
+void sample_surface_velocity(const Parallel& parallel, const SolidState& state, std::vector<Vec3d>& velocity) {
+  velocity.resize(state.surface.size());
+  const grid::NodeSampler sampler(state.band.grid);
+  parallel.for_each(static_cast<std::int64_t>(state.surface.size()), [&](std::int64_t i) {
+    const auto s = static_cast<std::size_t>(i);
+    velocity[s] = sampler.vector(state.v, to_grid(state.band.grid, state.surface[s])).cast<double>();
+  });
+}
+
+}  // namespace efsi::solid

@@ -1,0 +1,18 @@
+// Purpose: the embedded surface mesh, carried passively by the reference map; it keeps its topology.
+// Paper: Sec. 4.6 ("the mesh is advected passively in the same way as Fan et al. 2013").
+//   a vertex with rest position X lies where x - u(x) = X: predicted by the velocity, corrected by Newton's method
+#pragma once
+
+#include "base/parallel.hpp"
+#include "solid/solid.hpp"
+
+namespace efsi::solid {
+
+// x += dt v(x), before u and v are advected.
+void predict_surface(const Parallel& parallel, double dt, SolidState& state);
+// Newton's correction with the new u. A vertex outside the data keeps its prediction.
+void correct_surface(const Parallel& parallel, const SolidRest& rest, SolidState& state);
+// Velocities at the surface vertices [m/s].
+void sample_surface_velocity(const Parallel& parallel, const SolidState& state, std::vector<Vec3d>& velocity);
+
+}  // namespace efsi::solid

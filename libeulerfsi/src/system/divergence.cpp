@@ -1,0 +1,200 @@
+#include "system/divergence.hpp"
+
+namespace efsi::system {
+namespace {
+
+// -D^T p for a row of nodes (all i at one j, k), scaled by the mobility: g = mobility (p_high - p_low).
+struct RowScratch {
+  std::vector<Real> sum, dy, dz;
+  explicit RowScratch(int cells_x) {
+    for (auto* v : {&sum, &dy, &dz}) v->resize(static_cast<std::size_t>(cells_x + 2));
+  }
+};
+
+void node_row(const PressureLevel& level, const Real* p, int j, int k, RowScratch& s, Real* gx, Real* gy, Real* gz) {
+  const Grid& g = level.grid;
+  const int n = g.cells[0];
+  const Real* p00 = p + g.padded(-1, j - 1, k - 1);
+  const Real* p10 = p + g.padded(-1, j, k - 1);
+  const Real* p01 = p + g.padded(-1, j - 1, k);
+  const Real* p11 = p + g.padded(-1, j, k);
+  Real* sum = s.sum.data();
+  Real* dy = s.dy.data();
+  Real* dz = s.dz.data();
+#pragma omp simd
+  for (int i = 0; i < n + 2; ++i) {
+    const Real low = p00[i] + p01[i], high = p10[i] + p11[i];
+    sum[i] = low + high;
+    dy[i] = high - low;
+    dz[i] = (p01[i] + p11[i]) - (p00[i] + p10[i]);
+  }
+  const Real* w = level.mobility.data() + g.node(0, j, k);
+#pragma omp simd
+  for (int i = 0; i <= n; ++i) {
+    gx[i] = w[i] * (sum[i + 1] - sum[i]);
+    gy[i] = w[i] * (dy[i + 1] + dy[i]);
+    gz[i] = w[i] * (dz[i + 1] + dz[i]);
+  }
+  // Walls: whole rows on the y and z faces, single nodes on the x faces.
+  const auto clear = [&](unsigned fixed, int begin, int end) {
+    if (fixed & 1u) std::fill(gx + begin, gx + end, Real(0));
+    if (fixed & 2u) std::fill(gy + begin, gy + end, Real(0));
+    if (fixed & 4u) std::fill(gz + begin, gz + end, Real(0));
+  };
+  if (n > 1) clear(grid::fixed_components(g, level.walls, 1, j, k), 1, n);
+  clear(grid::fixed_components(g, level.walls, 0, j, k), 0, 1);
+  clear(grid::fixed_components(g, level.walls, n, j, k), n, n + 1);
+}
+
+// The three components of g on one plane of nodes.
+struct NodePlane {
+  std::vector<Real> x, y, z;
+  explicit NodePlane(std::size_t n) : x(n), y(n), z(n) {}
+};
+
+}  // namespace
+
+void apply_pressure_operator(const Parallel& parallel, const PressureLevel& level, const std::vector<Real>& x,
+                             std::vector<Real>& y, const std::vector<Real>* b) {
+  const Grid& g = level.grid;
+  const int nx = g.cells[0], ny = g.cells[1];
+  const auto row = static_cast<std::size_t>(nx + 1);
+  parallel.for_ranges(g.cells[2], [&](std::int64_t begin, std::int64_t end) {
+    RowScratch scratch(nx);
+    NodePlane low(row * static_cast<std::size_t>(ny + 1)), high(row * static_cast<std::size_t>(ny + 1));
+    std::vector<Real> fx(row), fyz(row);
+    const auto fill_plane = [&](NodePlane& plane, int k) {
+      for (int j = 0; j <= ny; ++j) {
+        const std::size_t at = row * static_cast<std::size_t>(j);
+        node_row(level, x.data(), j, k, scratch, plane.x.data() + at, plane.y.data() + at, plane.z.data() + at);
+      }
+    };
+    fill_plane(low, static_cast<int>(begin));
+    for (int k = static_cast<int>(begin); k < static_cast<int>(end); ++k) {
+      fill_plane(high, k + 1);
+      for (int j = 0; j < ny; ++j) {
+        const std::size_t j0 = row * static_cast<std::size_t>(j), j1 = j0 + row;
+        const Real *x00 = &low.x[j0], *x10 = &low.x[j1], *x01 = &high.x[j0], *x11 = &high.x[j1];
+        const Real *y00 = &low.y[j0], *y10 = &low.y[j1], *y01 = &high.y[j0], *y11 = &high.y[j1];
+        const Real *z00 = &low.z[j0], *z10 = &low.z[j1], *z01 = &high.z[j0], *z11 = &high.z[j1];
+        Real* px = fx.data();
+        Real* pyz = fyz.data();
+#pragma omp simd
+        for (int i = 0; i <= nx; ++i) {
+          px[i] = (x00[i] + x10[i]) + (x01[i] + x11[i]);
+          pyz[i] = ((y10[i] - y00[i]) + (y11[i] - y01[i])) + ((z01[i] - z00[i]) + (z11[i] - z10[i]));
+        }
+        const std::size_t out = g.padded(0, j, k);
+        Real* py = y.data() + out;
+        if (b) {
+          const Real* pb = b->data() + out;
+#pragma omp simd
+          for (int i = 0; i < nx; ++i) py[i] = pb[i] + ((px[i + 1] - px[i]) + (pyz[i + 1] + pyz[i]));
+        } else {
+#pragma omp simd
+          for (int i = 0; i < nx; ++i) py[i] = -((px[i + 1] - px[i]) + (pyz[i + 1] + pyz[i]));
+        }
+        if (!level.active.empty()) {
+          const std::uint8_t* active = level.active.data() + out;
+          for (int i = 0; i < nx; ++i)
+            if (!active[i]) py[i] = 0;
+        }
+      }
+      std::swap(low, high);
+    }
+  });
+}
+
+void compute_pressure_diagonal(const Parallel& parallel, PressureLevel& level) {
+  const Grid& g = level.grid;
+  level.inverse_diagonal.assign(g.padded_count(), 0);
+  // Mobility times the number of free components, per node.
+  std::vector<Real> free(g.node_count());
+  parallel.for_each(g.cells[2] + 1, [&](std::int64_t kk) {
+    const int k = static_cast<int>(kk);
+    for (int j = 0; j <= g.cells[1]; ++j)
+      for (int i = 0; i <= g.cells[0]; ++i) {
+        const unsigned fixed = grid::fixed_components(g, level.walls, i, j, k);
+        const int count = 3 - static_cast<int>((fixed & 1u) + ((fixed >> 1) & 1u) + ((fixed >> 2) & 1u));
+        free[g.node(i, j, k)] = level.mobility[g.node(i, j, k)] * static_cast<Real>(count);
+      }
+  });
+  const auto corner = grid::corner_offsets(g);
+  parallel.for_each(g.cells[2], [&](std::int64_t kk) {
+    const int k = static_cast<int>(kk);
+    for (int j = 0; j < g.cells[1]; ++j)
+      for (int i = 0; i < g.cells[0]; ++i) {
+        const std::size_t c = g.padded(i, j, k);
+        if (!level.active.empty() && !level.active[c]) continue;
+        Real sum = 0;
+        const std::size_t n = g.node(i, j, k);
+        for (std::size_t offset : corner) sum += free[n + offset];
+        level.inverse_diagonal[c] = sum > 0 ? 1 / sum : Real(0);
+      }
+  });
+}
+
+void compute_divergence(const Parallel& parallel, const Grid& g, const VectorField& velocity,
+                        std::vector<Real>& divergence) {
+  const auto o = grid::corner_offsets(g);
+  const Real scale = static_cast<Real>(0.25 / g.h);
+  const Real *vx = velocity.c[0].data(), *vy = velocity.c[1].data(), *vz = velocity.c[2].data();
+  divergence.resize(g.padded_count());
+  parallel.for_each(g.cells[2], [&](std::int64_t kk) {
+    const int k = static_cast<int>(kk);
+    for (int j = 0; j < g.cells[1]; ++j) {
+      const std::size_t n0 = g.node(0, j, k);
+      Real* out = divergence.data() + g.padded(0, j, k);
+      const Real *x = vx + n0, *y = vy + n0, *z = vz + n0;
+#pragma omp simd
+      for (int i = 0; i < g.cells[0]; ++i) {
+        const Real *xi = x + i, *yi = y + i, *zi = z + i;
+        const Real dx = ((xi[o[1]] - xi[o[0]]) + (xi[o[3]] - xi[o[2]])) + ((xi[o[5]] - xi[o[4]]) + (xi[o[7]] - xi[o[6]]));
+        const Real dy = ((yi[o[2]] - yi[o[0]]) + (yi[o[3]] - yi[o[1]])) + ((yi[o[6]] - yi[o[4]]) + (yi[o[7]] - yi[o[5]]));
+        const Real dz = ((zi[o[4]] - zi[o[0]]) + (zi[o[5]] - zi[o[1]])) + ((zi[o[6]] - zi[o[2]]) + (zi[o[7]] - zi[o[3]]));
+        out[i] = scale * (dx + dy + dz);
+      }
+    }
+  });
+}
+
+Vec3 pressure_impulse(const Grid& g, const std::vector<Real>& q, int i, int j, int k) {
+  const Real area = static_cast<Real>(g.h * g.h / 4.0);
+  Vec3 sum = Vec3::Zero();
+  for (const auto& corner : grid::kCorner) {
+    const Real p = q[g.padded(i - corner[0], j - corner[1], k - corner[2])];
+    for (int a = 0; a < 3; ++a) sum[a] += corner[a] ? p : -p;
+  }
+  return area * sum;
+}
+
+void subtract_pressure_gradient(const Parallel& parallel, const Grid& g, const Walls& walls,
+                                const std::vector<Real>& inverse_mass, const std::vector<Real>& q,
+                                VectorField& velocity) {
+  const auto nx = static_cast<std::size_t>(g.cells[0] + 1);
+  PressureLevel level;  // J^T on rows with the scale of a velocity
+  level.grid = g;
+  level.walls = walls;
+  const Real area = static_cast<Real>(g.h * g.h / 4.0);
+  level.mobility.resize(g.node_count());
+  parallel.for_ranges(static_cast<std::int64_t>(g.node_count()), [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t n = begin; n < end; ++n)
+      level.mobility[static_cast<std::size_t>(n)] = area * inverse_mass[static_cast<std::size_t>(n)];
+  });
+  parallel.for_ranges(g.cells[2] + 1, [&](std::int64_t begin, std::int64_t end) {
+    RowScratch scratch(g.cells[0]);
+    std::vector<Real> gx(nx), gy(nx), gz(nx);
+    for (int k = static_cast<int>(begin); k < static_cast<int>(end); ++k)
+      for (int j = 0; j <= g.cells[1]; ++j) {
+        node_row(level, q.data(), j, k, scratch, gx.data(), gy.data(), gz.data());
+        const std::size_t n = g.node(0, j, k);
+        for (std::size_t i = 0; i < nx; ++i) {
+          velocity.c[0][n + i] += gx[i];
+          velocity.c[1][n + i] += gy[i];
+          velocity.c[2][n + i] += gz[i];
+        }
+      }
+  });
+}
+
+}  // namespace efsi::system

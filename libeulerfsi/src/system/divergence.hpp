@@ -1,0 +1,48 @@
+// Purpose: the constraint gradient J of Eq. 11 and its transpose as stencils, never stored.
+// Paper: Sec. 4.2, Sec. 4.5; Eq. 11, Eq. 12.
+//   (J v)_c = h^2/4 sum over corners a of c of (+-v_x +-v_y +-v_z)_a  [m^3/s], the flux out of cell c of face-averaged v
+//   A = J W J^T, W = 1/m per node with the components that walls fix set to zero
+// A slow twin with assembled matrices is in tests/reference/.
+#pragma once
+
+#include "base/parallel.hpp"
+#include "grid/boundary.hpp"
+#include "grid/grid.hpp"
+
+namespace efsi::system {
+
+using grid::Grid;
+using grid::VectorField;
+using grid::Walls;
+
+// One grid of the pressure equation.
+struct PressureLevel {
+  Grid grid;
+  Walls walls;
+  // W (h^2/4)^2 per node, walls not yet applied [m^4/kg]: A = D mobility D^T with D the +-1 stencil.
+  std::vector<Real> mobility;
+  std::vector<Real> inverse_diagonal;   // padded cells; 0 where a cell has no equation
+  std::vector<std::uint8_t> active;     // padded cells; empty: all cells have an equation
+};
+
+// y = A x on padded cell arrays. Ghosts of x must be filled (fill_ghosts with 0). Ghosts of y are not written.
+// With b given, y = b - A x.
+void apply_pressure_operator(const Parallel& parallel, const PressureLevel& level, const std::vector<Real>& x,
+                             std::vector<Real>& y, const std::vector<Real>* b = nullptr);
+
+// Diagonal of A -> inverse_diagonal.
+void compute_pressure_diagonal(const Parallel& parallel, PressureLevel& level);
+
+// divergence[padded cell] = J v / h^3 [1/s].
+void compute_divergence(const Parallel& parallel, const Grid& g, const VectorField& velocity,
+                        std::vector<Real>& divergence);
+
+// v -= W J^T q, q [Pa s]. inverse_mass per node [1/kg].
+void subtract_pressure_gradient(const Parallel& parallel, const Grid& g, const Walls& walls,
+                                const std::vector<Real>& inverse_mass, const std::vector<Real>& q,
+                                VectorField& velocity);
+
+// (J^T q) at one node, walls not applied [kg m/s].
+Vec3 pressure_impulse(const Grid& g, const std::vector<Real>& q, int i, int j, int k);
+
+}  // namespace efsi::system

@@ -1,0 +1,35 @@
+// Purpose: one V-cycle of geometric multigrid as the preconditioner of the pressure equation.
+// Coarse operators are J W J^T on coarser grids with full-weighted averages of 1/density: heavy solids are inclusions of
+// low mobility, and the harmonic average keeps the number of iterations independent of the density ratio
+// (docs/numerics-choices.md). Coarse levels have slip walls even where the fine level is no-slip.
+#pragma once
+
+#include "system/divergence.hpp"
+
+namespace efsi::system {
+
+class PressureMultigrid {
+ public:
+  // Rebuilds all levels. specific_volume: 1/density per node [m^3/kg]; 0: the node does not move.
+  // active: padded cells with an equation; empty: all.
+  void build(const Parallel& parallel, const Grid& g, const Walls& walls, const std::vector<Real>& specific_volume,
+             std::vector<std::uint8_t> active);
+  const PressureLevel& finest() const { return levels_.front().op; }
+  // y = A x; fills the ghosts of x.
+  void apply(const Parallel& parallel, std::vector<Real>& x, std::vector<Real>& y) const;
+  // z = one V-cycle applied to r, symmetric positive definite.
+  void precondition(const Parallel& parallel, const std::vector<Real>& r, std::vector<Real>& z);
+  std::size_t bytes() const;
+
+ private:
+  struct Level {
+    PressureLevel op;
+    std::vector<Real> specific_volume;
+    std::vector<Real> x, b, residual;  // padded cells
+  };
+  void cycle(const Parallel& parallel, std::size_t l, const std::vector<Real>& b, std::vector<Real>& x);
+  void smooth(const Parallel& parallel, Level& level, const std::vector<Real>& b, std::vector<Real>& x) const;
+  std::vector<Level> levels_;
+};
+
+}  // namespace efsi::system

@@ -1,0 +1,303 @@
+/* Purpose: a C11 program against the installed library that calls every function of the C API and checks what comes back.
+ * Usage: client FOLDER (existing folder for the files it writes). Exit code: number of failed checks, at most 100. */
+#include <eulerfsi/eulerfsi.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static int failures = 0;
+
+#define CHECK(condition)                                                  \
+  do {                                                                    \
+    if (!(condition)) {                                                   \
+      ++failures;                                                         \
+      fprintf(stderr, "%s:%d: %s\n", __FILE__, __LINE__, #condition);     \
+    }                                                                     \
+  } while (0)
+#define CHECK_OK(sim, call)                                                                          \
+  do {                                                                                               \
+    const EfsiStatus status_ = (call);                                                               \
+    if (status_ != EFSI_OK) {                                                                        \
+      ++failures;                                                                                    \
+      fprintf(stderr, "%s:%d: %s: %s: %s\n", __FILE__, __LINE__, #call, efsi_status_text(status_),   \
+              (sim) ? efsi_simulation_last_error(sim) : "");                                         \
+    }                                                                                                \
+  } while (0)
+
+/* A cube of edge 0.2 m around (0.3, 0.35, 0.3), quads wound counter-clockwise seen from outside. */
+static const float kPoints[8][3] = {{0.2f, 0.25f, 0.2f}, {0.4f, 0.25f, 0.2f}, {0.4f, 0.45f, 0.2f}, {0.2f, 0.45f, 0.2f},
+                                    {0.2f, 0.25f, 0.4f}, {0.4f, 0.25f, 0.4f}, {0.4f, 0.45f, 0.4f}, {0.2f, 0.45f, 0.4f}};
+static const int32_t kCounts[6] = {4, 4, 4, 4, 4, 4};
+static const int32_t kIndices[24] = {0, 3, 2, 1, 4, 5, 6, 7, 0, 1, 5, 4, 3, 7, 6, 2, 0, 4, 7, 3, 1, 2, 6, 5};
+
+static EfsiMeshView cube_view(void) {
+  EfsiMeshView view;
+  memset(&view, 0, sizeof view);
+  view.points = &kPoints[0][0];
+  view.point_count = 8;
+  view.face_vertex_counts = kCounts;
+  view.face_count = 6;
+  view.face_vertex_indices = kIndices;
+  view.index_count = 24;
+  return view;
+}
+
+static void path_in(char* out, size_t size, const char* folder, const char* name) {
+  snprintf(out, size, "%s/%s", folder, name);
+}
+
+static EfsiSimulationDef box_def(void) {
+  EfsiSimulationDef def;
+  CHECK_OK(NULL, efsi_simulation_def_init(&def));
+  def.domain_size.x = def.domain_size.y = def.domain_size.z = 0.6;
+  def.voxel_size = 0.04;
+  def.gravity.y = -9.8;
+  def.threads = 2;
+  return def;
+}
+
+/* A box with the cube and a smoke carpet; id receives the cube's. */
+static EfsiSim* make_scene(uint32_t* id) {
+  const EfsiSimulationDef def = box_def();
+  EfsiError error = {EFSI_OK, ""};
+  EfsiSim* sim = NULL;
+  CHECK(efsi_simulation_create(&def, &sim, &error) == EFSI_OK);
+  if (!sim) {
+    fprintf(stderr, "efsi_simulation_create: %s\n", error.message);
+    exit(100);
+  }
+  EfsiSolidDef solid;
+  EfsiMeshReport report;
+  CHECK_OK(NULL, efsi_solid_def_init(&solid));
+  solid.mesh = cube_view();
+  solid.youngs_modulus = 2e4;
+  CHECK_OK(sim, efsi_solid_add(sim, &solid, id, &report));
+  CHECK(*id == 1 && report.closed == 1 && report.triangles == 12 && report.holes == 0);
+  CHECK(fabs(report.solid_volume - 0.008) < 1e-6);
+
+  EfsiEmitterDef carpet;
+  uint32_t emitter = 0;
+  CHECK_OK(NULL, efsi_emitter_def_init(&carpet));
+  memset(carpet.transform, 0, sizeof carpet.transform);
+  carpet.shape = EFSI_EMITTER_BOX;
+  carpet.mode = EFSI_EMIT_INITIAL;
+  carpet.transform[0] = carpet.transform[10] = 0.6;
+  carpet.transform[5] = 0.08;
+  carpet.transform[3] = carpet.transform[11] = 0.3;
+  carpet.transform[7] = 0.04;
+  carpet.transform[15] = 1.0;
+  carpet.density = 1.0;
+  CHECK_OK(sim, efsi_emitter_add(sim, &carpet, &emitter));
+  CHECK(emitter == 1);
+  return sim;
+}
+
+static void check_refusals(void) {
+  EfsiSimulationDef def = box_def();
+  EfsiError error = {EFSI_OK, ""};
+  EfsiSim* sim = NULL;
+
+  def.voxel_size = -1.0;
+  CHECK(efsi_simulation_create(&def, &sim, &error) == EFSI_ERROR_ARGUMENT && sim == NULL);
+  CHECK(error.status == EFSI_ERROR_ARGUMENT && strstr(error.message, "voxel_size") && strstr(error.message, "-1"));
+  memset(&def, 0, sizeof def); /* never initialised */
+  CHECK(efsi_simulation_create(&def, &sim, &error) == EFSI_ERROR_ARGUMENT && sim == NULL);
+  CHECK(efsi_simulation_create(NULL, &sim, NULL) == EFSI_ERROR_ARGUMENT);
+
+  uint32_t id = 0, count = 0;
+  sim = make_scene(&id);
+  EfsiSolidDef solid;
+  CHECK_OK(NULL, efsi_solid_def_init(&solid));
+  solid.mesh = cube_view();
+  solid.density = -3.0;
+  CHECK(efsi_solid_add(sim, &solid, &id, NULL) == EFSI_ERROR_ARGUMENT);
+  CHECK(strstr(efsi_simulation_last_error(sim), "density") && strstr(efsi_simulation_last_error(sim), "-3"));
+  CHECK_OK(sim, efsi_solid_get_count(sim, &count));
+  CHECK(count == 1);
+  EfsiSolidDiagnostics diagnostics;
+  CHECK(efsi_solid_get_diagnostics(sim, 7, &diagnostics) == EFSI_ERROR_ARGUMENT);
+  efsi_simulation_destroy(sim);
+  efsi_simulation_destroy(NULL);
+}
+
+static void check_base_and_memory(void) {
+  int32_t major = -1, minor = -1, patch = -1;
+  CHECK_OK(NULL, efsi_version(&major, &minor, &patch));
+  CHECK(major == EFSI_VERSION_MAJOR && minor == EFSI_VERSION_MINOR && patch == EFSI_VERSION_PATCH);
+  for (EfsiStatus status = EFSI_OK; status <= EFSI_ERROR_CHECKPOINT; ++status)
+    CHECK(efsi_status_text(status) && efsi_status_text(status)[0]);
+  CHECK(efsi_status_text(-12345) != NULL);
+
+  EfsiSimulationDef def = box_def();
+  EfsiError error;
+  uint64_t coarse = 0, fine = 0;
+  double fitting = 0.0;
+  CHECK_OK(NULL, efsi_simulation_estimate_memory(&def, 0.008, &coarse, &fitting, &error));
+  def.voxel_size = 0.02;
+  def.memory_limit = coarse;
+  CHECK_OK(NULL, efsi_simulation_estimate_memory(&def, 0.008, &fine, &fitting, &error));
+  CHECK(coarse > 0 && fine > 3 * coarse && fitting > def.voxel_size);
+}
+
+static void check_mesh(const char* folder) {
+  char path[4096];
+  path_in(path, sizeof path, folder, "cube.obj");
+  FILE* file = fopen(path, "w");
+  CHECK(file != NULL);
+  if (!file) return;
+  for (int i = 0; i < 8; ++i) fprintf(file, "v %g %g %g\n", kPoints[i][0], kPoints[i][1], kPoints[i][2]);
+  for (int f = 0; f < 6; ++f)
+    fprintf(file, "f %d %d %d %d\n", kIndices[4 * f] + 1, kIndices[4 * f + 1] + 1, kIndices[4 * f + 2] + 1,
+            kIndices[4 * f + 3] + 1);
+  fclose(file);
+
+  EfsiMesh* mesh = NULL;
+  EfsiError error = {EFSI_OK, ""};
+  EfsiMeshView view;
+  EfsiMeshReport report;
+  CHECK_OK(NULL, efsi_mesh_load(path, &mesh, &error));
+  if (mesh) {
+    CHECK_OK(NULL, efsi_mesh_get_view(mesh, &view));
+    CHECK_OK(NULL, efsi_mesh_check(&view, 0.04, &report, &error));
+    CHECK(report.closed == 1 && fabs(report.solid_volume - 0.008) < 1e-6);
+  }
+  efsi_mesh_destroy(mesh);
+  efsi_mesh_destroy(NULL);
+  mesh = NULL;
+  path_in(path, sizeof path, folder, "missing.obj");
+  CHECK(efsi_mesh_load(path, &mesh, &error) == EFSI_ERROR_IO && mesh == NULL && strstr(error.message, "missing.obj"));
+}
+
+static int32_t count_and_go_on(void* user, double fraction, const EfsiStepInfo* step) {
+  CHECK(fraction >= 0.0 && fraction <= 1.0 && step != NULL);
+  ++*(int*)user;
+  return 0;
+}
+
+static int32_t stop_at_once(void* user, double fraction, const EfsiStepInfo* step) {
+  (void)user, (void)fraction, (void)step;
+  return 1;
+}
+
+static void check_fields(EfsiSim* sim) {
+  EfsiFieldView velocity, pressure;
+  CHECK_OK(sim, efsi_field_get_view(sim, EFSI_FIELD_VELOCITY, 0, &velocity));
+  CHECK(velocity.components == 3 && velocity.cell_centered == 0 && velocity.size[0] == 16 && velocity.stride[0] == 1);
+  CHECK_OK(sim, efsi_field_get_view(sim, EFSI_FIELD_PRESSURE, 0, &pressure));
+  CHECK(pressure.components == 1 && pressure.cell_centered == 1 && pressure.size[1] == 15);
+  CHECK(fabs(pressure.spacing - 0.04) < 1e-12);
+
+  EfsiFieldView smoke;
+  CHECK_OK(sim, efsi_field_get_view(sim, EFSI_FIELD_SMOKE_DENSITY, 0, &smoke));
+  const uint64_t count = (uint64_t)smoke.size[0] * (uint64_t)smoke.size[1] * (uint64_t)smoke.size[2];
+  CHECK(count == 15u * 15u * 15u);
+  float* values = malloc(count * sizeof *values);
+  if (!values) exit(100);
+  for (uint64_t i = 0; i < count; ++i) values[i] = 0.25f;
+  CHECK(efsi_field_set(sim, EFSI_FIELD_SMOKE_DENSITY, 0, values, count - 1) == EFSI_ERROR_ARGUMENT);
+  CHECK_OK(sim, efsi_field_set(sim, EFSI_FIELD_SMOKE_DENSITY, 0, values, count));
+  free(values);
+  CHECK_OK(sim, efsi_field_get_view(sim, EFSI_FIELD_SMOKE_DENSITY, 0, &smoke));
+  CHECK(smoke.data[0] && smoke.data[0][3 + 4 * smoke.stride[1] + 5 * smoke.stride[2]] == 0.25f);
+}
+
+static void check_vdb(EfsiSim* sim, const char* folder) {
+  char path[4096];
+  EfsiVdbDef vdb;
+  uint64_t first = 0, second = 0;
+  CHECK_OK(NULL, efsi_vdb_def_init(&vdb));
+  path_in(path, sizeof path, folder, "frame.0001.vdb");
+  CHECK_OK(sim, efsi_vdb_write(sim, path, &vdb, &first));
+  CHECK_OK(sim, efsi_vdb_write(sim, path, &vdb, &second));
+  CHECK(first != 0 && first == second);
+  FILE* file = fopen(path, "rb");
+  CHECK(file != NULL);
+  if (file) {
+    unsigned char head[4] = {0};
+    CHECK(fread(head, 1, 4, file) == 4 && memcmp(head, " BDV", 4) == 0); /* OpenVDB's magic number, little-endian */
+    fclose(file);
+  }
+  path_in(path, sizeof path, folder, "no/such/folder/frame.vdb");
+  CHECK(efsi_vdb_write(sim, path, &vdb, NULL) == EFSI_ERROR_IO);
+  CHECK(strstr(efsi_simulation_last_error(sim), "frame.vdb"));
+}
+
+/* The cube falls from rest for 0.1 s: about g t^2 / 2 = 0.049 m in a fluid of a thousandth of its density. */
+static void check_fall(const char* folder) {
+  uint32_t id = 0;
+  EfsiSim* sim = make_scene(&id);
+  EfsiStepInfo info;
+  double time = -1.0;
+  uint64_t steps = 0, hash_a = 0, hash_b = 0;
+  int calls = 0;
+  CHECK_OK(sim, efsi_simulation_step(sim, 0.01, &info));
+  CHECK(info.steps == 1 && info.dt > 0.0 && info.dt <= 0.01 && info.time == info.dt);
+  CHECK_OK(sim, efsi_simulation_get_time(sim, &time, &steps));
+  CHECK(time == info.time && steps == 1);
+  CHECK_OK(sim, efsi_simulation_advance(sim, 0.05 - time, &info, count_and_go_on, &calls));
+  CHECK(fabs(info.time - 0.05) < 1e-12 && calls >= 1 && info.steps >= 1);
+
+  char path[4096];
+  path_in(path, sizeof path, folder, "state.checkpoint");
+  CHECK_OK(sim, efsi_simulation_save_checkpoint(sim, path));
+  CHECK_OK(sim, efsi_simulation_advance(sim, 0.05, &info, NULL, NULL));
+  CHECK_OK(sim, efsi_simulation_get_hash(sim, &hash_a));
+
+  EfsiSolidDiagnostics solid;
+  EfsiFluidDiagnostics fluid;
+  CHECK_OK(sim, efsi_solid_get_diagnostics(sim, id, &solid));
+  const double fallen = 0.35 - solid.center.y;
+  CHECK(fallen > 0.040 && fallen < 0.055);
+  CHECK(fabs(solid.center.x - 0.3) < 1e-3 && fabs(solid.center.z - 0.3) < 1e-3);
+  CHECK(fabs(solid.volume_mesh / solid.rest_volume - 1.0) < 0.02 && solid.momentum.y < 0.0);
+  CHECK_OK(sim, efsi_simulation_get_fluid_diagnostics(sim, &fluid));
+  CHECK(fluid.kinetic_energy > 0.0 && fluid.smoke > 0.0);
+
+  float points[24], velocities[24];
+  CHECK_OK(sim, efsi_solid_get_surface(sim, id, points, velocities, 8));
+  for (int i = 0; i < 8; ++i) {
+    CHECK(fabs((double)points[3 * i + 1] - (double)kPoints[i][1] + fallen) < 0.02);
+    CHECK(velocities[3 * i + 1] < -0.5f && velocities[3 * i + 1] > -1.5f);
+  }
+  CHECK(efsi_solid_get_surface(sim, id, points, velocities, 7) == EFSI_ERROR_ARGUMENT);
+
+  EfsiProfile profile;
+  CHECK_OK(sim, efsi_simulation_get_profile(sim, &profile));
+  CHECK(profile.steps >= 3 && profile.total_seconds > 0.0 && profile.memory_bytes > 0);
+  CHECK(profile.tiles[EFSI_STAGE_VELOCITY_SOLVE] > 0 && profile.tiles[EFSI_STAGE_CONTACT] == 0);
+  CHECK_OK(sim, efsi_simulation_reset_profile(sim));
+  CHECK_OK(sim, efsi_simulation_get_profile(sim, &profile));
+  CHECK(profile.steps == 0 && profile.total_seconds == 0.0);
+  check_vdb(sim, folder);
+
+  /* The checkpoint, in another simulation of the same scene, goes on to the same bits. */
+  EfsiSim* twin = make_scene(&id);
+  CHECK_OK(twin, efsi_simulation_restore_checkpoint(twin, path));
+  CHECK_OK(twin, efsi_simulation_get_time(twin, &time, &steps));
+  CHECK(fabs(time - 0.05) < 1e-12 && steps >= 2);
+  CHECK(efsi_simulation_advance(twin, 0.05, &info, stop_at_once, NULL) == EFSI_ERROR_CANCELLED);
+  CHECK_OK(twin, efsi_simulation_restore_checkpoint(twin, path));
+  CHECK_OK(twin, efsi_simulation_advance(twin, 0.05, &info, NULL, NULL));
+  CHECK_OK(twin, efsi_simulation_get_hash(twin, &hash_b));
+  CHECK(hash_a == hash_b && hash_a != 0);
+  path_in(path, sizeof path, folder, "missing.checkpoint");
+  CHECK(efsi_simulation_restore_checkpoint(twin, path) == EFSI_ERROR_IO);
+
+  check_fields(twin);
+  efsi_simulation_destroy(twin);
+  efsi_simulation_destroy(sim);
+}
+
+int main(int argc, char** argv) {
+  if (argc != 2) {
+    fprintf(stderr, "usage: client FOLDER\n");
+    return 100;
+  }
+  check_base_and_memory();
+  check_mesh(argv[1]);
+  check_refusals();
+  check_fall(argv[1]);
+  if (failures) fprintf(stderr, "%d checks failed\n", failures);
+  return failures > 100 ? 100 : failures;
+}
