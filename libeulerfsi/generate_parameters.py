@@ -298,11 +298,11 @@ def render_docs(table: Table) -> str:
         "",
         f"<!-- {NOTE} -->",
         "",
-        "On a stage every parameter is an attribute `eulerfsi:<name>` of an applied API schema. Values there are in stage",
-        "units (`distance` is a length in `metersPerUnit`, `mass` a mass in `kilogramsPerUnit`); moduli are always in",
-        "pascal. Inside the library and in the C API everything is SI. An attribute that is not authored has its default,",
-        "which is given in SI here and means the same length or density in every stage unit; where the number would",
-        "depend on the stage's units, the schema's fallback is `-inf`.",
+        "On a stage every parameter is an attribute `eulerfsi:<name>` of an applied API schema. Values there are in",
+        "stage units (`distance` is a length in `metersPerUnit`, `mass` a mass in `kilogramsPerUnit`); moduli are",
+        "always in pascal. Inside the library and in the C API everything is SI. An attribute that is not authored has",
+        "its default, which is given in SI here and means the same length or density in every stage unit; where the",
+        "number would depend on the stage's units, the schema's fallback is `-inf`.",
     ]
     for scope in SCOPES:
         lines += [

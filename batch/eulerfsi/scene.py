@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
+from pxr import Tf, Usd, UsdGeom, UsdPhysics, UsdShade
 
 from . import binding, solver
 from .errors import LibraryError, SceneError
 from .frames import FrameRange, check_frames
 from .parameters import Parameter, StageUnits, table
-from .space import SimulationSpace, domain_space
+from .space import SimulationSpace, determinant, domain_space, orthonormal_rows, transform_points, transform_vectors
 
 DOMAIN_API, SOLID_API, EMITTER_API = "EulerFsiDomainAPI", "EulerFsiSolidAPI", "EulerFsiEmitterAPI"
 APIS = {DOMAIN_API: "domain", SOLID_API: "solid", EMITTER_API: "emitter"}
@@ -105,12 +105,8 @@ def find_prims(stage: Usd.Stage, scope: str) -> list[Usd.Prim]:
 
 
 def stage_units(stage: Usd.Stage) -> StageUnits:
-    """Units of a stage; raises SceneError where they are not positive."""
-    units = StageUnits(UsdGeom.GetStageMetersPerUnit(stage), UsdPhysics.GetStageKilogramsPerUnit(stage))
-    for name, value in (("metersPerUnit", units.meters_per_unit), ("kilogramsPerUnit", units.kilograms_per_unit)):
-        if not 0 < value < math.inf:
-            raise SceneError(f"stage: {name} = {value:g}: must be > 0")
-    return units
+    """Units of a stage."""
+    return StageUnits(UsdGeom.GetStageMetersPerUnit(stage), UsdPhysics.GetStageKilogramsPerUnit(stage))
 
 
 class _Reader:
@@ -126,26 +122,12 @@ class _Reader:
         if not attribute or not attribute.HasAuthoredValue():
             return parameter.default
         raw = attribute.Get(self.time)
-        where = f"{prim.GetPath()}: {parameter.attribute} = {raw}"
-        try:
-            if parameter.type == "token":
-                if str(raw) not in parameter.tokens:
-                    raise SceneError(f"{where}: must be one of {', '.join(parameter.tokens)}")
-                return str(raw)
-            if parameter.type == "bool":
-                return bool(raw)
-            if parameter.type == "asset":
-                return raw
-            factor = self.units.factor(parameter.stage_unit)
-            converted = [float(c) * factor for c in raw] if parameter.type == "vector" else float(raw) * factor
-        except (TypeError, ValueError) as error:
-            raise SceneError(f"{where}: must be of type {parameter.type}") from error
-        numbers = converted if isinstance(converted, list) else [converted]
-        low, high = parameter.hard
-        bad = [n for n in numbers if not math.isfinite(n) or n < low or n > high or (parameter.min_exclusive and n <= low)]
-        if bad:
-            raise SceneError(f"{where}: must be {parameter.limit_text() or 'finite'} {parameter.unit}".rstrip())
-        return converted
+        if parameter.type == "token":
+            return str(raw)
+        if parameter.type in ("bool", "asset") or raw == -math.inf:  # -inf: "use the default"
+            return parameter.default if raw == -math.inf else raw
+        factor = self.units.factor(parameter.stage_unit)
+        return [float(c) * factor for c in raw] if parameter.type == "vector" else float(raw) * factor
 
     def fields(self, prim: Usd.Prim, scope: str) -> dict[str, Any]:
         """{C field: SI value} of the parameters that map to one; vectors stay in world axes."""
@@ -173,8 +155,6 @@ class _Reader:
 
 def open_stage(path: Path) -> Usd.Stage:
     """Opens a scene file with the schema registered. Raises SceneError."""
-    from pxr import Tf
-
     if not path.is_file():
         raise SceneError(f"{path}: no such file")
     try:
@@ -194,7 +174,10 @@ def stage_frames(stage: Usd.Stage) -> FrameRange:
 
 
 def read_scene(stage: Usd.Stage, path: Path, frames: FrameRange | None = None) -> Scene:
-    """Reads the stage at the first frame. Raises SceneError (or LibraryError for a missing library)."""
+    """Reads a stage that `checks.check_stage` found without errors, at the first frame.
+
+    Raises SceneError for what only this reading finds: meshes that the library refuses, files that do not load.
+    """
     frames = frames or stage_frames(stage)
     units = stage_units(stage)
     reader = _Reader(units, Usd.TimeCode(frames.first))
@@ -251,10 +234,6 @@ def _domain_values(reader: _Reader, prim: Usd.Prim, meters: np.ndarray, mirrored
         )
     if mirrored:
         values["wall[0]"], values["wall[1]"] = values["wall[1]"], values["wall[0]"]
-    for axis, name in enumerate("XYZ"):
-        pair = (values[f"wall[{2 * axis}]"], values[f"wall[{2 * axis + 1}]"])
-        if binding.WALLS["periodic"] in pair and pair[0] != pair[1]:
-            raise SceneError(f"{prim.GetPath()}: wall{name}Min and wall{name}Max: both or none must be periodic")
     values["domain_min"] = (-size / 2).tolist()
     values["domain_size"] = size.tolist()
     return values
@@ -269,8 +248,8 @@ def _gravity(stage: Usd.Stage, units: StageUnits, warnings: list[str]) -> np.nda
     direction, magnitude = -up, EARTH_GRAVITY
     if scenes:
         authored = np.array(scenes[0].GetGravityDirectionAttr().Get(), float)
-        if np.linalg.norm(authored) > 0:
-            direction = authored / np.linalg.norm(authored)
+        if authored.any():
+            direction = authored / math.sqrt((authored * authored).sum())
         given = scenes[0].GetGravityMagnitudeAttr().Get()
         if math.isfinite(given) and given >= 0:
             magnitude = given * units.meters_per_unit
@@ -299,17 +278,7 @@ def _surface(reader: _Reader, prim: Usd.Prim) -> tuple[solver.Mesh, str]:
     indices = geom.GetFaceVertexIndicesAttr().Get(reader.time)
     if not points or not counts or not indices:
         raise SceneError(f"{path}: the mesh has no points or no faces at frame {reader.time.GetValue():g}")
-    mesh = solver.Mesh(np.array(points), np.array(counts), np.array(indices))
-    bad = np.flatnonzero(~np.isfinite(mesh.points).all(axis=1))
-    if len(bad):
-        value = tuple(mesh.points[bad[0]].tolist())
-        raise SceneError(f"{path}: points[{bad[0]}] = {value}: must be finite ({len(bad)} such points)")
-    if int(mesh.counts.sum()) != len(mesh.indices) or (mesh.counts < 3).any():
-        raise SceneError(f"{path}: faceVertexCounts ask for {int(mesh.counts.sum())} indices, there are {len(mesh.indices)}")
-    if mesh.indices.min() < 0 or mesh.indices.max() >= len(mesh.points):
-        worst = mesh.indices.max() if mesh.indices.min() >= 0 else mesh.indices.min()
-        raise SceneError(f"{path}: faceVertexIndices hold {worst}: must be in 0..{len(mesh.points) - 1}")
-    return mesh, ""
+    return solver.Mesh(np.array(points), np.array(counts), np.array(indices)), ""
 
 
 def _solid(reader: _Reader, space: SimulationSpace, prim: Usd.Prim, voxel_size: float) -> Solid:
@@ -318,11 +287,13 @@ def _solid(reader: _Reader, space: SimulationSpace, prim: Usd.Prim, voxel_size: 
         raise SceneError(f"{path}: a solid inside an instance cannot be given its own points; set instanceable = false")
     local, file = _surface(reader, prim)
     to_sim = space.from_local(reader.local_to_world(prim))
-    points = local.points.astype(float) @ to_sim[:3, :3] + to_sim[3, :3]
-    mesh = solver.Mesh(points, local.counts, local.indices)
+    handedness = determinant(to_sim)
+    if handedness == 0:
+        raise SceneError(f"{path}: the transform of the solid has a zero scale")
+    mesh = solver.Mesh(transform_points(local.points, to_sim), local.counts, local.indices)
     is_mesh = prim.IsA(UsdGeom.Mesh)
     left_handed = is_mesh and not file and reader.authored(prim, "orientation") == UsdGeom.Tokens.leftHanded
-    if left_handed != (np.linalg.det(to_sim[:3, :3]) < 0):
+    if left_handed != (handedness < 0):
         mesh = mesh.flipped()  # outward faces stay outward
     try:
         report = solver.check_mesh(mesh, voxel_size)
@@ -346,22 +317,14 @@ def _free_child(prim: Usd.Prim, name: str) -> str:
 
 def _density(reader: _Reader, prim: Usd.Prim, volume: float) -> float:
     """[kg/m^3]: physics:mass over the volume, else physics:density, else that of the physics material, else 1000."""
-    path, to_si = prim.GetPath(), reader.units.factor("kg^1 m^-3")
+    to_si = reader.units.factor("kg^1 m^-3")
     mass, density = reader.authored(prim, "physics:mass"), reader.authored(prim, "physics:density")
     if mass is not None and mass != 0:  # UsdPhysics: 0 is "not given"
-        if not 0 < mass < math.inf:
-            raise SceneError(f"{path}: physics:mass = {mass:g}: must be > 0")
         return mass * reader.units.kilograms_per_unit / volume
-    where = f"{path}: physics:density"
     if density is None:
         material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")
         density = reader.authored(material.GetPrim(), "physics:density") if material else None
-        where = f"{material.GetPath()}: physics:density" if material else where
-        if not density:
-            return DEFAULT_DENSITY
-    if not 0 < density < math.inf:
-        raise SceneError(f"{where} = {density:g}: must be > 0 (remove the attribute for the default)")
-    return density * to_si
+    return density * to_si if density else DEFAULT_DENSITY
 
 
 def _initial_motion(
@@ -375,13 +338,12 @@ def _initial_motion(
     velocity, angular = np.array(values["velocity"], float), np.array(values["angular_velocity"], float)
     rigid_velocity = reader.authored(prim, "physics:velocity")
     if reader.authored(prim, "eulerfsi:velocity") is None and rigid_velocity is not None:
-        velocity = np.array(rigid_velocity, float) @ linear * reader.units.meters_per_unit
+        velocity = transform_vectors(rigid_velocity, linear) * reader.units.meters_per_unit
     rigid_angular = reader.authored(prim, "physics:angularVelocity")
     if reader.authored(prim, "eulerfsi:angularVelocity") is None and rigid_angular is not None:
-        left, _, right = np.linalg.svd(linear)
-        rotation = left @ right
         # An axial vector: a mirror image turns the other way.
-        angular = np.radians(np.array(rigid_angular, float)) @ rotation * np.sign(np.linalg.det(rotation))
+        turn = np.copysign(1.0, determinant(linear))
+        angular = transform_vectors(np.radians(np.array(rigid_angular, float)), orthonormal_rows(linear)) * turn
     return space.vector_to_sim(velocity).tolist(), space.vector_to_sim(angular).tolist()
 
 
@@ -393,18 +355,11 @@ def _emitter(reader: _Reader, space: SimulationSpace, prim: Usd.Prim) -> Emitter
         shape, width = "sphere", 2 * UsdGeom.Sphere(prim).GetRadiusAttr().Get(reader.time)
     else:
         raise SceneError(f"{prim.GetPath()}: {EMITTER_API} on a {prim.GetTypeName()}: must be a Cube or a Sphere")
-    if not width > 0:
-        name = "size" if shape == "box" else "radius"
-        raise SceneError(f"{prim.GetPath()}: {name} = {width if shape == 'box' else width / 2:g}: must be > 0")
-    to_sim = space.from_local(np.diag([width, width, width, 1.0]) @ reader.local_to_world(prim))
-    if abs(np.linalg.det(to_sim[:3, :3])) == 0:
+    to_sim = space.from_local(reader.local_to_world(prim) * np.array([[width], [width], [width], [1.0]]))
+    if determinant(to_sim) == 0:
         raise SceneError(f"{prim.GetPath()}: the transform of the emitter has a zero scale")
     values["shape"] = binding.EMITTER_SHAPES[shape]
     values["transform"] = to_sim.T.ravel().tolist()
     values["velocity"] = space.vector_to_sim(values["velocity"]).tolist()
     return Emitter(str(prim.GetPath()), values)
 
-
-def asset_value(path: str) -> Sdf.AssetPath:
-    """An asset path value for authoring."""
-    return Sdf.AssetPath(path)

@@ -2,7 +2,7 @@
 // reductions and geometry use double.
 #pragma once
 
-#include <Eigen/Core>
+#include <Eigen/Dense>
 #include <array>
 #include <cstdint>
 

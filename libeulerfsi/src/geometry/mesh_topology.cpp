@@ -192,6 +192,10 @@ Topology analyse_topology(const TriangleMesh& welded) {
   const std::vector<HalfEdge> edges = sorted_half_edges(welded);
   for_each_edge(edges, [&](std::size_t begin, std::size_t end) {
     const std::size_t faces = end - begin;
+    const auto forward = std::count_if(edges.begin() + static_cast<std::ptrdiff_t>(begin),
+                                       edges.begin() + static_cast<std::ptrdiff_t>(end),
+                                       [](const HalfEdge& edge) { return edge.forward; });
+    if (2 * static_cast<std::size_t>(forward) != faces) ++topology.unbalanced_edges;
     for (std::size_t e = begin + 1; e < end; ++e) join(parent, edges[begin].triangle, edges[e].triangle);
     if (faces == 1) open.push_back({edges[begin].low, edges[begin].high});
     if (faces > 2) ++topology.nonmanifold_edges;

@@ -20,6 +20,7 @@ struct Topology {
   std::uint64_t open_edges = 0;         // edges with one triangle
   std::uint64_t nonmanifold_edges = 0;  // edges with three triangles and more
   std::uint64_t inconsistent_edges = 0;  // edges with two triangles that run along it in the same direction
+  std::uint64_t unbalanced_edges = 0;  // edges run along more often one way: the winding number is no integer there
   std::uint64_t holes = 0;              // closed loops of open edges
   double largest_hole = 0.0;            // length of the longest such loop [m]
   std::vector<std::int32_t> part;       // per triangle: number of its part, connected across edges, from 0

@@ -26,6 +26,13 @@ void update_velocity(const Parallel& parallel, const Grid& global, const VectorF
         state.v.set(n, velocity.at(global.node(i + lo[0], j + lo[1], k + lo[2])));
       }
   });
+  work.max_speed = parallel.max(g.cells[2] + 1, 0.0, [&](std::int64_t k) {
+    Real top = 0;
+    for (std::size_t n = static_cast<std::size_t>(k) * g.node_stride(2);
+         n < (static_cast<std::size_t>(k) + 1) * g.node_stride(2); ++n)
+      if (work.layer[n] == 0) top = std::max(top, state.v.at(n).cwiseAbs().maxCoeff());
+    return static_cast<double>(top);
+  });
   std::array<Real*, 6> fields;
   for (std::size_t a = 0; a < 3; ++a) {
     fields[a] = state.u.c[a].data();
@@ -59,8 +66,7 @@ std::pair<Real, Real> bounds(const NodeSampler& nodes, const Trilinear& t, const
 
 }  // namespace
 
-void advect(const Parallel& parallel, const Grid& global, AdvectionScheme scheme, double dt, SolidState& state,
-            SolidWork& work) {
+void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, SolidState& state, SolidWork& work) {
   const Grid& g = state.band.grid;
   const Sampler sampler(g);
   const Real step = static_cast<Real>(dt / g.h);
@@ -68,7 +74,6 @@ void advect(const Parallel& parallel, const Grid& global, AdvectionScheme scheme
   const bool paper = scheme == AdvectionScheme::kPaper;
   Vec3 top;
   for (int a = 0; a < 3; ++a) top[a] = static_cast<Real>(g.cells[static_cast<std::size_t>(a)]);
-  (void)global;
 
   const std::size_t count = g.node_count();
   VectorField& first_u = work.scratch_u;

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "geometry/mesh_sdf.hpp"
+#include "geometry/signed_distance.hpp"
 #include "geometry/triangle_mesh.hpp"
 #include "grid/grid.hpp"
 #include "material/constitutive.hpp"
@@ -24,7 +24,6 @@ struct SolidRest {
   double rayleigh_alpha = 0.0, rayleigh_beta = 0.0;
   geometry::SignedDistance distance;      // material space
   geometry::TriangleMesh surface;         // as given, material space
-  geometry::TriangleMesh closed_surface;  // holes capped: for volumes
   double volume = 0.0;                    // of the closed rest shape [m^3]
 };
 

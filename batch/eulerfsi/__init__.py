@@ -1,0 +1,9 @@
+"""eulerfsi: batch tool and Python binding of libeulerfsi.
+
+    from eulerfsi.solver import Simulation, load_mesh     # the solver, SI units
+    from eulerfsi.simulate import load_scene, simulate    # USD scene in, cache out
+
+The command line is `python -m eulerfsi`; see `eulerfsi.__main__`.
+"""
+
+__version__ = "0.1.0"

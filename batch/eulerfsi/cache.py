@@ -1,0 +1,222 @@
+"""The cache folder: made new, taken up again or refused; frames, volumes, statistics and checkpoints go in.
+
+Layout: <scene>.usda, scene/ (copy of the scene), frames/, vdb/, checkpoints/, manifest.json, stats.jsonl, log,
+preview.png. Every file appears whole, and the folder can be moved.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from . import __version__, binding, files
+from .errors import CacheIOError, UsageError
+from .localize import localize_scene
+from .manifest import FILE_NAME, Manifest
+from .scene import Scene
+from .solver import Simulation
+from .usd_writer import UsdWriter
+
+_FOLDERS = ("frames", "vdb", "checkpoints", "scene")
+_FILES = ("stats.jsonl", "log", "preview.png", FILE_NAME)
+_KEPT_CHECKPOINTS = 2
+STATS = "stats.jsonl"
+
+
+class Cache:
+    """One cache folder that a run writes to. `start_frame`: last frame that is there already, None for a new cache."""
+
+    def __init__(self, folder: Path, scene: Scene, manifest: Manifest) -> None:
+        self.folder = folder
+        self.scene = scene
+        self.manifest = manifest
+        self.writer = UsdWriter(folder, scene)
+        self.checkpoint: dict[str, Any] | None = None
+        self._stats: list[dict[str, Any]] = []
+
+    @classmethod
+    def create(cls, folder: Path, scene: Scene, overrides: dict[str, str], grids: list[str]) -> Cache:
+        """Makes the folder with a copy of the scene. An old cache must have been removed (`prepare`)."""
+        facts = {
+            "program": {"eulerfsi": __version__, "library": binding.library_version()},
+            "scene": f"{scene.name}.usda",
+            "scene_copy": "",
+            "scene_hash": scene.hash(),
+            "first": scene.frames.first,
+            "last": scene.frames.last,
+            "fps": scene.fps,
+            "grids": grids if scene.has_smoke else [],
+            "parameters": scene.parameters(),
+            "overrides": overrides,
+        }
+        try:
+            for name in ("frames", "checkpoints", *(("vdb",) if scene.has_smoke else ())):
+                (folder / name).mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise CacheIOError(f"{folder}: cannot be made: {error.strerror}") from error
+        cache = cls(folder, scene, Manifest.new(folder, **facts))
+        copy = localize_scene(scene.path, folder / "scene")
+        cache.manifest.data["scene_copy"] = copy.relative_to(folder).as_posix()
+        cache.writer.write_manifest_layer()
+        cache.manifest.save()
+        return cache
+
+    @classmethod
+    def resume(cls, folder: Path, scene: Scene) -> Cache:
+        """Opens a cache for continuing at its latest intact checkpoint; what came after it is dropped.
+
+        `checkpoint` is that checkpoint's manifest entry, or None when the run must begin again.
+        Raises SceneError when the scene has changed, CacheIOError for a damaged manifest.
+        """
+        manifest = Manifest.load(folder)
+        manifest.check_same_scene(scene.hash(), scene.parameters())
+        files.remove_leftovers(folder)
+        cache = cls(folder, scene, manifest)
+        manifest.data["last"] = scene.frames.last
+        if not cache.is_complete():
+            cache.checkpoint = manifest.usable_checkpoint()
+            manifest.data["status"] = "running"
+            frame = cache.checkpoint["frame"] if cache.checkpoint else scene.frames.first - 1
+            manifest.forget_after(frame)
+            manifest.save()
+            cache._trim_stats(cache.checkpoint["time"] if cache.checkpoint else -1.0)
+        return cache
+
+    def is_complete(self) -> bool:
+        """All frames of the range are there, intact."""
+        return all(not self.manifest.damaged_files(frame) for frame in self.scene.frames)
+
+    def write_frame(self, frame: int, simulation: Simulation, solids: list[int]) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Writes all files of a frame and registers them; returns the surfaces (points, velocities) it wrote."""
+        surfaces = [
+            simulation.surface(identifier, len(solid.mesh.points))
+            for identifier, solid in zip(solids, self.scene.solids, strict=True)
+        ]
+        written = {}
+        if solids:
+            written[self.writer.frame_name(frame)] = self.writer.write_frame(frame, surfaces)
+        if self.scene.has_smoke:
+            name = self.writer.vdb_name(frame)
+            transform = self.scene.space.to_world_matrix()
+            with files.replacing(self.folder / name) as temporary:
+                written[name] = simulation.write_vdb(temporary, transform=transform, write_velocity=1)
+        self.manifest.frames[str(frame)] = {
+            "time": simulation.time,
+            "state": simulation.state_hash(),
+            "files": {name: {**files.record(self.folder / name), "content": content} for name, content in written.items()},
+        }
+        self._flush_stats()
+        self.manifest.save()
+        return surfaces
+
+    def write_root(self) -> Path:
+        """Writes the layer that opens the cache, for the frames that are there. Returns its path."""
+        frames = sorted(map(int, self.manifest.frames))
+        data = self.manifest.data
+        provenance = {key: data[key] for key in ("program", "scene_hash", "parameters", "overrides")}
+        volumes = frames if self.scene.has_smoke else []
+        last = max(frames, default=self.scene.frames.first)
+        self.writer.write_root(f"./{data['scene_copy']}", last, volumes, data["grids"], provenance)
+        return self.folder / f"{self.scene.name}.usda"
+
+    def save_checkpoint(self, frame: int, simulation: Simulation) -> None:
+        """Writes the state after frame `frame` (and maybe some steps) and keeps the last two checkpoints."""
+        name = f"checkpoints/{frame:04d}.{simulation.steps}.efsi"
+        with files.replacing(self.folder / name) as temporary:
+            simulation.save_checkpoint(temporary)
+        self._flush_stats()
+        self.manifest.add_checkpoint(frame, simulation.time, name, _KEPT_CHECKPOINTS)
+
+    def finish(self, status: str) -> None:
+        """Registers how the run ended."""
+        self._flush_stats()
+        self.manifest.data["status"] = status
+        self.manifest.save()
+
+    def add_stats(self, line: dict[str, Any]) -> None:
+        """Adds a line to stats.jsonl; it reaches the file with the frame."""
+        self._stats.append(line)
+
+    def _flush_stats(self) -> None:
+        if self._stats:
+            try:
+                with open(self.folder / STATS, "a", encoding="utf-8") as file:
+                    file.writelines(json.dumps(line) + "\n" for line in self._stats)
+            except OSError as error:
+                raise CacheIOError(f"{self.folder / STATS}: cannot be written: {error.strerror}") from error
+            self._stats.clear()
+
+    def _trim_stats(self, time: float) -> None:
+        """Drops what was recorded after `time`, which will be simulated again."""
+        path = self.folder / STATS
+        if path.is_file():
+            lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+            files.write_text(path, "".join(line for line in lines if json.loads(line)["time"] <= time))
+
+
+def prepare(folder: Path, overwrite: bool, resume: bool) -> str:
+    """Decides what becomes of the output folder: "new" or "resume". Removes nothing yet.
+
+    Raises UsageError for a cache without --overwrite or --resume, and for a folder with other things in it.
+    """
+    if (folder / FILE_NAME).is_file():
+        if resume:
+            return "resume"
+        if not overwrite:
+            raise UsageError(f"{folder}: holds a cache already; continue it with --resume or replace it with --overwrite")
+        Manifest.load(folder)  # only a folder that is ours is ever replaced
+        return "new"
+    if folder.is_dir() and any(folder.iterdir()):
+        raise UsageError(f"{folder}: is not empty and holds no cache; choose another folder with -o")
+    return "new"
+
+
+def remove_old(folder: Path) -> None:
+    """Removes what a cache consists of, nothing else. Raises CacheIOError."""
+    if not (folder / FILE_NAME).is_file():
+        return
+    root = Manifest.load(folder).data["scene"]
+    try:
+        for name in (*_FILES, root):
+            (folder / name).unlink(missing_ok=True)
+        for name in _FOLDERS:
+            if (folder / name).is_dir():
+                shutil.rmtree(folder / name)
+    except OSError as error:
+        raise CacheIOError(f"{folder}: the old cache cannot be removed: {error.strerror}") from error
+
+
+class FolderLock:
+    """Keeps a second run out of the folder; the system releases it when the process ends, however it ends."""
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder / ".lock"
+        self._file = None
+
+    def __enter__(self) -> FolderLock:
+        try:
+            import fcntl
+        except ImportError:
+            return self  # no such lock on this system
+        self._file = open(self.path, "a+", encoding="utf-8")  # noqa: SIM115 - held for the whole run
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            self._file.seek(0)
+            owner = self._file.read().strip() or "another process"
+            self._file.close()
+            raise UsageError(f"{self.path.parent}: {owner} is writing to this cache") from None
+        self._file.truncate(0)
+        self._file.write(f"process {os.getpid()} on {os.uname().nodename}\n")
+        self._file.flush()
+        return self
+
+    def __exit__(self, *_exc: object) -> None:
+        if self._file:
+            self.path.unlink(missing_ok=True)
+            self._file.close()

@@ -1,0 +1,136 @@
+"""What is checked before anything is simulated: the stage (eulerfsi_usd) and what only the library can tell."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+from pxr import Usd
+
+from . import paths, solver
+from .errors import CacheIOError, SceneError
+from .scene import Scene, Solid
+from .system import format_bytes
+
+paths.make_usd_plugin_importable()
+
+from eulerfsi_usd.checks import check_stage  # noqa: E402
+from eulerfsi_usd.issues import Issue  # noqa: E402
+
+__all__ = ["Issue", "check_output", "check_scene", "check_stage", "raise_errors", "stage_issues"]
+
+# Part of the box by which a solid may reach out of it through rounding.
+_TOLERANCE = 1e-6
+
+
+def stage_issues(stage: Usd.Stage) -> list[Issue]:
+    """Issues of the stage alone."""
+    return check_stage(stage)
+
+
+def raise_errors(issues: Iterable[Issue]) -> list[str]:
+    """Raises SceneError with all errors, one a line; returns the messages of the warnings."""
+    issues = list(issues)
+    errors = [issue.message for issue in issues if issue.severity == "error"]
+    if errors:
+        raise SceneError("\n".join(errors))
+    return [issue.message for issue in issues]
+
+
+def check_scene(scene: Scene, memory_limit: int) -> list[Issue]:
+    """Issues that need the library's view of the meshes: repairs, thin features, size, memory."""
+    issues: list[Issue] = []
+    for solid in scene.solids:
+        issues += _check_mesh(scene, solid)
+        issues += _check_inside(scene, solid)
+    return issues + _check_memory(scene, memory_limit)
+
+
+def solid_volume(scene: Scene) -> float:
+    """Sum of the solids' bounding-box volumes [m^3], as the memory estimate wants it."""
+    edges = [np.subtract(s.report["extent_max"], s.report["extent_min"]) for s in scene.solids]
+    return float(sum(e[0] * e[1] * e[2] for e in edges))
+
+
+def _check_mesh(scene: Scene, solid: Solid) -> list[Issue]:
+    report, unit = solid.report, scene.units.meters_per_unit
+    field = "eulerfsi:surfaceFile" if solid.surface_file else "points"
+    where = f"{solid.path}{f' ({Path(solid.surface_file).name})' if solid.surface_file else ''}"
+    issues = []
+    if report["repaired"]:
+        if report["holes"] or report["open_edges"]:
+            fault = f"{report['holes']} hole(s) with {report['open_edges']} open edges"
+            hint = f"the largest hole is {report['largest_hole'] / unit:.4g} around"
+        else:
+            fault, hint = f"{report['nonmanifold_edges']} edges with three faces and more", "the winding number decides"
+        how = "closed by the winding number"
+        if report["closing_radius"] > 0:
+            how += f" and an offset of {report['closing_radius'] / unit:.4g}"
+        message = f"{where}: the surface is no closed solid: {fault}, {how}; {hint}"
+        issues.append(Issue(solid.path, field, fault, "a closed surface", message, "warning", "RepairedMesh"))
+    voxel, thinnest = scene.domain["voxel_size"], report["thinnest_feature"]
+    if 0 < thinnest < 2 * voxel:
+        fitting = thinnest / 2 / unit
+        value, limit = f"{thinnest / unit:.4g}", f"at least two voxels of {voxel / unit:.4g}"
+        message = f"{where}: the thinnest feature is {value}: must be {limit}; eulerfsi:voxelSize = {fitting:.3g} resolves it"
+        issues.append(Issue(solid.path, field, value, limit, message, "warning", "ThinFeature"))
+    return issues
+
+
+def _check_inside(scene: Scene, solid: Solid) -> list[Issue]:
+    low, size = np.array(scene.domain["domain_min"]), np.array(scene.domain["domain_size"])
+    start = np.subtract(solid.report["extent_min"], low)
+    end = np.subtract(solid.report["extent_max"], low)
+    if (start >= -_TOLERANCE * size).all() and (end <= (1 + _TOLERANCE) * size).all():
+        return []
+    unit, axis = scene.units.meters_per_unit, int(np.argmax(np.maximum(-start, end - size)))
+    length, have = (end - start)[axis] / unit, size[axis] / unit
+    value = f"{start[axis] / unit:.4g} to {end[axis] / unit:.4g} along the box's {'xyz'[axis]}"
+    limit = f"inside the domain {scene.domain_path}, 0 to {have:.4g}"
+    problem = f"the domain ({have:.4g}) is smaller than the solid ({length:.4g})" if length > have else "move it inside"
+    message = f"{solid.path}: the solid reaches from {value}: must be {limit} ({problem})"
+    field = "eulerfsi:surfaceFile" if solid.surface_file else "points"
+    return [Issue(solid.path, field, value, limit, message, "error", "OutsideDomain")]
+
+
+def memory_estimate(scene: Scene, memory_limit: int) -> tuple[int, float]:
+    """(bytes that the simulation will need, smallest voxel size [m] that fits the limit or 0)."""
+    return solver.estimate_memory({**scene.domain, "memory_limit": memory_limit}, solid_volume(scene))
+
+
+def _check_memory(scene: Scene, memory_limit: int) -> list[Issue]:
+    need, fitting = memory_estimate(scene, memory_limit)
+    if not memory_limit or need <= memory_limit:
+        return []
+    unit = scene.units.meters_per_unit
+    value = f"{scene.domain['voxel_size'] / unit:.4g}"
+    limit = f"coarse enough for {format_bytes(memory_limit)} of memory"
+    # Rounded up in the third digit, so that the number in the message does fit.
+    digits = 10.0 ** (math.floor(math.log10(fitting / unit)) - 2) if fitting > 0 else 0
+    advice = f"; eulerfsi:voxelSize = {math.ceil(fitting / unit / digits) * digits:.3g} fits" if digits else ""
+    message = (
+        f"{scene.domain_path}: eulerfsi:voxelSize = {value} needs {format_bytes(need)} of memory: must be {limit}{advice}"
+    )
+    return [Issue(scene.domain_path, "eulerfsi:voxelSize", value, limit, message, "error", "TooMuchMemory")]
+
+
+def check_output(folder: Path) -> None:
+    """Raises CacheIOError unless the folder, or the nearest parent that exists, can be written to."""
+    place = folder
+    while not place.exists():
+        if place.parent == place:
+            raise CacheIOError(f"{folder}: output folder: {place} does not exist")
+        place = place.parent
+    if not place.is_dir():
+        raise CacheIOError(f"{folder}: output folder: {place} is a file")
+    if not os.access(place, os.W_OK | os.X_OK):
+        raise CacheIOError(f"{folder}: output folder: {place} is not writable")
+    probe = place / f".eulerfsi-{os.getpid()}"
+    try:  # read-only file systems pass the question and fail the deed
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise CacheIOError(f"{folder}: output folder: {place} is not writable: {error.strerror}") from error

@@ -1,0 +1,55 @@
+"""The run's log: every message with its time in the cache's `log`, warnings on standard error as well."""
+
+from __future__ import annotations
+
+import datetime
+import sys
+from pathlib import Path
+from typing import TextIO
+
+
+class Log:
+    """Keeps messages until `open` names the file, so that nothing is written for a scene that is refused."""
+
+    def __init__(self, err: TextIO | None = None) -> None:
+        self._err = err or sys.stderr
+        self._file: TextIO | None = None
+        self._pending: list[str] = []
+        self._warned: set[str] = set()
+
+    def open(self, path: Path) -> None:
+        """Appends to a file from now on, starting with what was kept."""
+        self._file = open(path, "a", encoding="utf-8")  # noqa: SIM115 - lives as long as the run
+        self._file.writelines(self._pending)
+        self._pending.clear()
+        self._file.flush()
+
+    def close(self) -> None:
+        """Closes the file."""
+        if self._file:
+            self._file.close()
+            self._file = None
+
+    def info(self, text: str) -> None:
+        """A message for the file only."""
+        self._write("info", text)
+
+    def warning(self, text: str) -> None:
+        """A message for the file and standard error; one that was given before is not repeated there."""
+        self._write("warning", text)
+        if text not in self._warned:
+            self._warned.add(text)
+            print(f"warning: {text}", file=self._err, flush=True)
+
+    def error(self, text: str) -> None:
+        """A message for the file; the command line prints the error itself."""
+        self._write("error", text)
+
+    def _write(self, level: str, text: str) -> None:
+        now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+        line = f"{now} {level}: {text}\n"
+        if self._file:
+            self._file.write(line)
+            self._file.flush()
+        else:
+            self._pending.append(line)

@@ -1,0 +1,267 @@
+"""The run: scene in, frames out, checkpoints, signals."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from . import binding, cache as cache_module, checks, preview
+from .cache import Cache, FolderLock
+from .errors import Cancelled, DivergedError, EulerFsiError, LibraryError
+from .frames import parse_frames
+from .log import Log
+from .overrides import apply_overrides, set_domain_parameter
+from .progress import Progress
+from .scene import Scene, open_stage, read_scene
+from .solver import Simulation
+from .system import available_memory, available_threads
+
+CHECKPOINT_EVERY = 10  # frames
+
+
+@dataclasses.dataclass
+class Options:
+    """What `simulate` on the command line sets. threads None: all that the cgroup allows."""
+
+    output: Path | None = None
+    frames: str | None = None
+    threads: int | None = None
+    preset: str | None = None
+    settings: tuple[str, ...] = ()
+    progress: str = "auto"
+    overwrite: bool = False
+    resume: bool = False
+
+
+@dataclasses.dataclass
+class Result:
+    """A finished run. resumed: it continued a cache; nothing_to_do: the cache was complete already."""
+
+    folder: Path
+    root: Path
+    preview: Path
+    resumed: bool
+    nothing_to_do: bool = False
+
+
+def load_scene(path: Path, options: Options, log: Log, memory_limit: int) -> tuple[Scene, dict[str, str]]:
+    """Opens, overrides, checks and reads a scene; warnings go to the log. Returns it with the overrides applied.
+
+    Raises UsageError for options, SceneError with every fault of the scene.
+    """
+    frames = parse_frames(options.frames) if options.frames else None
+    stage = open_stage(path)
+    overrides = apply_overrides(stage, options.settings)
+    if options.preset:
+        overrides |= set_domain_parameter(stage, "preset", options.preset)
+    warnings = checks.raise_errors(checks.stage_issues(stage))
+    scene = read_scene(stage, path, frames)
+    warnings += scene.warnings + checks.raise_errors(checks.check_scene(scene, memory_limit))
+    for text in dict.fromkeys(warnings):
+        log.warning(text)
+    return scene, overrides
+
+
+def build_simulation(scene: Scene, threads: int, memory_limit: int, log: Log) -> tuple[Simulation, list[int]]:
+    """A simulation at time 0 with the scene's solids and emitters. Returns it with the solids' ids."""
+    place = [""]  # prim that the library is working on, for its messages
+
+    def forward(level: int, text: str) -> None:
+        # A repaired mesh was reported by the checks already, with its prim.
+        (log.warning if level >= binding.LOG_WARNING and not place[0] else log.info)(place[0] + text)
+
+    definition = {**scene.domain, "threads": threads, "memory_limit": memory_limit}
+    simulation = Simulation(definition, forward)
+    try:
+        identifiers = []
+        for solid in scene.solids:
+            place[0] = f"{solid.path}: "
+            identifiers.append(simulation.add_solid(solid.mesh, **solid.values)[0])
+        for emitter in scene.emitters:
+            place[0] = f"{emitter.path}: "
+            simulation.add_emitter(**emitter.values)
+    except LibraryError as error:
+        simulation.close()
+        raise LibraryError(error.status, place[0] + str(error)) from error
+    place[0] = ""
+    return simulation, identifiers
+
+
+def simulate(path: Path, options: Options, log: Log | None = None) -> Result:
+    """Simulates a scene into a cache. Raises EulerFsiError subclasses; Cancelled after a signal."""
+    log = log or Log()
+    threads, memory_limit = options.threads or available_threads(), available_memory()
+    folder = options.output or Path.cwd() / f"{path.stem}_cache"
+    scene, overrides = load_scene(path, options, log, memory_limit)
+    mode = cache_module.prepare(folder, options.overwrite, options.resume)
+    checks.check_output(folder)
+    simulation, solids = build_simulation(scene, threads, memory_limit, log)
+    with simulation:
+        folder.mkdir(parents=True, exist_ok=True)
+        with FolderLock(folder), contextlib.closing(log):
+            if mode == "resume":
+                cache = Cache.resume(folder, scene)
+            else:
+                cache_module.remove_old(folder)
+                cache = Cache.create(folder, scene, overrides, _grids(scene))
+            log.open(folder / "log")
+            return _Run(scene, cache, simulation, solids, log, options.progress, threads).execute(mode == "resume")
+
+
+def _grids(scene: Scene) -> list[str]:
+    """Names of the grids in each volume file."""
+    heated = any(emitter.values["temperature"] != 0 for emitter in scene.emitters)
+    return ["density", "vel", *(["temperature"] if heated else [])]
+
+
+class _Signals:
+    """SIGTERM and SIGINT set `number`; the run looks at it between steps."""
+
+    def __init__(self) -> None:
+        self.number = 0
+
+    def _note(self, number: int, _frame: Any) -> None:
+        self.number = number
+
+    @contextlib.contextmanager
+    def installed(self) -> Iterator[_Signals]:
+        """Handles the signals inside the block (main thread only)."""
+        old = {}
+        for number in (signal.SIGTERM, signal.SIGINT):
+            with contextlib.suppress(ValueError):  # not the main thread: the caller handles signals
+                old[number] = signal.signal(number, self._note)
+        try:
+            yield self
+        finally:
+            for number, handler in old.items():
+                signal.signal(number, handler)
+
+
+class _Run:
+    """One run over the frames of a scene."""
+
+    def __init__(
+        self, scene: Scene, cache: Cache, simulation: Simulation, solids: list[int], log: Log, mode: str, threads: int
+    ) -> None:
+        self.scene, self.cache, self.simulation, self.solids, self.log = scene, cache, simulation, solids, log
+        self.progress = Progress(mode, scene.frames)
+        self.signals = _Signals()
+        self.threads = threads
+        self.surfaces: list[tuple[np.ndarray, np.ndarray]] = []
+
+    def execute(self, resumed: bool) -> Result:
+        """Runs to the last frame."""
+        folder, scene = self.cache.folder, self.scene
+        result = Result(folder, folder / f"{scene.name}.usda", folder / "preview.png", resumed)
+        if resumed and self.cache.is_complete():
+            self.cache.finish("complete")
+            self.cache.write_root()
+            result.nothing_to_do = True
+            return result
+        with self.signals.installed():
+            try:
+                self._frames()
+            except Cancelled:
+                self._leave("interrupted")
+                raise
+            except EulerFsiError as error:
+                self.log.error(str(error))
+                with contextlib.suppress(EulerFsiError):  # a full disk must not hide the first error
+                    self._leave("failed")
+                raise
+        self._leave("complete")
+        return result
+
+    def _frames(self) -> None:
+        frames, simulation = self.scene.frames, self.simulation
+        done = frames.first - 1
+        if self.cache.checkpoint:
+            simulation.restore_checkpoint(self.cache.folder / self.cache.checkpoint["file"])
+            done = self.cache.checkpoint["frame"]
+        what = f"frames {frames} of {self.scene.path.name}, {self.threads} threads"
+        self.log.info(f"simulate {what}" + (f", from frame {done}" if done >= frames.first else ""))
+        self.progress.start(done - frames.first + 1, threads=self.threads)
+        if done < frames.first:
+            self._finish_frame(frames.first, 0.0)
+            self.cache.write_root()
+            done = frames.first
+        for frame in range(done + 1, frames.last + 1):
+            begun = time.monotonic()
+            target = (frame - frames.first) / self.scene.fps
+            self._advance(frame, target)
+            self._finish_frame(frame, time.monotonic() - begun)
+            if (frame - frames.first) % CHECKPOINT_EVERY == 0 or frame == frames.last:
+                self.cache.save_checkpoint(frame, simulation)
+                self.cache.write_root()
+            if self.signals.number and frame < frames.last:
+                self.cache.save_checkpoint(frame, simulation)
+                raise Cancelled(self.signals.number)
+
+    def _advance(self, frame: int, target: float) -> None:
+        """To `target` seconds; every step is a line of the statistics."""
+        simulation, start = self.simulation, self.simulation.time
+        seen = {"time": start, "velocity_iterations": 0, "pressure_iterations": 0, "steps": 0}
+
+        def between(fraction: float, step: dict[str, Any]) -> bool:
+            if step and step["time"] > seen["time"]:
+                self.cache.add_stats({"event": "step", "frame": frame, **step})
+                seen.update({key: step[key] for key in ("time",)})
+            self.progress.between_steps(frame, fraction)
+            return bool(self.signals.number)
+
+        try:
+            info = simulation.advance(target - start, between)
+        except LibraryError as error:
+            if error.status == binding.ERROR_CANCELLED:
+                self._checkpoint_inside(frame, start, target)
+                raise Cancelled(self.signals.number) from error
+            if error.status == binding.ERROR_DIVERGED:
+                raise DivergedError(f"frame {frame}: {error}") from error
+            raise
+        if info["time"] > seen["time"]:
+            self.cache.add_stats({"event": "step", "frame": frame, **info})
+        if info["unconverged"] or info["degenerate_cells"]:
+            self.log.info(
+                f"frame {frame}: {info['unconverged']} solves at their iteration limit, "
+                f"{info['degenerate_cells']} degenerate cells"
+            )
+
+    def _checkpoint_inside(self, frame: int, start: float, target: float) -> None:
+        """A checkpoint between two frames, where continuing from it lands on the same instant to the last bit."""
+        now = self.simulation.time
+        if now == start or now + (target - now) == start + (target - start):
+            self.cache.save_checkpoint(frame - 1, self.simulation)
+        else:
+            self.log.info(f"frame {frame}: stopped in its first steps; a resumed run takes up an earlier checkpoint")
+
+    def _finish_frame(self, frame: int, seconds: float) -> None:
+        self.surfaces = self.cache.write_frame(frame, self.simulation, self.solids)
+        solids = {
+            solid.path: self.simulation.solid_diagnostics(identifier)
+            for solid, identifier in zip(self.scene.solids, self.solids, strict=True)
+        }
+        line = {"event": "frame", "frame": frame, "time": self.simulation.time, "seconds": round(seconds, 4)}
+        line |= {"steps": self.simulation.steps, "solids": solids, "fluid": self.simulation.fluid_diagnostics()}
+        self.cache.add_stats({**line, "profile": self.simulation.profile()})
+        self.progress.frame_done(frame, time=self.simulation.time, seconds=round(seconds, 4), steps=self.simulation.steps)
+
+    def _leave(self, status: str) -> None:
+        """What every run does at its end: statistics, the layer that opens the cache, the picture."""
+        self.progress.end(status, folder=str(self.cache.folder))
+        self.cache.finish(status)
+        if self.cache.manifest.last_frame is None:
+            return
+        self.cache.write_root()
+        if self.surfaces or self.scene.has_smoke:
+            smoke = self.simulation.field("smoke_density")[0][0] if self.scene.has_smoke else None
+            frame = self.cache.manifest.last_frame
+            title = f"{self.scene.name}  frame {frame}"
+            preview.write_preview(self.cache.folder / "preview.png", self.scene, self.surfaces, smoke, title)
+        self.log.info(f"{status}; last frame {self.cache.manifest.last_frame}")

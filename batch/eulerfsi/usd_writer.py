@@ -1,0 +1,274 @@
+"""USD out: one layer per frame with what moves, and a root layer that joins them over the scene.
+
+Frame layers hold points, velocities (local units per second), normals where the mesh is not subdivided, and extent:
+one time sample each. The root layer has the copied scene as its sublayer and template value clips on every solid;
+clips authored there win over points of the sublayer, so the scene's own layers stay as they were.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+
+from . import files
+from .scene import Scene, Solid
+from .space import transform_points, transform_vectors
+
+_TYPES = {
+    "points": Sdf.ValueTypeNames.Point3fArray,
+    "velocities": Sdf.ValueTypeNames.Vector3fArray,
+    "normals": Sdf.ValueTypeNames.Normal3fArray,
+    "extent": Sdf.ValueTypeNames.Float3Array,
+}
+_STAGE_METADATA = (
+    "defaultPrim",
+    "upAxis",
+    "metersPerUnit",
+    "kilogramsPerUnit",
+    "timeCodesPerSecond",
+    "framesPerSecond",
+    "colorConfiguration",
+    "renderSettingsPrimPath",
+    "expressionVariables",
+)
+# Grid -> value type of its OpenVDBAsset and role of its vectors.
+_GRIDS = {"density": ("float", None), "vel": ("float3", "Vector"), "temperature": ("float", None)}
+
+
+def vertex_normals(points: np.ndarray, triangles: np.ndarray, left_handed: bool) -> np.ndarray:
+    """(n, 3) float32 unit normals, faces weighted by area; (0, 0, 1) where a point has no face."""
+    p = points.astype(float)
+    a, b, c = (p[triangles[:, k]] for k in range(3))
+    face = np.cross(b - a, c - a) * (-1.0 if left_handed else 1.0)
+    normals = np.zeros_like(p)
+    for k in range(3):
+        for axis in range(3):
+            normals[:, axis] += np.bincount(triangles[:, k], face[:, axis], len(p))
+    length = np.sqrt((normals * normals).sum(axis=1))
+    normals[length == 0] = (0, 0, 1)
+    length[length == 0] = 1
+    return (normals / length[:, None]).astype(np.float32)
+
+
+class UsdWriter:
+    """Writes the USD part of one cache. Paths in the layers are relative to the cache folder."""
+
+    def __init__(self, folder: Path, scene: Scene) -> None:
+        self.folder = folder
+        self.scene = scene
+        self.volume_path, self._new_root = _volume_place(scene.stage, scene.domain_path)
+
+    def frame_name(self, frame: int) -> str:
+        """Relative path of a frame layer."""
+        return f"frames/{self.scene.name}.{frame:04d}.usdc"
+
+    def vdb_name(self, frame: int) -> str:
+        """Relative path of a frame's volume file."""
+        return f"vdb/{self.scene.name}.{frame:04d}.vdb"
+
+    def write_frame(self, frame: int, surfaces: list[tuple[np.ndarray, np.ndarray]]) -> str:
+        """Writes one frame layer. surfaces: per solid, positions [m] and velocities [m/s] in simulation space.
+
+        Returns the content hash: SHA-256 of prim paths, points and velocities as written.
+        """
+        layer = Sdf.Layer.CreateAnonymous(".usdc")
+        content = hashlib.sha256()
+        for solid, (points, velocities) in zip(self.scene.solids, surfaces, strict=True):
+            values = self._local_values(solid, frame, points, velocities)
+            prim = Sdf.CreatePrimInLayer(layer, solid.output_path)
+            for name, value in values.items():
+                spec = Sdf.AttributeSpec(prim, name, _TYPES[name])
+                layer.SetTimeSample(spec.path, frame, Vt.Vec3fArray.FromNumpy(value))
+            content.update(solid.output_path.encode() + values["points"].tobytes() + values["velocities"].tobytes())
+        with files.replacing(self.folder / self.frame_name(frame)) as temporary:
+            _export(layer, temporary)
+        return content.hexdigest()
+
+    def _local_values(
+        self, solid: Solid, frame: int, points: np.ndarray, velocities: np.ndarray
+    ) -> dict[str, np.ndarray]:
+        prim = self.scene.stage.GetPrimAtPath(solid.path)
+        to_world = self._local_to_world(prim, frame)
+        to_local = np.array(Gf.Matrix4d(to_world).GetInverse())
+        local = transform_points(self.scene.space.point_to_world(points), to_local)
+        # A prim that is itself animated carries its points along; that part is not theirs.
+        step = 0.01
+        rate = (self._local_to_world(prim, frame + step) - self._local_to_world(prim, frame - step)) * (
+            self.scene.fps / (2 * step)
+        )
+        world_velocities = self.scene.space.velocity_to_world(velocities) - transform_points(local, rate)
+        values = {
+            "points": local.astype(np.float32),
+            "velocities": transform_vectors(world_velocities, to_local).astype(np.float32),
+        }
+        if solid.subdivision == "none":
+            values["normals"] = vertex_normals(values["points"], solid.local.triangles(), solid.left_handed)
+        values["extent"] = np.stack([values["points"].min(axis=0), values["points"].max(axis=0)])
+        return {name: np.ascontiguousarray(value) for name, value in values.items()}
+
+    @staticmethod
+    def _local_to_world(prim: Usd.Prim, frame: float) -> np.ndarray:
+        return np.array(UsdGeom.XformCache(Usd.TimeCode(frame)).GetLocalToWorldTransform(prim))
+
+    def write_manifest_layer(self) -> None:
+        """Writes the layer that tells which attributes the clips hold."""
+        layer = Sdf.Layer.CreateAnonymous(".usda")
+        for solid in self.scene.solids:
+            prim = Sdf.CreatePrimInLayer(layer, solid.output_path)
+            for name, kind in _TYPES.items():
+                if name != "normals" or solid.subdivision == "none":
+                    Sdf.AttributeSpec(prim, name, kind)
+        with files.replacing(self.folder / f"frames/{self.scene.name}.manifest.usda") as temporary:
+            _export(layer, temporary)
+
+    def write_root(self, sublayer: str, last: int, vdb_frames: list[int], grids: list[str], data: dict[str, Any]) -> None:
+        """Writes <scene>.usda for frames first..last. sublayer: relative path of the copied scene.
+
+        data: provenance, stored as customLayerData["eulerfsi"].
+        """
+        layer = Sdf.Layer.CreateAnonymous(".usda")
+        layer.subLayerPaths.append(sublayer)
+        self._write_stage_metadata(layer, last, data)
+        for solid in self.scene.solids:
+            self._write_clips(layer, solid, last)
+        if vdb_frames:
+            self._write_volume(layer, vdb_frames, grids)
+        with files.replacing(self.folder / f"{self.scene.name}.usda") as temporary:
+            _export(layer, temporary)
+
+    def _write_stage_metadata(self, layer: Sdf.Layer, last: int, data: dict[str, Any]) -> None:
+        source = self.scene.stage.GetRootLayer().pseudoRoot
+        root = layer.pseudoRoot
+        for key in _STAGE_METADATA:
+            if source.HasInfo(key):
+                root.SetInfo(key, source.GetInfo(key))
+        if not layer.HasDefaultPrim():
+            layer.defaultPrim = Sdf.Path(self.volume_path or self.scene.domain_path).GetPrefixes()[0].name
+        root.SetInfo("upAxis", UsdGeom.GetStageUpAxis(self.scene.stage))
+        root.SetInfo("metersPerUnit", self.scene.units.meters_per_unit)
+        root.SetInfo("kilogramsPerUnit", self.scene.units.kilograms_per_unit)
+        layer.timeCodesPerSecond = self.scene.fps
+        layer.framesPerSecond = self.scene.stage.GetFramesPerSecond()
+        layer.startTimeCode, layer.endTimeCode = self.scene.frames.first, last
+        layer.customLayerData = {**source.GetInfo("customLayerData"), "eulerfsi": _usd_dictionary(data)}
+
+    def _write_clips(self, layer: Sdf.Layer, solid: Solid, last: int) -> None:
+        prim = Sdf.CreatePrimInLayer(layer, solid.output_path)
+        if solid.surface_file:
+            prim.specifier, prim.typeName = Sdf.SpecifierDef, "Mesh"
+            for name, value in (("faceVertexCounts", solid.local.counts), ("faceVertexIndices", solid.local.indices)):
+                Sdf.AttributeSpec(prim, name, Sdf.ValueTypeNames.IntArray).default = Vt.IntArray.FromNumpy(value)
+            scheme = Sdf.AttributeSpec(prim, "subdivisionScheme", Sdf.ValueTypeNames.Token, Sdf.VariabilityUniform)
+            scheme.default = "none"
+        if solid.subdivision == "none":
+            Sdf.AttributeSpec(prim, "normals", _TYPES["normals"]).SetInfo("interpolation", "vertex")
+            if self.scene.stage.GetPrimAtPath(solid.path).HasAttribute("primvars:normals"):
+                # They would win over `normals` and show the rest shape's shading.
+                old = Sdf.AttributeSpec(prim, "primvars:normals", _TYPES["normals"])
+                old.default = Sdf.ValueBlock()
+        prim.SetInfo(
+            "clips",
+            {
+                "default": {
+                    "primPath": solid.output_path,
+                    "templateAssetPath": f"./frames/{self.scene.name}.####.usdc",
+                    "templateStartTime": float(self.scene.frames.first),
+                    "templateEndTime": float(last),
+                    "templateStride": 1.0,
+                    "manifestAssetPath": Sdf.AssetPath(f"./frames/{self.scene.name}.manifest.usda"),
+                }
+            },
+        )
+
+    def _write_volume(self, layer: Sdf.Layer, frames: list[int], grids: list[str]) -> None:
+        """A Volume in world space (the grids' transforms say where it is) with one OpenVDBAsset per grid."""
+        path = Sdf.Path(self.volume_path)
+        if self._new_root:
+            root = Sdf.CreatePrimInLayer(layer, path.GetParentPath())
+            root.specifier, root.typeName = Sdf.SpecifierDef, "Xform"
+        volume = Sdf.CreatePrimInLayer(layer, path)
+        volume.specifier, volume.typeName = Sdf.SpecifierDef, "Volume"
+        self._write_world_transform(layer, volume)
+        box = np.array(np.meshgrid(*[(0.0, 1.0)] * 3)).reshape(3, -1).T
+        corners = np.array(self.scene.domain["domain_min"]) + box * np.array(self.scene.domain["domain_size"])
+        world = self.scene.space.point_to_world(corners)
+        extent = Sdf.AttributeSpec(volume, "extent", _TYPES["extent"])
+        extent.default = Vt.Vec3fArray.FromNumpy(np.stack([world.min(axis=0), world.max(axis=0)]).astype(np.float32))
+        for grid in grids:
+            asset = Sdf.CreatePrimInLayer(layer, path.AppendChild(grid))
+            asset.specifier, asset.typeName = Sdf.SpecifierDef, "OpenVDBAsset"
+            kind, role = _GRIDS[grid]
+            tokens = {"fieldName": grid, "fieldDataType": kind}
+            if grid == "density" or grid == "temperature":
+                tokens["fieldClass"] = "fogVolume"
+            if role:
+                tokens["vectorDataRoleHint"] = role
+            for name, value in tokens.items():
+                Sdf.AttributeSpec(asset, name, Sdf.ValueTypeNames.Token).default = value
+            Sdf.AttributeSpec(asset, "fieldIndex", Sdf.ValueTypeNames.Int).default = 0
+            file = Sdf.AttributeSpec(asset, "filePath", Sdf.ValueTypeNames.Asset)
+            for frame in frames:
+                layer.SetTimeSample(file.path, frame, Sdf.AssetPath(f"./{self.vdb_name(frame)}"))
+            field = Sdf.RelationshipSpec(volume, f"field:{grid}", custom=False)
+            field.targetPathList.explicitItems = [asset.path]
+
+    def _write_world_transform(self, layer: Sdf.Layer, volume: Sdf.PrimSpec) -> None:
+        """Undoes the parents' transform, frame by frame where it is animated."""
+        parent = self.scene.stage.GetPrimAtPath(volume.path.GetParentPath())
+        if not parent:
+            return
+        matrices = {f: self._local_to_world(parent, f) for f in self.scene.frames}
+        first = matrices[self.scene.frames.first]
+        animated = any((matrix != first).any() for matrix in matrices.values())
+        if not animated and (first == np.eye(4)).all():
+            return
+        order = Sdf.AttributeSpec(volume, "xformOpOrder", Sdf.ValueTypeNames.TokenArray, Sdf.VariabilityUniform)
+        order.default = Vt.TokenArray(["xformOp:transform"])
+        op = Sdf.AttributeSpec(volume, "xformOp:transform", Sdf.ValueTypeNames.Matrix4d)
+        if not animated:
+            op.default = Gf.Matrix4d(first).GetInverse()
+        else:
+            for frame, matrix in matrices.items():
+                layer.SetTimeSample(op.path, frame, Gf.Matrix4d(matrix).GetInverse())
+
+
+def _volume_place(stage: Usd.Stage, domain_path: str) -> tuple[str, bool]:
+    """Path of the Volume, and whether a new root prim must be made for it.
+
+    It lies below the default prim (else the domain's root prim), so that a reference to the cache brings it along; not
+    below a Gprim, where nothing that is drawn may be nested.
+    """
+    for prim in (stage.GetDefaultPrim(), stage.GetPrimAtPath(Sdf.Path(domain_path).GetPrefixes()[0])):
+        if prim and not prim.IsA(UsdGeom.Gprim) and not prim.IsInstance():
+            return str(prim.GetPath().AppendChild(_free_name(stage, prim.GetPath(), "smoke"))), False
+    root = Sdf.Path.absoluteRootPath.AppendChild(_free_name(stage, Sdf.Path.absoluteRootPath, "EulerFsiCache"))
+    return str(root.AppendChild("smoke")), True
+
+
+def _free_name(stage: Usd.Stage, parent: Sdf.Path, name: str) -> str:
+    number, candidate = 1, name
+    while stage.GetPrimAtPath(parent.AppendChild(candidate)):
+        number, candidate = number + 1, f"{name}{number}"
+    return candidate
+
+
+def _export(layer: Sdf.Layer, path: Path) -> None:
+    if not layer.Export(str(path)):
+        raise OSError(f"USD could not export {path.name}")
+
+
+def _usd_dictionary(data: dict[str, Any]) -> dict[str, Any]:
+    """Python values as a USD dictionary holds them: lists of numbers become arrays."""
+    result: dict[str, Any] = {}
+    for key, value in data.items():
+        if isinstance(value, dict):
+            result[key] = _usd_dictionary(value)
+        elif isinstance(value, (list, tuple)):
+            result[key] = Vt.DoubleArray([float(v) for v in value])
+        else:
+            result[key] = value
+    return result

@@ -1,0 +1,15 @@
+// Purpose: the smallest thickness of a solid, measured by rays from its surface to the opposite one.
+#pragma once
+
+#include "geometry/triangle_mesh.hpp"
+#include "geometry/triangle_tree.hpp"
+
+namespace efsi::geometry {
+
+// Estimate of the thinnest feature [m]: rays start at points spread evenly over the surface, run against the normal and
+// end where they leave the solid through a surface that faces them within 45 degrees; the first percentile of
+// their lengths. A plate gives its thickness, a ball its diameter, a box its shortest edge. 0: no ray found one.
+// mesh: oriented outwards, tree: over the same mesh.
+double thinnest_feature(const TriangleMesh& mesh, const TriangleTree& tree);
+
+}  // namespace efsi::geometry

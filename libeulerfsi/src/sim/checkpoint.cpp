@@ -1,0 +1,199 @@
+#include "sim/checkpoint.hpp"
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+
+#include "base/error.hpp"
+#include "sim/simulation.hpp"
+
+namespace efsi::sim {
+namespace {
+
+constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', '1'};
+
+// One walk over the state serves writing, reading and hashing.
+template <class S, class Archive>
+void walk(S& state, Archive& archive) {
+  archive.value(state.time);
+  archive.value(state.steps);
+  archive.value(state.solid_speed);
+  archive.value(state.fluid_speed);
+  for (auto& c : state.fluid.velocity.c) archive.array(c);
+  archive.array(state.fluid.pressure);
+  archive.array(state.fluid.smoke);
+  archive.array(state.fluid.temperature);
+  for (auto& s : state.solids) {
+    archive.value(s.band.grid.cells);
+    archive.value(s.band.grid.h);
+    for (int a = 0; a < 3; ++a) archive.value(s.band.grid.origin[a]);
+    archive.value(s.band.lo);
+    for (auto& c : s.u.c) archive.array(c);
+    for (auto& c : s.v.c) archive.array(c);
+    archive.array(s.valid);
+    archive.array(s.surface);
+    archive.value(s.rest_volume_cells);
+  }
+}
+
+struct HashArchive {
+  Hash hash;
+  template <class T>
+  void value(const T& v) {
+    hash.add_value(v);
+  }
+  template <class T>
+  void array(const std::vector<T>& v) {
+    hash.add_array(v);
+  }
+};
+
+struct WriteArchive {
+  std::ofstream& out;
+  template <class T>
+  void value(const T& v) {
+    out.write(reinterpret_cast<const char*>(&v), sizeof(T));
+  }
+  template <class T>
+  void array(const std::vector<T>& v) {
+    value(static_cast<std::uint64_t>(v.size()));
+    out.write(reinterpret_cast<const char*>(v.data()), static_cast<std::streamsize>(v.size() * sizeof(T)));
+  }
+};
+
+struct ReadArchive {
+  std::ifstream& in;
+  std::uint64_t limit;  // bytes of the file: a damaged length cannot ask for more
+  template <class T>
+  void value(T& v) {
+    in.read(reinterpret_cast<char*>(&v), sizeof(T));
+  }
+  template <class T>
+  void array(std::vector<T>& v) {
+    std::uint64_t n = 0;
+    value(n);
+    if (!in || n > limit / sizeof(T)) {
+      in.setstate(std::ios::failbit);
+      return;
+    }
+    v.resize(n);
+    in.read(reinterpret_cast<char*>(v.data()), static_cast<std::streamsize>(n * sizeof(T)));
+  }
+};
+
+std::string system_reason() { return errno ? std::strerror(errno) : "unknown reason"; }
+
+}  // namespace
+
+void Hash::add(const void* data, std::size_t bytes) {
+  const auto* p = static_cast<const unsigned char*>(data);
+  const auto mix = [this](std::uint64_t word) {
+    state_ ^= word;
+    state_ *= 0xff51afd7ed558ccdull;
+    state_ ^= state_ >> 32;
+  };
+  for (; bytes >= 8; bytes -= 8, p += 8) {
+    std::uint64_t word;
+    std::memcpy(&word, p, 8);
+    mix(word);
+  }
+  std::uint64_t tail = bytes;
+  for (; bytes > 0; --bytes, ++p) tail = (tail << 8) | *p;
+  mix(tail);
+}
+
+std::uint64_t state_hash(const State& state) {
+  HashArchive archive;
+  walk(state, archive);
+  return archive.hash.value();
+}
+
+std::uint64_t Simulation::scene_hash() const {
+  Hash hash;
+  const auto vector = [&](const Vec3d& v) { hash.add(v.data(), 3 * sizeof(double)); };
+  vector(params_.domain_min);
+  vector(params_.domain_size);
+  vector(params_.gravity);
+  hash.add_value(params_.voxel_size);
+  hash.add_value(params_.walls.face);
+  hash.add_value(static_cast<std::uint64_t>(params_.fluid.present));
+  for (double v : {params_.fluid.density, params_.fluid.vorticity_confinement, params_.fluid.smoke_buoyancy,
+                   params_.fluid.temperature_buoyancy, params_.cfl_solid, params_.cfl_fluid, params_.max_time_step,
+                   params_.numerics.velocity_tolerance, params_.numerics.pressure_tolerance})
+    hash.add_value(v);
+  const Numerics& n = params_.numerics;
+  for (int v : {static_cast<int>(n.velocity_solver), static_cast<int>(n.pressure_solver), n.points_per_element,
+                static_cast<int>(n.solid_advection), static_cast<int>(n.corrected_fluid_advection),
+                static_cast<int>(n.stiff_correction), static_cast<int>(n.volume_source),
+                static_cast<int>(sizeof(Real))})
+    hash.add_value(static_cast<std::int64_t>(v));
+  for (const auto& s : solids_) {
+    for (double v : {s.density, s.rayleigh_alpha, s.rayleigh_beta, s.elastic.mu, s.elastic.lambda}) hash.add_value(v);
+    hash.add_value(static_cast<std::int64_t>(s.elastic.law));
+    hash.add_array(s.distance.values);
+    hash.add_array(s.surface.points);
+    hash.add_array(s.surface.triangles);
+  }
+  for (const auto& e : emitters_) {
+    hash.add(e.from_world.data(), 16 * sizeof(double));
+    for (double v : {e.density, e.temperature, e.start_time, e.end_time, e.velocity[0], e.velocity[1], e.velocity[2]})
+      hash.add_value(v);
+    for (int v : {static_cast<int>(e.shape), static_cast<int>(e.mode), static_cast<int>(e.has_velocity)})
+      hash.add_value(static_cast<std::int64_t>(v));
+  }
+  return hash.value();
+}
+
+void save_checkpoint(const Simulation& simulation, const std::string& path) {
+  const std::string temporary = path + ".tmp";
+  {
+    std::ofstream out(temporary, std::ios::binary | std::ios::trunc);
+    if (!out) throw Error(ErrorCode::kIo, temporary + ": cannot be written: " + system_reason());
+    WriteArchive archive{out};
+    out.write(kMagic, sizeof(kMagic));
+    archive.value(simulation.scene_hash());
+    archive.value(state_hash(simulation.state()));
+    archive.value(static_cast<std::uint64_t>(simulation.state().solids.size()));
+    walk(simulation.state(), archive);
+    out.flush();
+    if (!out) {
+      const std::string reason = system_reason();
+      out.close();
+      std::remove(temporary.c_str());
+      throw Error(ErrorCode::kIo, path + ": cannot be written: " + reason);
+    }
+  }
+  std::error_code error;
+  std::filesystem::rename(temporary, path, error);
+  if (error) {
+    std::remove(temporary.c_str());
+    throw Error(ErrorCode::kIo, path + ": cannot be renamed into place: " + error.message());
+  }
+}
+
+void restore_checkpoint(Simulation& simulation, const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  if (!in) throw Error(ErrorCode::kIo, path + ": cannot be read: " + system_reason());
+  std::error_code error;
+  const std::uint64_t size = std::filesystem::file_size(path, error);
+  ReadArchive archive{in, size};
+  char magic[8] = {};
+  in.read(magic, sizeof(magic));
+  if (!in || std::memcmp(magic, kMagic, sizeof(magic)) != 0)
+    throw Error(ErrorCode::kCheckpoint, path + ": is not a checkpoint of this version");
+  std::uint64_t scene = 0, hash = 0, solids = 0;
+  archive.value(scene);
+  archive.value(hash);
+  archive.value(solids);
+  simulation.prepare();
+  if (!in || scene != simulation.scene_hash() || solids != simulation.state().solids.size())
+    throw Error(ErrorCode::kCheckpoint, path + ": belongs to another scene or other parameters");
+  State state;
+  state.solids.resize(solids);
+  walk(state, archive);
+  if (!in || state_hash(state) != hash) throw Error(ErrorCode::kIo, path + ": is damaged");
+  simulation.set_state(std::move(state));
+}
+
+}  // namespace efsi::sim

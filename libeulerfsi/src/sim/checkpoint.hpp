@@ -1,0 +1,38 @@
+// Purpose: the state on disk, and its 64-bit hash. Values only: padding, statistics and thread counts do not count.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "sim/state.hpp"
+
+namespace efsi::sim {
+
+class Simulation;
+
+// Accumulates a 64-bit hash over values in the order given.
+class Hash {
+ public:
+  void add(const void* data, std::size_t bytes);
+  template <class T>
+  void add_value(const T& value) {
+    add(&value, sizeof(T));
+  }
+  template <class T>
+  void add_array(const std::vector<T>& values) {
+    add_value(static_cast<std::uint64_t>(values.size()));
+    add(values.data(), values.size() * sizeof(T));
+  }
+  std::uint64_t value() const { return state_; }
+
+ private:
+  std::uint64_t state_ = 0x9e3779b97f4a7c15ull;
+};
+
+std::uint64_t state_hash(const State& state);
+// Writes to a temporary name beside `path`, then renames. Throws Error(kIo).
+void save_checkpoint(const Simulation& simulation, const std::string& path);
+// Throws Error(kIo) for a file that cannot be read or is damaged, Error(kCheckpoint) for another scene or version.
+void restore_checkpoint(Simulation& simulation, const std::string& path);
+
+}  // namespace efsi::sim

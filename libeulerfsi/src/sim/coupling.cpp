@@ -1,0 +1,359 @@
+#include "sim/coupling.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "fluid/advect.hpp"
+#include "fluid/forces.hpp"
+#include "grid/boundary.hpp"
+
+namespace efsi::sim {
+namespace {
+
+using grid::Grid;
+
+// Calls body(band cell or node index, i, j, k of the global grid) for a solid's band, planes in parallel.
+template <class Body>
+void for_band_nodes(const Parallel& parallel, const solid::Band& band, const Body& body) {
+  const Grid& g = band.grid;
+  parallel.for_each(g.cells[2] + 1, [&](std::int64_t kk) {
+    const int k = static_cast<int>(kk);
+    for (int j = 0; j <= g.cells[1]; ++j)
+      for (int i = 0; i <= g.cells[0]; ++i) body(g.node(i, j, k), i + band.lo[0], j + band.lo[1], k + band.lo[2]);
+  });
+}
+
+template <class Body>
+void for_band_cells(const Parallel& parallel, const solid::Band& band, const Body& body) {
+  const Grid& g = band.grid;
+  parallel.for_each(g.cells[2], [&](std::int64_t kk) {
+    const int k = static_cast<int>(kk);
+    for (int j = 0; j < g.cells[1]; ++j)
+      for (int i = 0; i < g.cells[0]; ++i) body(g.cell(i, j, k), i + band.lo[0], j + band.lo[1], k + band.lo[2]);
+  });
+}
+
+template <class Body>
+void for_grid_nodes(const Parallel& parallel, const Grid& g, const Body& body) {
+  parallel.for_each(g.cells[2] + 1, [&](std::int64_t kk) {
+    const int k = static_cast<int>(kk);
+    for (int j = 0; j <= g.cells[1]; ++j)
+      for (int i = 0; i <= g.cells[0]; ++i) body(g.node(i, j, k), i, j, k);
+  });
+}
+
+// Cells of the grid that touch a node.
+int adjacent_cells(const Grid& g, int i, int j, int k) {
+  const int index[3] = {i, j, k};
+  int cells = 1;
+  for (std::size_t a = 0; a < 3; ++a) cells *= g.periodic[a] || (index[a] > 0 && index[a] < g.cells[a]) ? 2 : 1;
+  return cells;
+}
+
+// Padded cells that a solid owns.
+std::vector<std::uint8_t> solid_cells(const Parallel& parallel, const Scene& scene, const State& state,
+                                      const Workspace& work) {
+  std::vector<std::uint8_t> owned(scene.grid.padded_count(), 0);
+  for (std::size_t l = 0; l < scene.solids.size(); ++l)
+    for_band_cells(parallel, state.solids[l].band, [&](std::size_t c, int i, int j, int k) {
+      if (work.solids[l].element[c] >= 0) owned[scene.grid.padded(i, j, k)] = 1;
+    });
+  return owned;
+}
+
+// b of Eq. 11: where det F has drifted from 1 the solid is asked to grow or shrink back; what it gains the fluid of the
+// box loses, so that the sum vanishes.
+void compute_volume_source(const Parallel& parallel, const Scene& scene, const State& state, double dt,
+                           Workspace& work) {
+  const Grid& g = scene.grid;
+  work.source.assign(g.padded_count(), 0);
+  const double tau = std::max(4.0 * dt, 1.0 / 24.0), limit = 0.1 / dt;
+  double total = 0.0, fluid_cells = static_cast<double>(g.cell_count());
+  for (std::size_t l = 0; l < scene.solids.size(); ++l) {
+    const solid::SolidWork& solid = work.solids[l];
+    for_band_cells(parallel, state.solids[l].band, [&](std::size_t c, int i, int j, int k) {
+      if (solid.element[c] < 0) return;
+      const double det = static_cast<double>(solid.volume_ratio[c]);
+      work.source[g.padded(i, j, k)] =
+          static_cast<Real>(std::clamp((1.0 - det) / (det * tau), -limit, limit) * static_cast<double>(solid.fraction[c]));
+    });
+    fluid_cells -= static_cast<double>(solid.element_cell.size());
+  }
+  if (!scene.params.fluid.present || scene.params.walls.any_open() || fluid_cells < 1.0) return;
+  total = parallel.sum(g.cells[2], [&](std::int64_t k) {
+    double sum = 0.0;
+    for (int j = 0; j < g.cells[1]; ++j)
+      for (int i = 0; i < g.cells[0]; ++i)
+        sum += static_cast<double>(work.source[g.padded(i, j, static_cast<int>(k))]);
+    return sum;
+  });
+  const Real share = static_cast<Real>(total / fluid_cells);
+  std::vector<std::uint8_t> owned = solid_cells(parallel, scene, state, work);
+  parallel.for_each(g.cells[2], [&](std::int64_t k) {
+    for (int j = 0; j < g.cells[1]; ++j)
+      for (int i = 0; i < g.cells[0]; ++i) {
+        const std::size_t c = g.padded(i, j, static_cast<int>(k));
+        if (!owned[c]) work.source[c] -= share;
+      }
+  });
+}
+
+void enforce_walls(const Parallel& parallel, const Scene& scene, grid::VectorField& velocity) {
+  for_grid_nodes(parallel, scene.grid, [&](std::size_t n, int i, int j, int k) {
+    const unsigned fixed = grid::fixed_components(scene.grid, scene.params.walls, i, j, k);
+    if (!fixed) return;
+    for (std::size_t a = 0; a < 3; ++a)
+      if (fixed & (1u << a)) velocity.c[a][n] = 0;
+  });
+}
+
+}  // namespace
+
+void combine_masses(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work,
+                    ScopedTimer& timer) {
+  const Grid& g = scene.grid;
+  const bool solids = !scene.solids.empty();
+  if (!solids && work.uniform_ready) return;
+  const double h3 = g.h * g.h * g.h;
+  const Real fluid_density = scene.params.fluid.present ? static_cast<Real>(scene.params.fluid.density) : Real(0);
+
+  // The fluid fills what the solids leave free.
+  if (solids) {
+    work.cell_fraction.assign(g.cell_count(), 0);
+    for (std::size_t l = 0; l < scene.solids.size(); ++l)
+      for_band_cells(parallel, state.solids[l].band, [&](std::size_t c, int i, int j, int k) {
+        Real& fraction = work.cell_fraction[g.cell(i, j, k)];
+        fraction = std::min(Real(1), fraction + work.solids[l].fraction[c]);
+      });
+  }
+  work.mass.resize(g.node_count());
+  for_grid_nodes(parallel, g, [&](std::size_t n, int i, int j, int k) {
+    work.mass[n] = static_cast<Real>(static_cast<double>(fluid_density) * h3 / 8.0 * adjacent_cells(g, i, j, k));
+  });
+  if (solids) {
+    // Around the solids: the fluid's share of each of the 8 cells.
+    const auto cell_at = [&](int i, int j, int k) -> std::int64_t {
+      int q[3] = {i, j, k};
+      for (std::size_t a = 0; a < 3; ++a) {
+        const int n = g.cells[a];
+        if (g.periodic[a]) q[a] = (q[a] + n) % n;
+        if (q[a] < 0 || q[a] >= n) return -1;
+      }
+      return static_cast<std::int64_t>(g.cell(q[0], q[1], q[2]));
+    };
+    for (std::size_t l = 0; l < scene.solids.size(); ++l)
+      for_band_nodes(parallel, state.solids[l].band, [&](std::size_t, int i, int j, int k) {
+        double share = 0.0;
+        bool any = false;
+        for (const auto& corner : grid::kCorner) {
+          const std::int64_t c = cell_at(i - corner[0], j - corner[1], k - corner[2]);
+          if (c < 0) continue;
+          const double fraction = static_cast<double>(work.cell_fraction[static_cast<std::size_t>(c)]);
+          any = any || fraction > 0.0;
+          share += 1.0 - fraction;
+        }
+        if (any) work.mass[g.node(i, j, k)] = static_cast<Real>(static_cast<double>(fluid_density) * h3 / 8.0 * share);
+      });
+    timer.visited(g.node_count(), 2 * sizeof(Real));
+  }
+}
+
+void combine_velocities(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work) {
+  const Grid& g = scene.grid;
+  work.velocity.c = state.fluid.velocity.c;
+  if (!scene.params.fluid.present) work.velocity.assign(g.node_count());
+  for (std::size_t l = 0; l < scene.solids.size(); ++l) {
+    const solid::SolidState& solid = state.solids[l];
+    for_band_nodes(parallel, solid.band, [&](std::size_t local, int i, int j, int k) {
+      const Real m = work.solids[l].mass[local];
+      if (!(m > 0)) return;
+      const std::size_t n = g.node(i, j, k);
+      const Real total = work.mass[n] + m;
+      for (std::size_t a = 0; a < 3; ++a)
+        work.velocity.c[a][n] = (work.mass[n] * work.velocity.c[a][n] + m * solid.v.c[a][local]) / total;
+      work.mass[n] = total;
+    });
+  }
+  if (scene.solids.empty() && work.uniform_ready) return;
+  const double h3 = g.h * g.h * g.h;
+  const Real fluid_volume = scene.params.fluid.present ? static_cast<Real>(1.0 / scene.params.fluid.density) : Real(0);
+  work.specific_volume.assign(g.node_count(), fluid_volume);
+  for (std::size_t l = 0; l < scene.solids.size(); ++l)
+    for_band_nodes(parallel, state.solids[l].band, [&](std::size_t, int i, int j, int k) {
+      const std::size_t n = g.node(i, j, k);
+      const double full = h3 / 8.0 * adjacent_cells(g, i, j, k);
+      const double m = static_cast<double>(work.mass[n]);
+      const Real exact = static_cast<Real>(m > 0.0 ? full / m : 0.0);
+      const bool pure = static_cast<double>(fluid_volume) > 0.0 &&
+                        std::abs(static_cast<double>(exact) / static_cast<double>(fluid_volume) - 1.0) < 1e-5;
+      work.specific_volume[n] = pure ? fluid_volume : exact;
+    });
+}
+
+void add_external_forces(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
+                         ScopedTimer& timer) {
+  const Grid& g = scene.grid;
+  if (scene.params.fluid.present) {
+    fluid::apply_emitters(parallel, g, scene.emitters, state.time, state.fluid, work.velocity);
+    const std::uint64_t visited = fluid::add_body_forces(parallel, g, scene.params.fluid, state.fluid,
+                                                         scene.params.gravity, dt, work.specific_volume, work.velocity);
+    timer.visited(visited, 4 * sizeof(Real));
+  }
+  const Vec3 kick = (dt * scene.params.gravity).cast<Real>();
+  for_grid_nodes(parallel, g, [&](std::size_t n, int, int, int) {
+    if (!(work.mass[n] > 0)) return;
+    for (std::size_t a = 0; a < 3; ++a) work.velocity.c[a][n] += kick[static_cast<Eigen::Index>(a)];
+  });
+  enforce_walls(parallel, scene, work.velocity);
+}
+
+void assemble_velocity_system(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
+                              Profile& profile) {
+  if (scene.solids.empty()) return;
+  ScopedTimer timer(profile, Stage::kComputeG);
+  std::vector<system::SolidRef> refs;
+  for (std::size_t l = 0; l < scene.solids.size(); ++l)
+    refs.push_back({&scene.solids[l], &state.solids[l], &work.solids[l]});
+  work.velocity_system.assemble(parallel, scene.grid, scene.params.walls, refs, work.mass, dt);
+  // f* = M (v + dt f_ext / m) + dt f_int
+  work.velocity_system.gather(parallel, work.velocity, work.v_star);
+  work.velocity_system.internal_force(parallel, work.f_star);
+  const auto& mass = work.velocity_system.node_mass();
+  const auto& free = work.velocity_system.free();
+  const Real step = static_cast<Real>(dt);
+  parallel.for_each(work.velocity_system.unknowns(), [&](std::int64_t u) {
+    for (std::size_t i = 3 * static_cast<std::size_t>(u); i < 3 * static_cast<std::size_t>(u) + 3; ++i)
+      work.f_star[i] = free[i] * (mass[static_cast<std::size_t>(u)] * work.v_star[i] + step * work.f_star[i]);
+  });
+  timer.visited(static_cast<std::uint64_t>(work.velocity_system.unknowns()), 30 * sizeof(Real));
+}
+
+void solve_velocity(const Parallel& parallel, const Scene& scene, double, Workspace& work, Profile& profile,
+                    StepInfo& info) {
+  if (scene.solids.empty()) return;
+  ScopedTimer timer(profile, Stage::kVelocitySolve);
+  const Numerics& numerics = scene.params.numerics;
+  const linalg::SolveStats stats = work.velocity_system.solve(parallel, numerics.velocity_solver, work.f_star,
+                                                              work.v_star, numerics.velocity_tolerance);
+  info.velocity_iterations += static_cast<std::uint64_t>(stats.iterations);
+  info.velocity_residual = stats.residual;
+  info.unconverged += !stats.converged;
+  work.velocity_system.scatter(parallel, work.v_star, work.velocity);
+  timer.visited(static_cast<std::uint64_t>(work.velocity_system.unknowns()), 15 * sizeof(Real));
+}
+
+void solve_pressure(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
+                    Profile& profile, StepInfo& info) {
+  if (!scene.params.fluid.present && scene.solids.empty()) return;
+  ScopedTimer timer(profile, Stage::kPressureSolve);
+  const Numerics& numerics = scene.params.numerics;
+  const Grid& g = scene.grid;
+  if (!work.uniform_ready) {
+    std::vector<std::uint8_t> owned, active;
+    if (!scene.solids.empty()) owned = solid_cells(parallel, scene, state, work);
+    if (!scene.params.fluid.present) active = owned;  // in vacuum p = 0 outside the solids
+    work.pressure_system.assemble(parallel, g, scene.params.walls, work.specific_volume, std::move(active),
+                                  std::move(owned));
+    work.uniform_ready = scene.solids.empty();
+  }
+  work.source.clear();
+  if (numerics.volume_source && !scene.solids.empty()) compute_volume_source(parallel, scene, state, dt, work);
+
+  const system::DivergenceNorms before = work.pressure_system.norms(parallel, work.velocity, work.source);
+  info.divergence_before = before.all;
+  info.divergence_before_solid = before.solid;
+  std::vector<Real>& q = state.fluid.pressure;  // holds p between steps, q = dt p during one
+  q.resize(g.padded_count(), 0);
+  const Real step = static_cast<Real>(dt);
+  for (Real& value : q) value *= step;
+  const linalg::SolveStats stats = work.pressure_system.solve(parallel, numerics.pressure_solver, work.velocity,
+                                                              work.source, numerics.pressure_tolerance, q);
+  info.pressure_iterations += static_cast<std::uint64_t>(stats.iterations);
+  info.pressure_residual = stats.residual;
+  info.unconverged += !stats.converged;
+  timer.visited(g.cell_count(), 12 * sizeof(Real));
+}
+
+void project_velocity(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
+                      Profile& profile, StepInfo& info) {
+  if (!scene.params.fluid.present && scene.solids.empty()) return;
+  const Numerics& numerics = scene.params.numerics;
+  std::vector<Real>& q = state.fluid.pressure;
+  if (numerics.stiff_correction && !scene.solids.empty()) {
+    // Eq. 13: v = v* - G^-1 J^T q on the nodes that carry solids.
+    ScopedTimer timer(profile, Stage::kVelocitySolve);
+    auto& system = work.velocity_system;
+    grid::fill_ghosts(scene.grid, q, Real(0));
+    const auto& nodes = system.nodes();
+    const auto row = static_cast<std::size_t>(scene.grid.cells[0] + 1);
+    const auto plane = row * static_cast<std::size_t>(scene.grid.cells[1] + 1);
+    parallel.for_each(system.unknowns(), [&](std::int64_t u) {
+      const std::size_t n = nodes[static_cast<std::size_t>(u)];
+      const Vec3 impulse = system::pressure_impulse(scene.grid, q, static_cast<int>(n % row),
+                                                    static_cast<int>(n % plane / row), static_cast<int>(n / plane));
+      for (std::size_t a = 0; a < 3; ++a) {
+        const std::size_t i = 3 * static_cast<std::size_t>(u) + a;
+        work.f_star[i] = system.free()[i] * impulse[static_cast<Eigen::Index>(a)];
+      }
+    });
+    std::vector<Real> correction(work.f_star.size(), 0);
+    const linalg::SolveStats stats =
+        system.solve(parallel, numerics.velocity_solver, work.f_star, correction, numerics.velocity_tolerance);
+    info.velocity_iterations += static_cast<std::uint64_t>(stats.iterations);
+    info.unconverged += !stats.converged;
+    for (std::size_t i = 0; i < correction.size(); ++i) work.v_star[i] -= correction[i];
+  }
+  ScopedTimer timer(profile, Stage::kPressureSolve);
+  work.pressure_system.project(parallel, q, work.velocity);
+  if (numerics.stiff_correction && !scene.solids.empty())
+    work.velocity_system.scatter(parallel, work.v_star, work.velocity);
+  const Real inverse_step = static_cast<Real>(1.0 / dt);
+  for (Real& value : q) value *= inverse_step;
+  const system::DivergenceNorms after = work.pressure_system.norms(parallel, work.velocity, work.source);
+  info.divergence_after = after.all;
+  info.divergence_after_solid = after.solid;
+}
+
+void advect_fluid(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
+                  Profile& profile) {
+  if (!scene.params.fluid.present) return;
+  const bool corrected = scene.params.numerics.corrected_fluid_advection;
+  {
+    ScopedTimer timer(profile, Stage::kSmoke);
+    const std::uint64_t tiles =
+        fluid::advect_smoke(parallel, scene.grid, corrected, dt, work.velocity, work.cell_fraction, state.fluid, work.advect);
+    timer.visited(512 * tiles, 6 * sizeof(Real));
+  }
+  ScopedTimer timer(profile, Stage::kFluidAdvection);
+  const std::uint64_t tiles =
+      fluid::advect_velocity(parallel, scene.grid, corrected, dt, work.specific_volume,
+                             static_cast<Real>(1.0 / scene.params.fluid.density), work.velocity, state.fluid, work.advect);
+  timer.visited(512 * tiles, 12 * sizeof(Real));
+}
+
+void measure(const Parallel& parallel, const Scene& scene, State& state, const Workspace& work, StepInfo& info) {
+  const Grid& g = scene.grid;
+  info.time = state.time;
+  info.steps = 1;
+  state.solid_speed = 0.0;
+  for (std::size_t l = 0; l < scene.solids.size(); ++l) {
+    const solid::SolidWork& solid = work.solids[l];
+    state.solid_speed = std::max(state.solid_speed, solid.max_speed);
+    info.min_det_f = l == 0 ? solid.min_det_f : std::min(info.min_det_f, solid.min_det_f);
+    info.max_det_f = l == 0 ? solid.max_det_f : std::max(info.max_det_f, solid.max_det_f);
+    info.degenerate_cells += solid.degenerate;
+  }
+  info.max_speed_solid = state.solid_speed;
+  if (!scene.params.fluid.present) return;
+  const std::size_t plane = g.node_stride(2);
+  state.fluid_speed = parallel.max(g.cells[2] + 1, 0.0, [&](std::int64_t k) {
+    Real top = 0;
+    for (const auto& c : state.fluid.velocity.c)
+      for (std::size_t n = static_cast<std::size_t>(k) * plane; n < (static_cast<std::size_t>(k) + 1) * plane; ++n)
+        top = std::max(top, std::abs(c[n]));
+    return static_cast<double>(top);
+  });
+  info.max_speed_fluid = state.fluid_speed;
+}
+
+}  // namespace efsi::sim

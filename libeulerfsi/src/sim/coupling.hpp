@@ -1,0 +1,35 @@
+// Purpose: the lines of Algorithm 1 that join solids and fluid on the common grid.
+// Paper: Alg. 1 lines 7-11, 22; Sec. 4.2 (one velocity at a node: no slip between solid and fluid).
+#pragma once
+
+#include "sim/step.hpp"
+
+namespace efsi::sim {
+
+// Line 7: mass of all matter per node, 1/density, part of the cells that is solid, constraint source.
+void combine_masses(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work,
+                    ScopedTimer& timer);
+// v = sum_l m_l v_l / sum_l m_l over the solids and the fluid.
+void combine_velocities(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work);
+// v += dt f_ext / m, emitters, walls.
+void add_external_forces(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
+                         ScopedTimer& timer);
+// Line 8: G and f* on the nodes that carry solids.
+void assemble_velocity_system(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
+                              Profile& profile);
+// Line 9, Eq. 8.
+void solve_velocity(const Parallel& parallel, const Scene& scene, double dt, Workspace& work, Profile& profile,
+                    StepInfo& info);
+// Line 10, Eq. 12.
+void solve_pressure(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
+                    Profile& profile, StepInfo& info);
+// Line 11, Eq. 13, or the projection.
+void project_velocity(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
+                      Profile& profile, StepInfo& info);
+// Line 22: velocity and smoke.
+void advect_fluid(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
+                  Profile& profile);
+// Speeds, det F, clamped cells.
+void measure(const Parallel& parallel, const Scene& scene, State& state, const Workspace& work, StepInfo& info);
+
+}  // namespace efsi::sim

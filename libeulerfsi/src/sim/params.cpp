@@ -1,0 +1,92 @@
+#include "sim/params.hpp"
+
+#include <cmath>
+#include <sstream>
+
+#include "base/error.hpp"
+
+namespace efsi::sim {
+
+Numerics numerics_of(Preset preset) {
+  Numerics n;  // production
+  if (preset == Preset::kPaper2016) {
+    n.velocity_solver = system::VelocitySolver::kPcr;
+    n.pressure_solver = system::PressureSolver::kPcr;
+    n.pressure_tolerance = 0.02;
+    n.points_per_element = 8;
+    n.solid_advection = solid::AdvectionScheme::kPaper;
+    n.corrected_fluid_advection = false;
+    n.stiff_correction = true;
+    n.volume_source = false;
+  }
+  return n;
+}
+
+namespace {
+
+[[noreturn]] void refuse(const std::string& field, double value, const std::string& limit) {
+  std::ostringstream text;
+  text << field << " = " << value << ": must be " << limit;
+  throw Error(ErrorCode::kArgument, text.str());
+}
+
+void demand_positive(const std::string& field, double value) {
+  if (!(value > 0.0) || !std::isfinite(value)) refuse(field, value, "a finite number > 0");
+}
+
+}  // namespace
+
+void validate(const Params& p) {
+  constexpr const char* axis[3] = {".x", ".y", ".z"};
+  demand_positive("EfsiSimulationDef.voxel_size", p.voxel_size);
+  for (int a = 0; a < 3; ++a) {
+    demand_positive(std::string("EfsiSimulationDef.domain_size") + axis[a], p.domain_size[a]);
+    if (!std::isfinite(p.domain_min[a]))
+      refuse(std::string("EfsiSimulationDef.domain_min") + axis[a], p.domain_min[a], "finite");
+    if (!std::isfinite(p.gravity[a])) refuse(std::string("EfsiSimulationDef.gravity") + axis[a], p.gravity[a], "finite");
+    const bool lower = p.walls.lower(a) == grid::Wall::kPeriodic, upper = p.walls.upper(a) == grid::Wall::kPeriodic;
+    if (lower != upper)
+      refuse(std::string("EfsiSimulationDef.wall") + axis[a], static_cast<double>(p.walls.lower(a)),
+             "periodic on both faces of an axis or on none");
+    const double cells = p.domain_size[a] / p.voxel_size;
+    if (cells > 4096.0)
+      refuse(std::string("EfsiSimulationDef.domain_size") + axis[a] + " / voxel_size", cells, "at most 4096 cells");
+  }
+  demand_positive("EfsiSimulationDef.fluid_density", p.fluid.density);
+  demand_positive("EfsiSimulationDef.cfl_solid", p.cfl_solid);
+  demand_positive("EfsiSimulationDef.cfl_fluid", p.cfl_fluid);
+  if (p.cfl_solid > 4.0) refuse("EfsiSimulationDef.cfl_solid", p.cfl_solid, "at most 4");
+  if (p.cfl_fluid > 8.0) refuse("EfsiSimulationDef.cfl_fluid", p.cfl_fluid, "at most 8");
+  if (!(p.max_time_step >= 0.0)) refuse("EfsiSimulationDef.max_time_step", p.max_time_step, ">= 0");
+  if (!(p.fluid.vorticity_confinement >= 0.0))
+    refuse("EfsiSimulationDef.vorticity_confinement", p.fluid.vorticity_confinement, ">= 0");
+  if (!(p.numerics.velocity_tolerance > 0.0 && p.numerics.velocity_tolerance <= 0.5))
+    refuse("EfsiSimulationDef.velocity_tolerance", p.numerics.velocity_tolerance, "between 0 and 0.5");
+  if (!(p.numerics.pressure_tolerance > 0.0 && p.numerics.pressure_tolerance <= 0.5))
+    refuse("EfsiSimulationDef.pressure_tolerance", p.numerics.pressure_tolerance, "between 0 and 0.5");
+  if (p.threads < 0) refuse("EfsiSimulationDef.threads", p.threads, ">= 0");
+}
+
+grid::Grid make_grid(const Params& p) {
+  grid::Grid g;
+  g.h = p.voxel_size;
+  g.origin = p.domain_min;
+  for (int a = 0; a < 3; ++a) {
+    const auto s = static_cast<std::size_t>(a);
+    g.cells[s] = std::max(1, static_cast<int>(std::ceil(p.domain_size[a] / p.voxel_size - 1e-6)));
+    g.periodic[s] = p.walls.lower(a) == grid::Wall::kPeriodic;
+  }
+  return g;
+}
+
+double estimate_memory(const Params& p, double solid_volume) {
+  // Bytes per cell of the global grid and of the solids' bands, measured (docs/performance.md).
+  constexpr double kBytesPerCell = 190.0, kBytesPerBandCell = 520.0;
+  double cells = 1.0;
+  for (int a = 0; a < 3; ++a) cells *= std::ceil(p.domain_size[a] / p.voxel_size) + 1.0;
+  const double band_edge = std::cbrt(std::max(0.0, solid_volume)) / p.voxel_size + 2.0 * solid::kBandMargin;
+  const double band = solid_volume > 0.0 ? band_edge * band_edge * band_edge : 0.0;
+  return kBytesPerCell * cells + kBytesPerBandCell * band;
+}
+
+}  // namespace efsi::sim

@@ -1,0 +1,54 @@
+// Purpose: every tunable of a simulation; the presets.
+// Symbols: h voxel size, g gravity. The table of user parameters is libeulerfsi/parameters.toml.
+#pragma once
+
+#include <cstdint>
+
+#include "fluid/fluid.hpp"
+#include "grid/boundary.hpp"
+#include "solid/displacement.hpp"
+#include "system/pressure_solve.hpp"
+#include "system/velocity_system.hpp"
+
+namespace efsi::sim {
+
+// Values equal EFSI_PRESET_*.
+enum class Preset : std::int32_t { kProduction = 0, kPaper2016 = 1 };
+
+// Which pieces a preset chooses. Each can be set alone.
+struct Numerics {
+  system::VelocitySolver velocity_solver = system::VelocitySolver::kPcg;
+  system::PressureSolver pressure_solver = system::PressureSolver::kMultigridPcg;
+  double velocity_tolerance = 1e-3;
+  double pressure_tolerance = 0.01;
+  int points_per_element = 1;
+  solid::AdvectionScheme solid_advection = solid::AdvectionScheme::kMacCormack;
+  bool corrected_fluid_advection = true;
+  // true: v = v* - G^-1 J^T q on solid nodes (Eq. 13 as printed); false: v = v* - M^-1 J^T q, divergence-free.
+  bool stiff_correction = false;
+  bool volume_source = true;  // b of Eq. 11 pulls det F back to 1
+};
+
+struct Params {
+  Vec3d domain_min = Vec3d::Zero();
+  Vec3d domain_size = Vec3d::Ones();
+  double voxel_size = 0.02;
+  Vec3d gravity = Vec3d::Zero();
+  grid::Walls walls;
+  fluid::FluidParams fluid;
+  double cfl_solid = 1.8;
+  double cfl_fluid = 5.0;
+  double max_time_step = 0.0;
+  int threads = 0;
+  std::uint64_t memory_limit = 0;
+  Numerics numerics;
+};
+
+Numerics numerics_of(Preset preset);
+// Throws Error(kArgument) that names the field, its value and the limit.
+void validate(const Params& params);
+grid::Grid make_grid(const Params& params);
+// Bytes of a simulation on this grid; solid_volume: of the solids' boxes [m^3].
+double estimate_memory(const Params& params, double solid_volume);
+
+}  // namespace efsi::sim

@@ -1,0 +1,443 @@
+#include "sim/simulation.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <sstream>
+#include <thread>
+
+#include "base/error.hpp"
+#include "fluid/forces.hpp"
+#include "geometry/mesh_sdf.hpp"
+#include "sim/checkpoint.hpp"
+#include "solid/mass.hpp"
+#include "solid/material_force.hpp"
+#include "solid/surface.hpp"
+
+namespace efsi::sim {
+namespace {
+
+constexpr int kMaxRetries = 4;
+constexpr double kRetryTravel = 4.0;  // cells that a solid may have moved in a step before it is repeated smaller
+constexpr double kRestSpacing = 0.5;  // of the rest shape's distance field, in voxels
+
+int thread_count(int requested) {
+  return requested > 0 ? requested : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+}
+
+[[noreturn]] void refuse(const std::string& field, double value, const std::string& limit) {
+  std::ostringstream text;
+  text << field << " = " << value << ": must be " << limit;
+  throw Error(ErrorCode::kArgument, text.str());
+}
+
+void validate(const SolidDesc& d) {
+  const auto positive = [](const char* field, double value) {
+    if (!(value > 0.0) || !std::isfinite(value)) refuse(std::string("EfsiSolidDef.") + field, value, "a finite number > 0");
+  };
+  const auto not_negative = [](const char* field, double value) {
+    if (!(value >= 0.0) || !std::isfinite(value))
+      refuse(std::string("EfsiSolidDef.") + field, value, "a finite number >= 0");
+  };
+  positive("density", d.density);
+  positive("youngs_modulus", d.youngs_modulus);
+  if (!(d.poissons_ratio >= -0.9 && d.poissons_ratio <= 0.499))
+    refuse("EfsiSolidDef.poissons_ratio", d.poissons_ratio, "between -0.9 and 0.499");
+  not_negative("rayleigh_alpha", d.rayleigh_alpha);
+  not_negative("rayleigh_beta", d.rayleigh_beta);
+  for (int a = 0; a < 3; ++a) {
+    if (!std::isfinite(d.velocity[a])) refuse("EfsiSolidDef.velocity", d.velocity[a], "finite");
+    if (!std::isfinite(d.angular_velocity[a])) refuse("EfsiSolidDef.angular_velocity", d.angular_velocity[a], "finite");
+  }
+}
+
+bool finite(const std::vector<Real>& values) {
+  for (Real v : values)
+    if (!std::isfinite(v)) return false;
+  return true;
+}
+
+}  // namespace
+
+Simulation::Simulation(const Params& params, Log log)
+    : params_(params), log_(std::move(log)), parallel_(thread_count(params.threads)) {
+  validate(params_);
+  grid_ = make_grid(params_);
+  if (params_.memory_limit > 0) {
+    const double need = estimate_memory(params_, 0.0);
+    if (need > static_cast<double>(params_.memory_limit)) {
+      const double fit = params_.voxel_size * std::cbrt(need / static_cast<double>(params_.memory_limit));
+      std::ostringstream text;
+      text << "EfsiSimulationDef.voxel_size = " << params_.voxel_size << ": the simulation needs about "
+           << need / 1048576.0 << " MiB, the limit is " << static_cast<double>(params_.memory_limit) / 1048576.0
+           << " MiB; voxel_size " << fit << " would fit";
+      throw Error(ErrorCode::kMemory, text.str());
+    }
+  }
+}
+
+std::size_t Simulation::add_solid(const SolidDesc& desc, geometry::MeshReport& report) {
+  if (state_.steps > 0) throw Error(ErrorCode::kArgument, "efsi_solid_add: solids are added before the first step");
+  validate(desc);
+  solid::SolidRest rest;
+  rest.elastic = material::from_youngs_modulus(desc.law, desc.youngs_modulus, desc.poissons_ratio);
+  rest.density = desc.density;
+  rest.rayleigh_alpha = desc.rayleigh_alpha;
+  rest.rayleigh_beta = desc.rayleigh_beta;
+  rest.distance = geometry::build_signed_distance(desc.surface, kRestSpacing * grid_.h, report, log_);
+  rest.surface = desc.surface;
+  rest.volume = report.solid_volume;
+  if (!(rest.volume > 0.0)) throw Error(ErrorCode::kMesh, "EfsiSolidDef.mesh: encloses no volume");
+  constexpr const char* axis[3] = {"x", "y", "z"};
+  const Vec3d top = params_.domain_min + params_.domain_size;
+  for (int a = 0; a < 3; ++a)
+    if (report.extent_min[a] < params_.domain_min[a] - 1e-6 * grid_.h || report.extent_max[a] > top[a] + 1e-6 * grid_.h) {
+      std::ostringstream text;
+      text << "EfsiSolidDef.mesh: extends from " << report.extent_min[a] << " to " << report.extent_max[a] << " in "
+           << axis[a] << ", the domain from " << params_.domain_min[a] << " to " << top[a];
+      throw Error(ErrorCode::kArgument, text.str());
+    }
+  if (report.thinnest_feature < 2.0 * grid_.h) {
+    std::ostringstream text;
+    text << "solid " << solids_.size() + 1 << ": its thinnest feature is about " << report.thinnest_feature
+         << " m, less than two voxels of " << grid_.h << " m; voxel size " << 0.5 * report.thinnest_feature
+         << " m would resolve it";
+    log_.warning(text.str());
+  }
+
+  // Band and initial state: u = 0, v = velocity + angular velocity x (x - centre).
+  solid::SolidState state;
+  Vec3i lo, hi;
+  for (int a = 0; a < 3; ++a) {
+    const auto s = static_cast<std::size_t>(a);
+    lo[s] = static_cast<int>(std::floor((report.extent_min[a] - grid_.origin[a]) / grid_.h));
+    hi[s] = static_cast<int>(std::ceil((report.extent_max[a] - grid_.origin[a]) / grid_.h));
+  }
+  solid::move_band(state, solid::make_band(grid_, lo, hi));
+  const grid::Grid& g = state.band.grid;
+  std::fill(state.valid.begin(), state.valid.end(), std::uint8_t{1});
+  Vec3d center = Vec3d::Zero();
+  double volume = 0.0;
+  for (const auto& t : desc.surface.triangles) {  // centre of volume
+    const Vec3d &a = desc.surface.points[static_cast<std::size_t>(t[0])],
+                &b = desc.surface.points[static_cast<std::size_t>(t[1])],
+                &c = desc.surface.points[static_cast<std::size_t>(t[2])];
+    const double v = a.dot(b.cross(c)) / 6.0;
+    volume += v;
+    center += v * (a + b + c) / 4.0;
+  }
+  center = std::abs(volume) > 1e-12 * rest.volume ? Vec3d(center / volume)
+                                                  : Vec3d(0.5 * (report.extent_min + report.extent_max));
+  for (int k = 0; k <= g.cells[2]; ++k)
+    for (int j = 0; j <= g.cells[1]; ++j)
+      for (int i = 0; i <= g.cells[0]; ++i) {
+        const Vec3d v = desc.velocity + desc.angular_velocity.cross(g.node_position(i, j, k) - center);
+        state.v.set(g.node(i, j, k), v.cast<Real>());
+      }
+  state.surface = desc.surface.points;
+  double speed = 0.0;
+  for (const Vec3d& x : state.surface)
+    speed = std::max(speed, (desc.velocity + desc.angular_velocity.cross(x - center)).cwiseAbs().maxCoeff());
+  state_.solid_speed = std::max(state_.solid_speed, speed);
+
+  solid::SolidWork work;
+  solid::compute_mass(parallel_, rest, state, work);
+  if (work.element_cell.empty()) {
+    std::ostringstream text;
+    text << "EfsiSolidDef.mesh: no cell of size " << grid_.h << " m lies inside the solid; its thinnest feature is about "
+         << report.thinnest_feature << " m";
+    throw Error(ErrorCode::kMesh, text.str());
+  }
+  state.rest_volume_cells = work.volume;
+  solids_.push_back(std::move(rest));
+  state_.solids.push_back(std::move(state));
+  work_.solids.push_back(std::move(work));
+  return solids_.size() - 1;
+}
+
+std::size_t Simulation::add_emitter(const fluid::Emitter& emitter) {
+  if (state_.steps > 0) throw Error(ErrorCode::kArgument, "efsi_emitter_add: emitters are added before the first step");
+  emitters_.push_back(emitter);
+  return emitters_.size() - 1;
+}
+
+void Simulation::prepare() {
+  if (prepared_) return;
+  prepared_ = true;
+  if (state_.fluid.velocity.size() != grid_.node_count()) state_.fluid.velocity.assign(grid_.node_count());
+  if (state_.fluid.pressure.size() != grid_.padded_count()) state_.fluid.pressure.assign(grid_.padded_count(), 0);
+  if (!params_.fluid.present) return;
+  bool smoke = false, temperature = false;
+  for (const fluid::Emitter& e : emitters_) {
+    smoke = smoke || e.density > 0.0;
+    temperature = temperature || e.temperature != 0.0;
+  }
+  if (smoke && state_.fluid.smoke.empty()) state_.fluid.smoke.assign(grid_.cell_count(), 0);
+  if (temperature && state_.fluid.temperature.empty()) state_.fluid.temperature.assign(grid_.cell_count(), 0);
+  // What the first frame shows; the steps apply emitters again.
+  if (state_.steps == 0) {
+    fluid::apply_emitters(parallel_, grid_, emitters_, state_.time, state_.fluid, state_.fluid.velocity);
+    const std::vector<Real>& fraction = solid_fraction();
+    for (auto* field : {&state_.fluid.smoke, &state_.fluid.temperature})
+      for (std::size_t c = 0; c < field->size() && c < fraction.size(); ++c)
+        if (fraction[c] > Real(0.5)) (*field)[c] = 0;
+  }
+}
+
+StepInfo Simulation::step(double max_dt) {
+  if (!(max_dt > 0.0) || !std::isfinite(max_dt)) refuse("efsi_simulation_step: max_dt", max_dt, "a finite number > 0");
+  prepare();
+  return checked_step(max_dt);
+}
+
+StepInfo Simulation::advance(double duration, const Progress& progress) {
+  if (!(duration > 0.0) || !std::isfinite(duration))
+    refuse("efsi_simulation_advance: duration", duration, "a finite number > 0");
+  prepare();
+  const double start = state_.time, end = start + duration;
+  StepInfo total;
+  while (end - state_.time > 1e-9 * duration) {
+    const StepInfo info = checked_step(end - state_.time);
+    const StepInfo sums = total;
+    total = info;
+    total.steps += sums.steps;
+    total.velocity_iterations += sums.velocity_iterations;
+    total.pressure_iterations += sums.pressure_iterations;
+    total.degenerate_cells += sums.degenerate_cells;
+    total.retries += sums.retries;
+    total.unconverged += sums.unconverged;
+    if (progress && progress((state_.time - start) / duration, total))
+      throw Error(ErrorCode::kCancelled, "cancelled by the progress callback");
+  }
+  state_.time = end;
+  total.time = end;
+  return total;
+}
+
+// A step whose result is looked at: a bad one is rolled back and repeated with half the size.
+StepInfo Simulation::checked_step(double remaining) {
+  const auto begin = std::chrono::steady_clock::now();
+  {
+    ScopedTimer timer(profile_, Stage::kCheck);
+    work_.backup = state_;
+  }
+  const Scene scene{params_, grid_, solids_, emitters_};
+  double shrink = 1.0;
+  std::string reason;
+  for (int attempt = 0; attempt <= kMaxRetries; ++attempt) {
+    StepInfo info = sim::step(parallel_, scene, remaining, shrink, state_, work_, profile_);
+    {
+      ScopedTimer timer(profile_, Stage::kCheck);
+      reason.clear();
+      if (!std::isfinite(state_.fluid_speed) || !std::isfinite(state_.solid_speed) || !finite(state_.fluid.pressure))
+        reason = "a value is not finite";
+      for (std::size_t l = 0; l < solids_.size() && reason.empty(); ++l) {
+        if (work_.solids[l].element_cell.empty()) reason = "solid " + std::to_string(l + 1) + " has vanished";
+        if (!finite(state_.solids[l].u.c[0]) || !finite(state_.solids[l].v.c[1]))
+          reason = "solid " + std::to_string(l + 1) + ": a value is not finite";
+        if (work_.solids[l].max_speed * info.dt > kRetryTravel * grid_.h)
+          reason = "solid " + std::to_string(l + 1) + " moved more than " + std::to_string(kRetryTravel) + " cells";
+      }
+    }
+    if (reason.empty()) {
+      info.retries = static_cast<std::uint64_t>(attempt);
+      profile_.total_seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+      ++profile_.steps;
+      double staged = 0.0;
+      for (std::size_t s = 0; s + 1 < Profile::kStages; ++s) staged += profile_.seconds[s];
+      profile_.seconds[static_cast<std::size_t>(Stage::kOther)] = std::max(0.0, profile_.total_seconds - staged);
+      return info;
+    }
+    shrink = std::min(0.5 * info.dt / remaining, 0.5 * shrink);
+    state_ = work_.backup;
+    work_.uniform_ready = false;
+  }
+  std::ostringstream text;
+  text << "diverged at time " << state_.time << " s: " << reason << " after " << kMaxRetries
+       << " retries with smaller steps; the state is that of the last good step";
+  throw Error(ErrorCode::kDiverged, text.str());
+}
+
+SolidDiagnostics Simulation::diagnose_solid(std::size_t index) {
+  const solid::SolidRest& rest = solids_[index];
+  const solid::SolidState& state = state_.solids[index];
+  solid::SolidWork& work = work_.solids[index];
+  solid::compute_mass(parallel_, rest, state, work);
+  solid::compute_material(parallel_, rest, state, params_.numerics.points_per_element, work);
+
+  SolidDiagnostics d;
+  const grid::Grid& g = state.band.grid;
+  struct Sums {
+    double mass = 0.0, energy = 0.0;
+    Vec3d first = Vec3d::Zero(), momentum = Vec3d::Zero(), angular = Vec3d::Zero();
+  };
+  std::vector<Sums> planes(static_cast<std::size_t>(g.cells[2] + 1));
+  parallel_.for_each(g.cells[2] + 1, [&](std::int64_t kk) {
+    const int k = static_cast<int>(kk);
+    Sums& s = planes[static_cast<std::size_t>(kk)];
+    for (int j = 0; j <= g.cells[1]; ++j)
+      for (int i = 0; i <= g.cells[0]; ++i) {
+        const std::size_t n = g.node(i, j, k);
+        const double m = static_cast<double>(work.mass[n]);
+        if (!(m > 0.0)) continue;
+        const Vec3d x = g.node_position(i, j, k), v = state.v.at(n).cast<double>();
+        s.mass += m;
+        s.first += m * x;
+        s.momentum += m * v;
+        s.angular += m * x.cross(v);
+        s.energy += 0.5 * m * v.squaredNorm();
+      }
+  });
+  Sums total;
+  for (const Sums& s : planes) {
+    total.mass += s.mass;
+    total.first += s.first;
+    total.momentum += s.momentum;
+    total.angular += s.angular;
+    total.energy += s.energy;
+  }
+  d.mass = total.mass;
+  d.center = total.mass > 0.0 ? Vec3d(total.first / total.mass) : Vec3d::Zero();
+  d.momentum = total.momentum;
+  d.angular_momentum = total.angular - d.center.cross(total.momentum);
+  d.kinetic_energy = total.energy;
+  d.elastic_energy = work.elastic_energy;
+  d.rest_volume = rest.volume;
+  d.rest_volume_cells = state.rest_volume_cells;
+  d.volume_cells = work.volume;
+  const double surface_rest = geometry::signed_volume(rest.surface);
+  const double surface_now = geometry::signed_volume({state.surface, rest.surface.triangles});
+  d.volume_mesh = std::abs(surface_rest) > 0.0 ? rest.volume * surface_now / surface_rest : 0.0;
+  d.extent_min.setConstant(std::numeric_limits<double>::infinity());
+  d.extent_max = -d.extent_min;
+  for (const Vec3d& x : state.surface) {
+    d.extent_min = d.extent_min.cwiseMin(x);
+    d.extent_max = d.extent_max.cwiseMax(x);
+  }
+  d.min_det_f = work.min_det_f;
+  d.max_det_f = work.max_det_f;
+  d.elements = work.element_cell.size();
+  d.memory_bytes = work.bytes() + solid::state_bytes(state);
+  return d;
+}
+
+FluidDiagnostics Simulation::diagnose_fluid() {
+  prepare();
+  FluidDiagnostics d;
+  if (!params_.fluid.present) return d;
+  const std::vector<Real>& fraction = solid_fraction();
+  struct Sums {
+    double energy = 0.0, smoke = 0.0, speed = 0.0, divergence = 0.0;
+    Vec3d momentum = Vec3d::Zero();
+  };
+  const double h3 = grid_.h * grid_.h * grid_.h;
+  const auto corner = grid::corner_offsets(grid_);
+  std::vector<Sums> planes(static_cast<std::size_t>(grid_.cells[2]));
+  parallel_.for_each(grid_.cells[2], [&](std::int64_t kk) {
+    Sums& s = planes[static_cast<std::size_t>(kk)];
+    const int k = static_cast<int>(kk);
+    for (int j = 0; j < grid_.cells[1]; ++j)
+      for (int i = 0; i < grid_.cells[0]; ++i) {
+        const std::size_t c = grid_.cell(i, j, k), n = grid_.node(i, j, k);
+        const double part = fraction.empty() ? 1.0 : 1.0 - static_cast<double>(fraction[c]);
+        if (!state_.fluid.smoke.empty()) s.smoke += h3 * static_cast<double>(state_.fluid.smoke[c]);
+        double divergence = 0.0;
+        for (std::size_t a = 0; a < 8; ++a) {
+          const Vec3d v = state_.fluid.velocity.at(n + corner[a]).cast<double>();
+          const double m = params_.fluid.density * h3 * part / 8.0;
+          s.energy += 0.5 * m * v.squaredNorm();
+          s.momentum += m * v;
+          s.speed = std::max(s.speed, part > 0.0 ? v.norm() : 0.0);
+          for (int x = 0; x < 3; ++x) divergence += (grid::kCorner[a][x] ? v[x] : -v[x]) / (4.0 * grid_.h);
+        }
+        s.divergence = std::max(s.divergence, std::abs(divergence));
+      }
+  });
+  for (const Sums& s : planes) {
+    d.kinetic_energy += s.energy;
+    d.momentum += s.momentum;
+    d.smoke += s.smoke;
+    d.max_speed = std::max(d.max_speed, s.speed);
+    d.max_divergence = std::max(d.max_divergence, s.divergence);
+  }
+  return d;
+}
+
+std::vector<Vec3d> Simulation::surface_velocity(std::size_t index) const {
+  std::vector<Vec3d> velocity;
+  solid::sample_surface_velocity(parallel_, state_.solids[index], velocity);
+  return velocity;
+}
+
+const std::vector<Real>& Simulation::solid_fraction() {
+  work_.cell_fraction.clear();
+  if (solids_.empty()) return work_.cell_fraction;
+  work_.cell_fraction.assign(grid_.cell_count(), 0);
+  for (std::size_t l = 0; l < solids_.size(); ++l) {
+    solid::compute_mass(parallel_, solids_[l], state_.solids[l], work_.solids[l]);
+    const solid::Band& band = state_.solids[l].band;
+    for (int k = 0; k < band.grid.cells[2]; ++k)
+      for (int j = 0; j < band.grid.cells[1]; ++j)
+        for (int i = 0; i < band.grid.cells[0]; ++i) {
+          Real& f = work_.cell_fraction[grid_.cell(i + band.lo[0], j + band.lo[1], k + band.lo[2])];
+          f = std::min(Real(1), f + work_.solids[l].fraction[band.grid.cell(i, j, k)]);
+        }
+  }
+  return work_.cell_fraction;
+}
+
+std::uint64_t Simulation::memory_bytes() const {
+  const auto reals = [](const std::vector<Real>& v) { return static_cast<std::uint64_t>(v.capacity() * sizeof(Real)); };
+  const auto state_bytes = [&](const State& s) {
+    std::uint64_t sum = 3 * s.fluid.velocity.size() * sizeof(Real) + reals(s.fluid.pressure) + reals(s.fluid.smoke) +
+                        reals(s.fluid.temperature);
+    for (const auto& solid : s.solids) sum += solid::state_bytes(solid);
+    return sum;
+  };
+  std::uint64_t sum = state_bytes(state_) + state_bytes(work_.backup) + 3 * work_.velocity.size() * sizeof(Real) +
+                      reals(work_.mass) + reals(work_.specific_volume) + reals(work_.cell_fraction) +
+                      reals(work_.source) + work_.velocity_system.bytes() + work_.pressure_system.bytes();
+  for (const auto& solid : work_.solids) sum += solid.bytes();
+  for (const auto* v : {&work_.advect.first, &work_.advect.result}) sum += 3 * v->size() * sizeof(Real);
+  return sum + reals(work_.advect.scalar_first) + reals(work_.advect.scalar_result) + reals(work_.advect.scalar_source);
+}
+
+void Simulation::set_velocity(const float* values) {
+  prepare();
+  const std::size_t n = grid_.node_count();
+  for (std::size_t a = 0; a < 3; ++a)
+    for (std::size_t i = 0; i < n; ++i) state_.fluid.velocity.c[a][i] = static_cast<Real>(values[a * n + i]);
+  state_.fluid_speed = 0.0;
+  for (const auto& c : state_.fluid.velocity.c)
+    for (Real v : c) state_.fluid_speed = std::max(state_.fluid_speed, static_cast<double>(std::abs(v)));
+}
+
+void Simulation::set_smoke(const float* values, bool temperature) {
+  prepare();
+  auto& field = temperature ? state_.fluid.temperature : state_.fluid.smoke;
+  field.assign(values, values + grid_.cell_count());
+}
+
+void Simulation::set_solid_field(std::size_t index, bool velocity, const float* values) {
+  solid::SolidState& solid = state_.solids[index];
+  auto& field = velocity ? solid.v : solid.u;
+  const std::size_t n = field.size();
+  for (std::size_t a = 0; a < 3; ++a)
+    for (std::size_t i = 0; i < n; ++i) field.c[a][i] = static_cast<Real>(values[a * n + i]);
+  std::fill(solid.valid.begin(), solid.valid.end(), std::uint8_t{1});
+  if (velocity) {
+    for (const auto& c : field.c)
+      for (Real v : c) state_.solid_speed = std::max(state_.solid_speed, static_cast<double>(std::abs(v)));
+  } else {
+    solid::correct_surface(parallel_, solids_[index], solid);
+  }
+}
+
+void Simulation::set_state(State state) {
+  prepare();
+  state_ = std::move(state);
+  work_.uniform_ready = false;
+}
+
+}  // namespace efsi::sim

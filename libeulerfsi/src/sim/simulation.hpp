@@ -1,0 +1,105 @@
+// Purpose: a simulation: owns parameters, state and workspace; adds solids and emitters; advances to a frame.
+// Paper: Sec. 4.3.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "base/log.hpp"
+#include "base/parallel.hpp"
+#include "geometry/triangle_mesh.hpp"
+#include "sim/params.hpp"
+#include "sim/profile.hpp"
+#include "sim/state.hpp"
+#include "sim/step.hpp"
+#include "sim/workspace.hpp"
+
+namespace efsi::sim {
+
+// An elastic solid as the caller describes it (EfsiSolidDef).
+struct SolidDesc {
+  geometry::TriangleMesh surface;  // rest shape where it starts [m]
+  double density = 1000.0;
+  double youngs_modulus = 2e4;
+  double poissons_ratio = 0.3;
+  double rayleigh_alpha = 0.0, rayleigh_beta = 0.0;
+  material::Law law = material::Law::kCorotational;
+  Vec3d velocity = Vec3d::Zero();
+  Vec3d angular_velocity = Vec3d::Zero();
+};
+
+struct SolidDiagnostics {
+  double mass = 0.0, rest_volume = 0.0, volume_cells = 0.0, rest_volume_cells = 0.0, volume_mesh = 0.0;
+  Vec3d center = Vec3d::Zero(), momentum = Vec3d::Zero(), angular_momentum = Vec3d::Zero();
+  double kinetic_energy = 0.0, elastic_energy = 0.0;
+  Vec3d extent_min = Vec3d::Zero(), extent_max = Vec3d::Zero();
+  double min_det_f = 1.0, max_det_f = 1.0;
+  std::uint64_t elements = 0, memory_bytes = 0;
+};
+
+struct FluidDiagnostics {
+  double kinetic_energy = 0.0, max_speed = 0.0, smoke = 0.0, max_divergence = 0.0;
+  Vec3d momentum = Vec3d::Zero();
+};
+
+class Simulation {
+ public:
+  // Returns true to cancel. fraction: of the requested interval.
+  using Progress = std::function<bool(double fraction, const StepInfo& last)>;
+
+  Simulation(const Params& params, Log log);
+
+  // Before the first step. Returns the solid's index from 0.
+  std::size_t add_solid(const SolidDesc& desc, geometry::MeshReport& report);
+  std::size_t add_emitter(const fluid::Emitter& emitter);
+
+  StepInfo step(double max_dt);
+  StepInfo advance(double duration, const Progress& progress);
+
+  const Params& params() const { return params_; }
+  const grid::Grid& grid() const { return grid_; }
+  const State& state() const { return state_; }
+  const Workspace& workspace() const { return work_; }
+  const std::vector<solid::SolidRest>& solids() const { return solids_; }
+  const Parallel& parallel() const { return parallel_; }
+  const Log& log() const { return log_; }
+  const Profile& profile() const { return profile_; }
+  void reset_profile() { profile_ = Profile{}; }
+
+  SolidDiagnostics diagnose_solid(std::size_t index);
+  FluidDiagnostics diagnose_fluid();
+  std::vector<Vec3d> surface_velocity(std::size_t index) const;
+  // Part of each cell that solids fill, cells; empty without solids.
+  const std::vector<Real>& solid_fraction();
+  std::uint64_t memory_bytes() const;
+
+  // Fields for initial conditions and tests; values by component in view order.
+  void set_velocity(const float* values);
+  void set_smoke(const float* values, bool temperature);
+  void set_solid_field(std::size_t index, bool velocity, const float* values);
+
+  // A number that tells scenes apart: parameters and solids, not state.
+  std::uint64_t scene_hash() const;
+  // Replaces the state (checkpoint).
+  void set_state(State state);
+  // Reserves what the first step needs and applies initial emitters; done once.
+  void prepare();
+
+ private:
+  StepInfo checked_step(double remaining);
+
+  Params params_;
+  Log log_;
+  Parallel parallel_;
+  grid::Grid grid_;
+  std::vector<solid::SolidRest> solids_;
+  std::vector<fluid::Emitter> emitters_;
+  State state_;
+  Workspace work_;
+  Profile profile_;
+  bool prepared_ = false;
+};
+
+}  // namespace efsi::sim

@@ -1,0 +1,21 @@
+// Purpose: what survives a step: what a checkpoint holds and the state hash covers.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "fluid/fluid.hpp"
+#include "solid/solid.hpp"
+
+namespace efsi::sim {
+
+struct State {
+  double time = 0.0;        // [s]
+  std::uint64_t steps = 0;
+  double solid_speed = 0.0;  // largest component over the solids [m/s]; for the next time step
+  double fluid_speed = 0.0;
+  fluid::FluidState fluid;
+  std::vector<solid::SolidState> solids;
+};
+
+}  // namespace efsi::sim

@@ -1,0 +1,79 @@
+#include "sim/step.hpp"
+
+#include "fluid/advect.hpp"
+#include "fluid/forces.hpp"
+#include "sim/coupling.hpp"
+#include "sim/time_step.hpp"
+#include "solid/displacement.hpp"
+#include "solid/mass.hpp"
+#include "solid/material_force.hpp"
+#include "solid/surface.hpp"
+
+namespace efsi::sim {
+
+StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, double shrink, State& state,
+              Workspace& work, Profile& profile) {
+  const Params& params = scene.params;
+  const Numerics& numerics = params.numerics;
+  const grid::Grid& g = scene.grid;
+  const std::size_t solids = scene.solids.size();
+  StepInfo info;
+
+  // Alg. 1 line 1
+  double dt = compute_time_step(params, g, state, remaining);
+  if (shrink < 1.0) dt = std::min(dt, shrink * remaining);
+  info.dt = dt;
+
+  for (std::size_t l = 0; l < solids; ++l) {  // lines 2-6
+    {
+      ScopedTimer timer(profile, Stage::kSolidMass);
+      solid::compute_mass(parallel, scene.solids[l], state.solids[l], work.solids[l]);  // Alg. 1 line 3
+      timer.visited(work.solids[l].mass.size(), 5 * sizeof(Real));
+    }
+    ScopedTimer timer(profile, Stage::kComputeG);
+    solid::compute_material(parallel, scene.solids[l], state.solids[l], numerics.points_per_element,  // Alg. 1 line 4
+                            work.solids[l]);
+    timer.visited(work.solids[l].element_cell.size(), sizeof(solid::ElementPoint));
+  }
+  {
+    ScopedTimer timer(profile, Stage::kFluidForces);
+    combine_masses(parallel, scene, state, work, timer);  // Alg. 1 line 7
+    combine_velocities(parallel, scene, state, work);
+    add_external_forces(parallel, scene, dt, state, work, timer);
+  }
+  assemble_velocity_system(parallel, scene, dt, state, work, profile);  // Alg. 1 line 8
+  solve_velocity(parallel, scene, dt, work, profile, info);             // Alg. 1 line 9
+  solve_pressure(parallel, scene, dt, state, work, profile, info);      // Alg. 1 line 10
+  project_velocity(parallel, scene, dt, state, work, profile, info);    // Alg. 1 line 11
+
+  for (std::size_t l = 0; l < solids; ++l) {  // lines 12-21
+    {
+      ScopedTimer timer(profile, Stage::kSolidAdvection);
+      solid::update_velocity(parallel, g, work.velocity, state.solids[l], work.solids[l]);  // Alg. 1 lines 13, 18
+      timer.visited(work.solids[l].layer.size(), 12 * sizeof(Real));
+    }
+    {
+      ScopedTimer timer(profile, Stage::kSurface);
+      solid::predict_surface(parallel, dt, state.solids[l]);
+    }
+    {
+      ScopedTimer timer(profile, Stage::kSolidAdvection);
+      solid::advect(parallel, numerics.solid_advection, dt, state.solids[l], work.solids[l]);  // Alg. 1 lines 19, 20
+    }
+    {
+      ScopedTimer timer(profile, Stage::kSurface);
+      solid::correct_surface(parallel, scene.solids[l], state.solids[l]);
+      timer.visited(state.solids[l].surface.size(), sizeof(Vec3d));
+    }
+    ScopedTimer timer(profile, Stage::kSolidAdvection);
+    solid::follow_solid(g, scene.solids[l], state.solids[l]);
+  }
+  advect_fluid(parallel, scene, dt, state, work, profile);  // Alg. 1 line 22
+
+  state.time += dt;
+  ++state.steps;
+  measure(parallel, scene, state, work, info);
+  return info;
+}
+
+}  // namespace efsi::sim

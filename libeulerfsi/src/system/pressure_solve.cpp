@@ -1,0 +1,124 @@
+#include "system/pressure_solve.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace efsi::system {
+namespace {
+
+constexpr int kMaxMultigridIterations = 60, kMaxPcrIterations = 500;
+
+template <class Term>
+double sum_cells(const Parallel& parallel, const Grid& g, const Term& term) {
+  return parallel.sum(g.cells[2], [&](std::int64_t k) {
+    double sum = 0.0;
+    for (int j = 0; j < g.cells[1]; ++j) {
+      const std::size_t row = g.padded(0, j, static_cast<int>(k));
+      for (std::size_t i = 0; i < static_cast<std::size_t>(g.cells[0]); ++i) sum += term(row + i);
+    }
+    return sum;
+  });
+}
+
+}  // namespace
+
+void PressureSystem::assemble(const Parallel& parallel, const Grid& g, const Walls& walls,
+                              const std::vector<Real>& specific_volume, std::vector<std::uint8_t> active,
+                              std::vector<std::uint8_t> solid_cell) {
+  grid_ = g;
+  walls_ = walls;
+  solid_cell_ = std::move(solid_cell);
+  multigrid_.build(parallel, g, walls, specific_volume, std::move(active));
+  // mobility = (h^2/4)^2 / m
+  const auto& mobility = multigrid_.finest().mobility;
+  inverse_mass_.resize(mobility.size());
+  const double area = g.h * g.h / 4.0;
+  const Real scale = static_cast<Real>(1.0 / (area * area));
+  parallel.for_ranges(static_cast<std::int64_t>(mobility.size()), [&](std::int64_t begin, std::int64_t end) {
+    for (std::int64_t n = begin; n < end; ++n)
+      inverse_mass_[static_cast<std::size_t>(n)] = scale * mobility[static_cast<std::size_t>(n)];
+  });
+}
+
+bool PressureSystem::closed() const { return !walls_.any_open() && multigrid_.finest().active.empty(); }
+
+linalg::SolveStats PressureSystem::solve(const Parallel& parallel, PressureSolver solver, const VectorField& velocity,
+                                         const std::vector<Real>& source, double tolerance, std::vector<Real>& q) {
+  compute_divergence(parallel, grid_, velocity, divergence_);
+  rhs_.assign(grid_.padded_count(), 0);
+  const double volume = grid_.h * grid_.h * grid_.h;
+  const auto& active = multigrid_.finest().active;
+  const auto value = [&](std::size_t c) {
+    return static_cast<double>(divergence_[c]) - (source.empty() ? 0.0 : static_cast<double>(source[c]));
+  };
+  // In a closed box the right-hand side must sum to zero.
+  double mean = 0.0;
+  if (closed()) mean = sum_cells(parallel, grid_, value) / static_cast<double>(grid_.cell_count());
+  parallel.for_each(grid_.cells[2], [&](std::int64_t k) {
+    for (int j = 0; j < grid_.cells[1]; ++j) {
+      const std::size_t row = grid_.padded(0, j, static_cast<int>(k));
+      for (std::size_t c = row; c < row + static_cast<std::size_t>(grid_.cells[0]); ++c)
+        if (active.empty() || active[c]) rhs_[c] = static_cast<Real>(volume * (value(c) - mean));
+    }
+  });
+
+  q.resize(grid_.padded_count());
+  linalg::SolveOptions options;
+  options.tolerance = tolerance;
+  const linalg::Operator apply = [&](const std::vector<Real>& x, std::vector<Real>& y) {
+    multigrid_.apply(parallel, const_cast<std::vector<Real>&>(x), y);  // only the ghosts of x are written
+  };
+  if (solver == PressureSolver::kPcr) {
+    options.max_iterations = kMaxPcrIterations;
+    return linalg::pcr(parallel, apply, multigrid_.finest().inverse_diagonal, rhs_, q, options, pcr_);
+  }
+  options.max_iterations = kMaxMultigridIterations;
+  if (!solid_cell_.empty()) {
+    const auto squares = [&](const std::vector<Real>& r) {
+      return sum_cells(parallel, grid_, [&](std::size_t c) {
+        return solid_cell_[c] ? static_cast<double>(r[c]) * static_cast<double>(r[c]) : 0.0;
+      });
+    };
+    const double limit = tolerance * tolerance * squares(rhs_);
+    options.also = [squares, limit](const std::vector<Real>& r) { return squares(r) <= limit; };
+  }
+  const linalg::Operator precondition = [&](const std::vector<Real>& r, std::vector<Real>& z) {
+    multigrid_.precondition(parallel, r, z);
+  };
+  return linalg::pcg(parallel, apply, precondition, rhs_, q, options, pcg_);
+}
+
+void PressureSystem::project(const Parallel& parallel, std::vector<Real>& q, VectorField& velocity) const {
+  grid::fill_ghosts(grid_, q, Real(0));
+  subtract_pressure_gradient(parallel, grid_, walls_, inverse_mass_, q, velocity);
+}
+
+DivergenceNorms PressureSystem::norms(const Parallel& parallel, const VectorField& velocity,
+                                      const std::vector<Real>& source) {
+  compute_divergence(parallel, grid_, velocity, divergence_);
+  const auto& active = multigrid_.finest().active;
+  const auto value = [&](std::size_t c) {
+    if (!active.empty() && !active[c]) return 0.0;
+    return static_cast<double>(divergence_[c]) - (source.empty() ? 0.0 : static_cast<double>(source[c]));
+  };
+  DivergenceNorms norms;
+  norms.all = std::sqrt(sum_cells(parallel, grid_, [&](std::size_t c) { return value(c) * value(c); }));
+  if (!solid_cell_.empty())
+    norms.solid =
+        std::sqrt(sum_cells(parallel, grid_, [&](std::size_t c) { return solid_cell_[c] ? value(c) * value(c) : 0.0; }));
+  norms.max = parallel.max(grid_.cells[2], 0.0, [&](std::int64_t k) {
+    double top = 0.0;
+    for (int j = 0; j < grid_.cells[1]; ++j)
+      for (int i = 0; i < grid_.cells[0]; ++i)
+        top = std::max(top, std::abs(value(grid_.padded(i, j, static_cast<int>(k)))));
+    return top;
+  });
+  return norms;
+}
+
+std::size_t PressureSystem::bytes() const {
+  return (inverse_mass_.size() + divergence_.size() + rhs_.size()) * sizeof(Real) + solid_cell_.size() +
+         multigrid_.bytes() + pcg_.bytes();
+}
+
+}  // namespace efsi::system

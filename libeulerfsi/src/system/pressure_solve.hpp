@@ -1,0 +1,49 @@
+// Purpose: pressure and projection.
+// Paper: Alg. 1 lines 10, 11; Sec. 4.5, Eq. 12:  J M^-1 J^T p = J v* - b.
+// Unknown is the pressure impulse q = dt p [Pa s], so that v = v* - M^-1 J^T q is the projection onto J v = b.
+#pragma once
+
+#include <vector>
+
+#include "linalg/pcg.hpp"
+#include "linalg/pcr.hpp"
+#include "system/pressure_multigrid.hpp"
+
+namespace efsi::system {
+
+enum class PressureSolver : std::int32_t { kMultigridPcg = 0, kPcr = 1 };
+
+struct DivergenceNorms {
+  double all = 0.0, solid = 0.0;  // 2-norm of div v over cells [1/s]
+  double max = 0.0;
+};
+
+class PressureSystem {
+ public:
+  // specific_volume: 1/density per node, 0 where nothing moves [m^3/kg]; active: cells with an equation, empty: all.
+  // solid_cell: padded cells owned by solids, may be empty; the tolerance is demanded of them by themselves, too.
+  void assemble(const Parallel& parallel, const Grid& g, const Walls& walls, const std::vector<Real>& specific_volume,
+                std::vector<std::uint8_t> active, std::vector<std::uint8_t> solid_cell);
+  bool assembled() const { return !inverse_mass_.empty(); }
+  // Solves for q with J v - source on the right; source: wanted div v per padded cell [1/s], may be empty.
+  linalg::SolveStats solve(const Parallel& parallel, PressureSolver solver, const VectorField& velocity,
+                           const std::vector<Real>& source, double tolerance, std::vector<Real>& q);
+  // v -= M^-1 J^T q
+  void project(const Parallel& parallel, std::vector<Real>& q, VectorField& velocity) const;
+  DivergenceNorms norms(const Parallel& parallel, const VectorField& velocity, const std::vector<Real>& source);
+  const std::vector<Real>& inverse_mass() const { return inverse_mass_; }
+  std::size_t bytes() const;
+
+ private:
+  bool closed() const;
+  Grid grid_;
+  Walls walls_;
+  std::vector<Real> inverse_mass_;  // per node [1/kg]
+  std::vector<std::uint8_t> solid_cell_;
+  std::vector<Real> divergence_, rhs_;  // padded cells
+  PressureMultigrid multigrid_;
+  linalg::PcgWorkspace pcg_;
+  linalg::PcrWorkspace pcr_;
+};
+
+}  // namespace efsi::system

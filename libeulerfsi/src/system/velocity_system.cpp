@@ -1,0 +1,183 @@
+#include "system/velocity_system.hpp"
+
+#include <algorithm>
+
+#include "linalg/reduce.hpp"
+#include "solid/material_force.hpp"
+
+namespace efsi::system {
+
+void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, const Walls& walls,
+                              std::span<const SolidRef> solids, const std::vector<Real>& mass, double dt) {
+  h_ = global.h;
+  solids_.assign(solids.begin(), solids.end());
+  if (unknown_of_node_.size() != global.node_count()) {
+    unknown_of_node_.assign(global.node_count(), -1);
+  } else {
+    for (std::size_t n : node_) unknown_of_node_[n] = -1;
+  }
+  node_.clear();
+  free_.clear();
+  element_begin_.assign(1, 0);
+  stiffness_factor_.clear();
+
+  // Unknowns in node order per solid, solids in order.
+  std::vector<double> damping;
+  for (const SolidRef& s : solids_) {
+    const Grid& g = s.state->band.grid;
+    const Vec3i& lo = s.state->band.lo;
+    for (int k = 0; k <= g.cells[2]; ++k)
+      for (int j = 0; j <= g.cells[1]; ++j)
+        for (int i = 0; i <= g.cells[0]; ++i) {
+          const std::size_t local = g.node(i, j, k);
+          if (!s.work->carries[local]) continue;
+          const std::size_t n = global.node(i + lo[0], j + lo[1], k + lo[2]);
+          std::int32_t& unknown = unknown_of_node_[n];
+          if (unknown < 0) {
+            unknown = static_cast<std::int32_t>(node_.size());
+            node_.push_back(n);
+            damping.push_back(0.0);
+            const unsigned fixed = grid::fixed_components(global, walls, i + lo[0], j + lo[1], k + lo[2]);
+            for (unsigned a = 0; a < 3; ++a) free_.push_back(fixed & (1u << a) ? Real(0) : Real(1));
+          }
+          damping[static_cast<std::size_t>(unknown)] +=
+              dt * s.rest->rayleigh_alpha * static_cast<double>(s.work->mass[local]);
+        }
+    element_begin_.push_back(element_begin_.back() + static_cast<std::int32_t>(s.work->element_cell.size()));
+    stiffness_factor_.push_back(static_cast<Real>(dt * dt + dt * s.rest->rayleigh_beta));
+  }
+
+  node_mass_.resize(node_.size());
+  inertia_.resize(node_.size());
+  for (std::size_t i = 0; i < node_.size(); ++i) {
+    node_mass_[i] = mass[node_[i]];
+    inertia_[i] = static_cast<Real>(static_cast<double>(node_mass_[i]) + damping[i]);
+  }
+
+  // Elements and the lists by which unknowns gather from them.
+  corner_.resize(static_cast<std::size_t>(element_begin_.back()) * 8);
+  for (std::size_t l = 0; l < solids_.size(); ++l) {
+    const SolidRef& s = solids_[l];
+    const Grid& g = s.state->band.grid;
+    const Vec3i& lo = s.state->band.lo;
+    parallel.for_each(static_cast<std::int64_t>(s.work->element_cell.size()), [&](std::int64_t e) {
+      const auto c = static_cast<int>(s.work->element_cell[static_cast<std::size_t>(e)]);
+      const int i = c % g.cells[0], j = c / g.cells[0] % g.cells[1], k = c / (g.cells[0] * g.cells[1]);
+      for (std::size_t a = 0; a < 8; ++a)
+        corner_[(static_cast<std::size_t>(element_begin_[l]) + static_cast<std::size_t>(e)) * 8 + a] =
+            unknown_of_node_[global.node(i + lo[0] + grid::kCorner[a][0], j + lo[1] + grid::kCorner[a][1],
+                                         k + lo[2] + grid::kCorner[a][2])];
+    });
+  }
+  gather_begin_.assign(node_.size() + 1, 0);
+  for (std::int32_t u : corner_) ++gather_begin_[static_cast<std::size_t>(u) + 1];
+  for (std::size_t i = 0; i < node_.size(); ++i) gather_begin_[i + 1] += gather_begin_[i];
+  gather_.resize(corner_.size());
+  std::vector<std::int32_t> fill(gather_begin_.begin(), gather_begin_.end() - 1);
+  for (std::size_t c = 0; c < corner_.size(); ++c)
+    gather_[static_cast<std::size_t>(fill[static_cast<std::size_t>(corner_[c])]++)] = static_cast<std::int32_t>(c);
+  element_out_.resize(corner_.size() * 3);
+
+  // Jacobi preconditioner.
+  std::vector<Real> diagonal;
+  sum_elements(
+      parallel,
+      [&](std::size_t l, std::size_t e, std::size_t, Real* out) {
+        solid::element_stiffness_diagonal(*solids_[l].work, h_, e, out);
+        for (int i = 0; i < 24; ++i) out[i] *= stiffness_factor_[l];
+      },
+      diagonal);
+  inverse_diagonal_.resize(diagonal.size());
+  for (std::size_t i = 0; i < diagonal.size(); ++i) {
+    const Real d = free_[i] > 0 ? diagonal[i] + inertia_[i / 3] : Real(1);
+    inverse_diagonal_[i] = d > 0 ? 1 / d : Real(1);
+  }
+}
+
+// out = sum over elements of body(solid, element of the solid, element, 24 values).
+template <class ElementBody>
+void VelocitySystem::sum_elements(const Parallel& parallel, const ElementBody& body, std::vector<Real>& out) {
+  for (std::size_t l = 0; l < solids_.size(); ++l) {
+    const auto begin = static_cast<std::size_t>(element_begin_[l]);
+    parallel.for_each(element_begin_[l + 1] - element_begin_[l], [&](std::int64_t e) {
+      const std::size_t all = begin + static_cast<std::size_t>(e);
+      body(l, static_cast<std::size_t>(e), all, element_out_.data() + all * 24);
+    });
+  }
+  out.resize(node_.size() * 3);
+  parallel.for_each(unknowns(), [&](std::int64_t u) {
+    const auto i = static_cast<std::size_t>(u);
+    Real sum[3] = {0, 0, 0};
+    for (std::int32_t t = gather_begin_[i]; t < gather_begin_[i + 1]; ++t) {
+      const Real* entry = element_out_.data() + static_cast<std::size_t>(gather_[static_cast<std::size_t>(t)]) * 3;
+      for (int a = 0; a < 3; ++a) sum[a] += entry[a];
+    }
+    for (std::size_t a = 0; a < 3; ++a) out[3 * i + a] = sum[a];
+  });
+}
+
+void VelocitySystem::apply(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y) {
+  sum_elements(
+      parallel,
+      [&](std::size_t l, std::size_t e, std::size_t all, Real* out) {
+        Real local[24];
+        const std::int32_t* corner = corner_.data() + all * 8;
+        for (std::size_t a = 0; a < 8; ++a)
+          for (std::size_t i = 0; i < 3; ++i) {
+            const std::size_t u = 3 * static_cast<std::size_t>(corner[a]) + i;
+            local[3 * a + i] = x[u] * free_[u];
+          }
+        solid::element_stiffness(*solids_[l].work, h_, e, local, out);
+        for (int i = 0; i < 24; ++i) out[i] *= stiffness_factor_[l];
+      },
+      y);
+  parallel.for_each(unknowns(), [&](std::int64_t u) {
+    for (std::size_t i = 3 * static_cast<std::size_t>(u); i < 3 * static_cast<std::size_t>(u) + 3; ++i)
+      y[i] = free_[i] > 0 ? y[i] + inertia_[static_cast<std::size_t>(u)] * x[i] : x[i];
+  });
+}
+
+void VelocitySystem::internal_force(const Parallel& parallel, std::vector<Real>& force) {
+  sum_elements(
+      parallel,
+      [&](std::size_t l, std::size_t e, std::size_t, Real* out) {
+        solid::element_force(*solids_[l].state, *solids_[l].work, e, out);
+      },
+      force);
+}
+
+linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolver solver, const std::vector<Real>& b,
+                                         std::vector<Real>& x, double tolerance) {
+  const linalg::Operator g = [&](const std::vector<Real>& in, std::vector<Real>& out) { apply(parallel, in, out); };
+  linalg::SolveOptions options;
+  options.tolerance = tolerance;
+  if (solver == VelocitySolver::kPcr) return linalg::pcr(parallel, g, inverse_diagonal_, b, x, options, pcr_);
+  const linalg::Operator jacobi = [&](const std::vector<Real>& r, std::vector<Real>& z) {
+    linalg::multiply(parallel, z, inverse_diagonal_, r);
+  };
+  return linalg::pcg(parallel, g, jacobi, b, x, options, pcg_);
+}
+
+void VelocitySystem::gather(const Parallel& parallel, const VectorField& field, std::vector<Real>& x) const {
+  x.resize(node_.size() * 3);
+  parallel.for_each(unknowns(), [&](std::int64_t u) {
+    const auto i = static_cast<std::size_t>(u);
+    for (std::size_t a = 0; a < 3; ++a) x[3 * i + a] = field.c[a][node_[i]];
+  });
+}
+
+void VelocitySystem::scatter(const Parallel& parallel, const std::vector<Real>& x, VectorField& field) const {
+  parallel.for_each(unknowns(), [&](std::int64_t u) {
+    const auto i = static_cast<std::size_t>(u);
+    for (std::size_t a = 0; a < 3; ++a) field.c[a][node_[i]] = x[3 * i + a];
+  });
+}
+
+std::size_t VelocitySystem::bytes() const {
+  return (inertia_.size() + node_mass_.size() + free_.size() + inverse_diagonal_.size() + element_out_.size()) *
+             sizeof(Real) +
+         (unknown_of_node_.size() + corner_.size() + gather_begin_.size() + gather_.size()) * sizeof(std::int32_t) +
+         node_.size() * sizeof(std::size_t) + pcg_.bytes();
+}
+
+}  // namespace efsi::system

@@ -1,0 +1,76 @@
+// Purpose: the semi-implicit system G of Eq. 8 on the nodes that carry solids, matrix-free.
+// Paper: Alg. 1 lines 8, 9; Sec. 4.4, Eq. 8:  (M + dt C + dt^2 K) v* = M v^n + dt (f_ext - f_int),  C = alpha M + beta K.
+// For nodes that carry no solid G is the diagonal mass matrix and v* is known at once.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "base/parallel.hpp"
+#include "grid/boundary.hpp"
+#include "grid/grid.hpp"
+#include "linalg/pcg.hpp"
+#include "linalg/pcr.hpp"
+#include "solid/solid.hpp"
+
+namespace efsi::system {
+
+using grid::Grid;
+using grid::VectorField;
+using grid::Walls;
+
+// One solid as the system sees it.
+struct SolidRef {
+  const solid::SolidRest* rest;
+  solid::SolidState* state;
+  solid::SolidWork* work;
+};
+
+enum class VelocitySolver : std::int32_t { kPcg = 0, kPcr = 1 };
+
+class VelocitySystem {
+ public:
+  // Numbers the unknown nodes, sets G for this dt. mass: all matter per global node [kg].
+  void assemble(const Parallel& parallel, const Grid& global, const Walls& walls, std::span<const SolidRef> solids,
+                const std::vector<Real>& mass, double dt);
+  std::int64_t unknowns() const { return static_cast<std::int64_t>(node_.size()); }
+  const std::vector<std::size_t>& nodes() const { return node_; }
+
+  // y = G x; 3 values per unknown node, components that walls fix are identity rows.
+  void apply(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y);
+  // sum of the elements' forces on each unknown [N].
+  void internal_force(const Parallel& parallel, std::vector<Real>& force);
+  // Solves G x = b.
+  linalg::SolveStats solve(const Parallel& parallel, VelocitySolver solver, const std::vector<Real>& b,
+                           std::vector<Real>& x, double tolerance);
+
+  // Copies between global node fields and vectors of unknowns.
+  void gather(const Parallel& parallel, const VectorField& field, std::vector<Real>& x) const;
+  void scatter(const Parallel& parallel, const std::vector<Real>& x, VectorField& field) const;
+  // Zero where a wall fixes a component, one elsewhere.
+  const std::vector<Real>& free() const { return free_; }
+  const std::vector<Real>& node_mass() const { return node_mass_; }
+  std::size_t bytes() const;
+
+ private:
+  template <class ElementBody>
+  void sum_elements(const Parallel& parallel, const ElementBody& body, std::vector<Real>& out);
+
+  std::vector<SolidRef> solids_;
+  std::vector<std::int32_t> element_begin_;    // first element of each solid, and the end
+  std::vector<std::int32_t> unknown_of_node_;  // global node -> unknown, -1
+  std::vector<std::size_t> node_;              // unknown -> global node
+  std::vector<std::int32_t> corner_;           // 8 unknowns per element
+  std::vector<std::int32_t> gather_begin_, gather_;  // unknown -> its (8 element + corner) entries
+  std::vector<Real> inertia_;                  // M + dt alpha M_s per unknown [kg]
+  std::vector<Real> node_mass_;                // M per unknown [kg]
+  std::vector<Real> free_;
+  std::vector<Real> stiffness_factor_;         // dt^2 + dt beta per solid
+  std::vector<Real> inverse_diagonal_;
+  std::vector<Real> element_out_;              // 24 values per element
+  double h_ = 1.0;
+  linalg::PcgWorkspace pcg_;
+  linalg::PcrWorkspace pcr_;
+};
+
+}  // namespace efsi::system

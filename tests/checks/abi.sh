@@ -1,0 +1,32 @@
+#!/usr/bin/env bash
+# Purpose: compares the C ABI of the built library with the baseline in libeulerfsi/abi, or writes that baseline.
+# Usage: tests/checks/abi.sh check|write [LIBRARY]. Additions pass; a removed function or a changed struct fails (exit 1).
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
+library=${2-$root/build/release/libeulerfsi/libeulerfsi.so}
+baseline=$root/libeulerfsi/abi/eulerfsi-0.abi
+headers=$root/libeulerfsi/include
+
+case "${1-}" in
+  write)
+    mkdir -p "$(dirname "$baseline")"
+    abidw --no-show-locs --no-corpus-path --no-comp-dir-path --headers-dir "$headers" --drop-private-types \
+      "$library" --out-file "$baseline"
+    echo "wrote $baseline"
+    ;;
+  check)
+    [[ -f $baseline ]] || { echo "$baseline is missing; write it with: $0 write"; exit 1; }
+    status=0
+    abidiff --headers-dir2 "$headers" --drop-private-types "$baseline" "$library" || status=$?
+    # bits of abidiff's exit code: 1, 2 the tool failed; 4 some change; 8 an incompatible change
+    if ((status & 11)); then
+      echo "the C ABI changed incompatibly (abidiff $status): raise SOVERSION, add a CHANGELOG line, write the baseline anew"
+      exit 1
+    fi
+    echo "C ABI: compatible with $(basename "$baseline")"
+    ;;
+  *)
+    echo "usage: $0 check|write [LIBRARY]"
+    exit 2
+    ;;
+esac

@@ -1,0 +1,216 @@
+"""Rules of the C++ sources and of the tree.
+
+check_sources.py globals LIBRARY...   no mutable globals or function statics (symbols of the libraries); no prints,
+                                      exits, environment, clocks or random devices outside capi and io
+check_sources.py threads              "#pragma omp parallel / for" only in base/parallel and linalg/reduce
+check_sources.py includes             rooms include downwards only, without cycles; OpenVDB in two translation units
+check_sources.py words                no unfinished marks, no paths of one machine
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from common import ROOT, SRC, code_only, finish, relative, sources
+
+LEVEL = {
+    "base": 0,
+    "linalg": 1,
+    "grid": 1,
+    "geometry": 1,
+    "material": 2,
+    "solid": 3,
+    "fluid": 3,
+    "contact": 3,
+    "system": 3,
+    "sim": 4,
+    "capi": 5,
+}
+IO_MAY_INCLUDE = {"base", "grid", "geometry", "io"}
+WITHOUT_GRID = {"linalg", "material"}
+FORBIDDEN_CALLS = re.compile(
+    r"\b(?:v?f?printf|puts|putchar|perror|exit|_exit|quick_exit|abort|getenv|setenv|rand|srand|clock|gettimeofday)\s*\("
+    r"|\bstd::(?:cout|cerr|clog|random_device)\b|\b(?:system_clock|high_resolution_clock|clock_gettime)\b"
+    r"|(?<![\w.>])(?:std::)?time\s*\(\s*(?:NULL|nullptr|0|&)"
+)
+# The profile measures the stages; nothing else may look at a clock.
+CLOCK = re.compile(r"\bsteady_clock\b")
+CLOCK_HOME = {"sim/profile.hpp", "sim/profile.cpp", "base/profile.hpp", "base/profile.cpp"}
+THREAD_HOMES = {"base/parallel", "linalg/reduce"}
+# Asking how many processors there are starts no thread, and an arena of one takes OpenVDB's away.
+THREADS = re.compile(r"\bstd::(?:thread\b(?!::)|jthread\b|async\b|atomic\b)|\btbb::(?!task_arena\(1\))")
+VDB_UNITS = 2
+
+
+def room(path: Path) -> str:
+    return path.relative_to(SRC).parts[0]
+
+
+def numbered(text: str) -> list[tuple[int, str]]:
+    return list(enumerate(text.splitlines(), start=1))
+
+
+def globals_(*libraries: str) -> None:
+    if not libraries:
+        sys.exit("globals needs the libraries to look at")
+    problems = []
+    for path in sources():
+        name = path.relative_to(SRC).as_posix()
+        for line, text in numbered(code_only(path.read_text())):
+            if room(path) not in {"capi", "io"} and (found := FORBIDDEN_CALLS.search(text)):
+                problems.append(f"{relative(path)}:{line}: {found.group().strip()} is for capi and io only")
+            if name not in CLOCK_HOME and room(path) != "capi" and CLOCK.search(text):
+                problems.append(f"{relative(path)}:{line}: only sim/profile reads a clock")
+    everything = "\n".join(code_only(path.read_text()) for path in sources())
+    for library in libraries:
+        problems += [f"{library}: mutable global or static {symbol}" for symbol in mutable_symbols(library, everything)]
+    finish(problems, f"{len(sources())} files, {len(libraries)} libraries")
+
+
+def mutable_symbols(library: str, code: str) -> list[str]:
+    """Our variables in writable sections. A constant built at run time lies there too: it is declared const."""
+    table = subprocess.run(["objdump", "-t", "-C", library], check=True, capture_output=True, text=True).stdout
+    if "efsi::" not in table:
+        sys.exit(f"{library}: no symbol of namespace efsi; is it stripped?")
+    found = set()
+    for line in table.splitlines():
+        match = re.match(r"[0-9a-f]+ .{7} \.t?(?:data|bss)(?!\.rel\.ro)\S*\s+[0-9a-f]+ +(?:\.hidden )?(.*)", line)
+        symbol = match.group(1) if match else ""
+        if "efsi::" not in symbol or symbol.startswith(("guard variable", "typeinfo", "vtable")):
+            continue
+        name = re.sub(r"\[abi:\w+\]|\(\.\w+\)", "", symbol).split("::")[-1]
+        if not re.search(rf"\bconst(?:expr)?\b[^;={{}}]*\b{re.escape(name)}\b", code):
+            found.add(symbol)
+    return sorted(found)
+
+
+def threads() -> None:
+    problems = []
+    for path in sources():
+        if path.relative_to(SRC).with_suffix("").as_posix() in THREAD_HOMES:
+            continue
+        for line, text in numbered(code_only(path.read_text())):
+            if re.search(r"#\s*pragma\s+omp\b.*\b(parallel|for|task|sections|single|atomic|critical)\b", text):
+                problems.append(f"{relative(path)}:{line}: threads start in base/parallel and linalg/reduce only")
+            if THREADS.search(text):
+                problems.append(f"{relative(path)}:{line}: threads and atomics are not for this room")
+    finish(problems, f"{len(sources())} files")
+
+
+def includes() -> None:
+    problems = []
+    edges: dict[str, set[str]] = {}
+    vdb_units = []
+    for path in sources():
+        here = room(path)
+        if here not in LEVEL and here != "io":
+            problems.append(f"{relative(path)}: '{here}' is no room")
+            continue
+        for line, text in numbered(path.read_text()):
+            match = re.match(r'\s*#\s*include\s+(["<])([^">]+)[">]', text)
+            if not match:
+                continue
+            quoted, target = match.group(1) == '"', match.group(2)
+            at = f"{relative(path)}:{line}"
+            if target.startswith("openvdb/"):
+                if path.suffix != ".cpp":
+                    problems.append(f"{at}: OpenVDB is not for headers")
+                elif path not in vdb_units:
+                    vdb_units.append(path)
+            if target.startswith("eulerfsi/"):
+                if here != "capi":
+                    problems.append(f"{at}: the C API is for capi only")
+            elif quoted and (problem := refused(here, target)):
+                problems.append(f"{at}: {problem}")
+            elif quoted:
+                edges.setdefault(here, set()).add(target.split("/")[0])
+    if len(vdb_units) > VDB_UNITS:
+        names = ", ".join(map(relative, vdb_units))
+        problems.append(f"{len(vdb_units)} translation units include OpenVDB, at most {VDB_UNITS} may: {names}")
+    problems += [f"rooms include each other in a circle: {' -> '.join(c)}" for c in cycles(edges)]
+    finish(problems, f"{len(sources())} files, {len(edges)} rooms")
+
+
+def refused(here: str, target: str) -> str | None:
+    """Why a file of room `here` must not include `target`, or None."""
+    there = target.split("/")[0]
+    if there not in LEVEL and there != "io":
+        return f'"{target}" does not start with a room'
+    if there == here:
+        return None
+    if there == "io":
+        return None if here == "capi" else "io is used by capi only"
+    if here == "io":
+        return None if there in IO_MAY_INCLUDE else f"io must not include {there}"
+    if here in WITHOUT_GRID and there == "grid":
+        return f"{here} stands without grid"
+    if LEVEL[there] > LEVEL[here]:
+        return f"{here} must not include {there}, which lies above it"
+    return None
+
+
+def cycles(edges: dict[str, set[str]]) -> list[list[str]]:
+    """Each circle of rooms once, by depth-first search from every room."""
+    found: dict[frozenset[str], list[str]] = {}
+
+    def walk(path: list[str]) -> None:
+        for there in sorted(edges.get(path[-1], ())):
+            if there == path[0] and len(path) > 1:
+                found.setdefault(frozenset(path), [*path, there])
+            elif there not in path:
+                walk([*path, there])
+
+    for start in sorted(edges):
+        walk([start])
+    return list(found.values())
+
+
+def words() -> None:
+    # written in parts, so that this file does not find itself
+    marks = re.compile("|".join([r"\bTO" + r"DO\b", r"\bFIX" + r"ME\b", r"\bXX" + r"X\b", r"\bfor " + r"now\b"]))
+    places = ["/work/" + r"(?:main|shared)\b", "/tmp/" + r"(?:devvenv|build-)", "/ro" + "ot/", "/ho" + r"me/\w"]
+    paths = re.compile("|".join(places))
+    suffixes = {
+        "",
+        ".c",
+        ".h",
+        ".cpp",
+        ".hpp",
+        ".inc",
+        ".py",
+        ".md",
+        ".txt",
+        ".toml",
+        ".cmake",
+        ".sh",
+        ".json",
+        ".usda",
+    }
+    skipped = {".git", "build", ".venv", ".eulerfsi", "dist", "__pycache__", ".pytest_cache", ".ruff_cache"}
+    problems = []
+    count = 0
+    for path in sorted(ROOT.rglob("*")):
+        parts = path.relative_to(ROOT).parts
+        if any(p in skipped or p.endswith(("_cache", ".egg-info")) for p in parts) or path.suffix not in suffixes:
+            continue
+        if not path.is_file() or path.is_symlink():
+            continue
+        try:
+            text = path.read_text()
+        except UnicodeDecodeError:
+            continue
+        count += 1
+        for line, content in numbered(text):
+            if found := marks.search(content) or paths.search(content):
+                problems.append(f"{relative(path)}:{line}: '{found.group()}'")
+    finish(problems, f"{count} files")
+
+
+if __name__ == "__main__":
+    actions = {"globals": globals_, "threads": threads, "includes": includes, "words": words}
+    if len(sys.argv) < 2 or sys.argv[1] not in actions:
+        sys.exit(__doc__)
+    actions[sys.argv[1]](*sys.argv[2:])

@@ -1,0 +1,130 @@
+"""The example scenes: committed text, validity, physical set-up."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+from collections import Counter
+from pathlib import Path
+
+import eulerfsi_usd  # noqa: F401  (registers the schema before the first stage)
+import numpy as np
+import pytest
+from eulerfsi_usd import checks
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
+
+ROOT = Path(__file__).resolve().parents[2]
+SCENES = ROOT / "examples" / "scenes"
+sys.path.insert(0, str(ROOT / "examples"))
+
+import make_scenes  # noqa: E402
+
+NAMES = sorted(make_scenes.MAKERS)
+
+
+def missing_files(stage: Usd.Stage) -> list[str]:
+    """Surface files of a scene that this machine does not have."""
+    assets = [prim.GetAttribute("eulerfsi:surfaceFile") for prim in stage.Traverse()]
+    paths = [attribute.Get().path for attribute in assets if attribute and attribute.Get().path]
+    return [path for path in paths if not os.path.isfile(path)]
+
+
+def mesh_volume(prim: Usd.Prim) -> float:
+    """Enclosed volume [m^3]; also asserts that the mesh is closed and oriented."""
+    points = np.asarray(UsdGeom.Mesh(prim).GetPointsAttr().Get(), dtype=float)
+    quads = np.asarray(UsdGeom.Mesh(prim).GetFaceVertexIndicesAttr().Get()).reshape(-1, 4)
+    edges = Counter((int(a), int(b)) for a, b in np.stack([quads, np.roll(quads, -1, axis=1)], axis=2).reshape(-1, 2))
+    assert set(edges.values()) == {1} and all((b, a) in edges for a, b in edges)
+    a, b, c, d = (points[quads[:, i]] for i in range(4))
+    return float((np.cross(a, b) * c).sum() + (np.cross(a, c) * d).sum()) / 6.0
+
+
+def test_the_folder_holds_the_generated_scenes_only() -> None:
+    assert sorted(path.name for path in SCENES.glob("*.usd*")) == NAMES
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_committed_scene_equals_the_generator(name: str) -> None:
+    committed = Sdf.Layer.FindOrOpen(str(SCENES / name))
+    stage = make_scenes.MAKERS[name]()
+    assert committed.ExportToString() == stage.GetRootLayer().ExportToString()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_scene_passes_check_stage(name: str) -> None:
+    stage = Usd.Stage.Open(str(SCENES / name))
+    missing = missing_files(stage)
+    issues = checks.check_stage(stage)
+    assert [issue.code for issue in issues] == ["MissingFile"] * len(missing), [issue.message for issue in issues]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_scene_passes_all_validators_of_usd(name: str) -> None:
+    validation = pytest.importorskip("pxr.UsdValidation")
+    stage = Usd.Stage.Open(str(SCENES / name))
+    expected = {"MissingFile", "UnresolvableDependency"} if missing_files(stage) else set()
+    validators = validation.ValidationRegistry().GetOrLoadAllValidators()
+    assert len(validators) >= 30
+    errors = validation.ValidationContext(validators).Validate(stage)
+    assert {error.GetName() for error in errors} == expected, [error.GetMessage() for error in errors]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_scene_has_units_range_and_gravity(name: str) -> None:
+    stage = Usd.Stage.Open(str(SCENES / name))
+    assert UsdGeom.GetStageMetersPerUnit(stage) == 1.0 and UsdGeom.GetStageUpAxis(stage) == "Y"
+    assert stage.GetTimeCodesPerSecond() == 24 and stage.GetStartTimeCode() == 1
+    scene = UsdPhysics.Scene(stage.GetPrimAtPath("/World/PhysicsScene"))
+    assert scene.GetGravityDirectionAttr().Get() == Gf.Vec3f(0, -1, 0)
+    assert scene.GetGravityMagnitudeAttr().Get() == pytest.approx(9.8, rel=1e-6)
+
+
+def test_ball_has_the_published_set_up() -> None:
+    stage = Usd.Stage.Open(str(SCENES / "ball.usda"))
+    domain, ball, carpet = (stage.GetPrimAtPath(f"/World/{name}") for name in ("Domain", "Ball", "Carpet"))
+    box = UsdGeom.Xformable(domain).ComputeLocalToWorldTransform(Usd.TimeCode.Default())
+    assert domain.GetAttribute("size").Get() == 1.0
+    assert np.allclose(box.Transform(Gf.Vec3d(-0.5)), (-0.3, -0.5, -0.3), atol=1e-12)
+    assert np.allclose(box.Transform(Gf.Vec3d(0.5)), (0.3, 0.2, 0.3), atol=1e-12)
+    voxel = domain.GetAttribute("eulerfsi:voxelSize").Get()
+    cells = [box.GetRow3(i).GetLength() / voxel for i in range(3)]
+    assert np.allclose(cells, (60, 70, 60), atol=1e-9)
+    assert {domain.GetAttribute(f"eulerfsi:{wall}").Get() for wall in make_scenes.WALLS} == {"noSlip"}
+    assert domain.GetAttribute("eulerfsi:vorticityConfinement").Get() == 1.5
+    assert domain.GetAttribute("eulerfsi:fluidDensity").Get() == 1.0
+    assert stage.GetEndTimeCode() == 48
+
+    young, poisson = (ball.GetAttribute(f"eulerfsi:{name}").Get() for name in ("youngsModulus", "poissonsRatio"))
+    assert young / (2.0 * (1.0 + poisson)) == pytest.approx(10000.0, rel=1e-12)
+    assert young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson)) == pytest.approx(5000.0, rel=1e-12)
+    assert ball.GetAttribute("eulerfsi:velocity").Get() == Gf.Vec3d(0, -2.03, 0)
+    assert ball.HasAPI(UsdPhysics.MassAPI) and ball.GetAttribute("physics:density").Get() == 1000.0
+    points = np.asarray(UsdGeom.Mesh(ball).GetPointsAttr().Get())
+    assert 1000 <= len(points) <= 2000
+    assert np.allclose(np.linalg.norm(points, axis=1), 0.1, atol=2e-6)
+    assert mesh_volume(ball) == pytest.approx(4.0 / 3.0 * math.pi * 0.1**3, rel=0.01)
+    assert UsdShade.MaterialBindingAPI(ball).ComputeBoundMaterial()[0]
+    st = UsdGeom.PrimvarsAPI(ball).GetPrimvar("st")
+    assert len(st.ComputeFlattened()) == len(UsdGeom.Mesh(ball).GetFaceVertexIndicesAttr().Get())
+
+    region = UsdGeom.Xformable(carpet).ComputeLocalToWorldTransform(Usd.TimeCode.Default())
+    assert np.allclose(region.Transform(Gf.Vec3d(-0.5)), (-0.3, -0.5, -0.3), atol=1e-12)
+    assert np.allclose(region.Transform(Gf.Vec3d(0.5)), (0.3, -0.44, 0.3), atol=1e-12)
+    assert carpet.GetAttribute("eulerfsi:mode").Get() == "initial"
+    assert carpet.GetAttribute("eulerfsi:smokeDensity").Get() == 0.8
+
+
+def test_other_scenes_are_what_their_names_say() -> None:
+    jelly = Usd.Stage.Open(str(SCENES / "jelly_drop_no_fluid.usda"))
+    assert jelly.GetPrimAtPath("/World/Domain").GetAttribute("eulerfsi:ambientFluid").Get() is False
+    volume = mesh_volume(jelly.GetPrimAtPath("/World/Jelly"))
+    assert 0.95 * 0.2**3 < volume < 0.2**3  # a cube of edge 0.2 m less its rounded edges
+    smoke = Usd.Stage.Open(str(SCENES / "smoke_only.usda"))
+    assert not [prim for prim in smoke.Traverse() if "EulerFsiSolidAPI" in prim.GetAppliedSchemas()]
+    assert smoke.GetPrimAtPath("/World/Domain").GetAttribute("eulerfsi:wallYMax").Get() == "open"
+    bunny = Usd.Stage.Open(str(SCENES / "falling_bunny.usda"))
+    assert (
+        bunny.GetPrimAtPath("/World/Bunny").GetAttribute("eulerfsi:surfaceFile").Get().path
+        == "/usr/share/glmark2/models/bunny.obj"
+    )

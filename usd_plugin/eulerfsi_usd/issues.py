@@ -1,0 +1,86 @@
+"""What a check finds: one Issue per fault, and helpers that read values from a stage."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pxr import Gf, Sdf, Usd, UsdGeom
+
+from .parameters import API_SCHEMAS, SCOPES
+
+
+@dataclass(frozen=True)
+class Issue:
+    """One fault of a scene.
+
+    prim: path, "/" for the stage. field: attribute, metadata or schema. value: what was found, as text. limit: what is
+    allowed, as text. message: a sentence that holds all of these. severity: "error" or "warning". code: short name of
+    the rule.
+    """
+
+    prim: str
+    field: str
+    value: str
+    limit: str
+    message: str
+    severity: str
+    code: str
+
+
+def make_issue(
+    prim: Usd.Prim | None, field: str, value: object, limit: str, code: str, hint: str = "", severity: str = "error"
+) -> Issue:
+    """Issue with the message "<prim>.<field> = <value>: must be <limit>[ (<hint>)]"."""
+    path = str(prim.GetPath()) if prim else "/"
+    text = format_value(value)
+    where = f"{path}.{field}" if prim else f"stage {field}"
+    message = f"{where} = {text}: must be {limit}" + (f" ({hint})" if hint else "")
+    return Issue(path, field, text, limit, message, severity, code)
+
+
+def format_value(value: object) -> str:
+    """Short text of a value: "missing" for None, 6 digits for numbers."""
+    if value is None:
+        return "missing"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, Sdf.AssetPath):
+        return f"@{value.path}@"
+    if isinstance(value, (tuple, list, Gf.Vec3d, Gf.Vec3f, Gf.Vec3h, Gf.Vec3i)):
+        return f"({', '.join(format_value(x) for x in value)})"
+    return str(value)
+
+
+def scopes_of(prim: Usd.Prim) -> list[str]:
+    """Scopes whose schema is applied to the prim, whether or not the plug-in was registered in time."""
+    applied = prim.GetPrimTypeInfo().GetAppliedAPISchemas()
+    return [scope for scope in SCOPES if API_SCHEMAS[scope] in applied]
+
+
+def first_time(stage: Usd.Stage) -> Usd.TimeCode:
+    """Time at which the scene is read: its first time code."""
+    authored = stage.HasAuthoredTimeCodeRange()
+    return Usd.TimeCode(stage.GetStartTimeCode()) if authored else Usd.TimeCode.EarliestTime()
+
+
+def read(prim: Usd.Prim, name: str) -> object:
+    """Value of an attribute at the first time, None where it has neither an opinion nor a fallback."""
+    attribute = prim.GetAttribute(name)
+    return attribute.Get(first_time(prim.GetStage())) if attribute else None
+
+
+def is_enabled(prim: Usd.Prim) -> bool:
+    """False when eulerfsi:enabled is authored and off."""
+    return read(prim, "eulerfsi:enabled") is not False
+
+
+def domain_box(prim: Usd.Prim) -> tuple[tuple[float, float, float], Gf.Matrix4d]:
+    """Edge lengths of the domain's box in its local space (centred at the origin) and its local-to-world matrix."""
+    if prim.IsA(UsdGeom.Cube):
+        size = float(read(prim, "size"))
+        edges = (size, size, size)
+    else:
+        edges = tuple(float(x) for x in read(prim, "eulerfsi:size") or (0.0, 0.0, 0.0))
+    return edges, UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(first_time(prim.GetStage()))

@@ -1,0 +1,105 @@
+"""Checks of a solid's surface and density: points, topology, surface file, place inside the domain."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
+
+from .issues import Issue, domain_box, first_time, make_issue, read
+
+# Part of the box by which points may stick out of it through rounding of the transforms.
+TOLERANCE = 1e-6
+
+
+def check_density(prim: Usd.Prim) -> list[Issue]:
+    """physics:mass, physics:density, then the density of the bound physics material, in UsdPhysics' precedence."""
+    mass = prim.GetAttribute("physics:mass")
+    if mass and mass.HasAuthoredValue():
+        value = float(mass.Get())
+        if not (math.isfinite(value) and value >= 0.0):
+            return [make_issue(prim, "physics:mass", value, ">= 0 (0: from the density)", "OutOfRange")]
+        if value > 0.0:
+            return []
+    density = prim.GetAttribute("physics:density")
+    if density and density.HasAuthoredValue():
+        value = float(density.Get())
+        bad = not (math.isfinite(value) and value > 0.0)
+        return [make_issue(prim, "physics:density", value, "> 0", "OutOfRange")] if bad else []
+    material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")
+    if material and material.GetPrim().HasAPI(UsdPhysics.MaterialAPI):
+        value = float(UsdPhysics.MaterialAPI(material.GetPrim()).GetDensityAttr().Get())
+        if not (math.isfinite(value) and value >= 0.0):
+            return [make_issue(material.GetPrim(), "physics:density", value, ">= 0 (0: the default)", "OutOfRange")]
+    return []
+
+
+def surface_file(prim: Usd.Prim) -> Sdf.AssetPath | None:
+    """eulerfsi:surfaceFile where it is authored and not empty."""
+    value = read(prim, "eulerfsi:surfaceFile")
+    return value if isinstance(value, Sdf.AssetPath) and value.path else None
+
+
+def check_surface(prim: Usd.Prim) -> list[Issue]:
+    """A surface file that exists, or a mesh with finite points and consistent topology."""
+    asset = surface_file(prim)
+    if asset:
+        missing = not asset.resolvedPath
+        limit = "a file that exists"
+        return [make_issue(prim, "eulerfsi:surfaceFile", asset, limit, "MissingFile")] if missing else []
+    if not prim.IsA(UsdGeom.Mesh):
+        limit = "the path of a mesh file, because the prim is no Mesh"
+        return [make_issue(prim, "eulerfsi:surfaceFile", None, limit, "MissingMesh")]
+    points, counts, indices = mesh_arrays(prim)
+    if len(points) == 0 or len(counts) == 0:
+        field = "points" if len(points) == 0 else "faceVertexCounts"
+        limit = "the points and faces of a surface, or eulerfsi:surfaceFile"
+        return [make_issue(prim, field, "empty", limit, "MissingMesh")]
+    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if len(bad):
+        value = tuple(float(x) for x in points[bad[0]])
+        limit = f"finite ({len(bad)} of {len(points)} points are not)"
+        return [make_issue(prim, f"points[{bad[0]}]", value, limit, "NonFinitePoints")]
+    if counts.min() < 3:
+        face = int(counts.argmin())
+        return [make_issue(prim, f"faceVertexCounts[{face}]", int(counts[face]), ">= 3", "BadTopology")]
+    if counts.sum() != len(indices):
+        limit = f"{counts.sum()} indices, the sum of faceVertexCounts"
+        return [make_issue(prim, "faceVertexIndices", f"{len(indices)} indices", limit, "BadTopology")]
+    if indices.min() < 0 or indices.max() >= len(points):
+        corner = int(np.flatnonzero((indices < 0) | (indices >= len(points)))[0])
+        limit = f"between 0 and {len(points) - 1}"
+        return [make_issue(prim, f"faceVertexIndices[{corner}]", int(indices[corner]), limit, "BadTopology")]
+    return []
+
+
+def mesh_arrays(prim: Usd.Prim) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points (n, 3) in local space, face vertex counts (f,) and face vertex indices (k,) at the first time."""
+    mesh, time = UsdGeom.Mesh(prim), first_time(prim.GetStage())
+    points = np.asarray(mesh.GetPointsAttr().Get(time) or (), dtype=np.float64).reshape(-1, 3)
+    counts = np.asarray(mesh.GetFaceVertexCountsAttr().Get(time) or (), dtype=np.int64)
+    indices = np.asarray(mesh.GetFaceVertexIndicesAttr().Get(time) or (), dtype=np.int64)
+    return points, counts, indices
+
+
+def check_inside(prim: Usd.Prim, domain: Usd.Prim) -> list[Issue]:
+    """All points of a mesh lie inside the domain's box. Surface files and faulty meshes are not looked at here."""
+    if surface_file(prim) or not prim.IsA(UsdGeom.Mesh):
+        return []
+    points, _, _ = mesh_arrays(prim)
+    if len(points) == 0 or not np.isfinite(points).all():
+        return []
+    edges, domain_to_world = domain_box(domain)
+    solid_to_world = UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(first_time(prim.GetStage()))
+    matrix = np.array(solid_to_world * domain_to_world.GetInverse())  # acts on row vectors
+    # In units of the box, where it reaches from -1/2 to 1/2.
+    local = (points @ matrix[:3, :3] + matrix[3, :3]) / np.array(edges)
+    low, high = local.min(axis=0), local.max(axis=0)
+    if low.min() >= -0.5 - TOLERANCE and high.max() <= 0.5 + TOLERANCE:
+        return []
+    axis = int(np.argmax(np.maximum(-0.5 - low, high - 0.5)))
+    length = edges[axis] * domain_to_world.GetRow3(axis).GetLength()
+    value = f"{(low[axis] + 0.5) * length:g} to {(high[axis] + 0.5) * length:g} along the box's {'xyz'[axis]}"
+    limit = f"inside the domain {domain.GetPath()}, 0 to {length:g}"
+    return [make_issue(prim, "points", value, limit, "OutsideDomain")]
