@@ -77,7 +77,7 @@ def describe_default(parameter: Parameter) -> str:
 def title(name: str) -> str:
     """ "wallXMin" -> "Wall X Min"."""
     words = re.findall(r"[A-Z]?[a-z0-9]+|[A-Z]", name)
-    return " ".join(word.capitalize() for word in words)
+    return " ".join("CFL" if word == "cfl" else word.capitalize() for word in words)
 
 
 # ------------------------------------------------------------------------------------------------------- the five faces
@@ -94,6 +94,7 @@ def render_cpp(table: Table) -> str:
         "//   kind    DOUBLE | BOOL | TOKEN | VECTOR       default BOOL: 0 or 1; TOKEN: index; VECTOR: EfsiVec3",
         "//   limits  double, EFSI_INF where there is none; they hold for each component of a VECTOR",
         "//   min_exclusive  1: hard_min itself is not allowed",
+        "// clang-format off",
         "#pragma once",
         "",
         "#include <limits>",

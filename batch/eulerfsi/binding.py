@@ -7,7 +7,19 @@ from __future__ import annotations
 
 import ctypes
 import functools
-from ctypes import POINTER, Structure, c_char, c_char_p, c_double, c_float, c_int32, c_int64, c_uint32, c_uint64, c_void_p
+from ctypes import (
+    POINTER,
+    Structure,
+    c_char,
+    c_char_p,
+    c_double,
+    c_float,
+    c_int32,
+    c_int64,
+    c_uint32,
+    c_uint64,
+    c_void_p,
+)
 
 from . import paths
 from .errors import EulerFsiError, LibraryError
@@ -323,7 +335,9 @@ def library() -> ctypes.CDLL:
     found = next((path for path in candidates if path.is_file()), None)
     if found is None:
         places = "\n  ".join(map(str, candidates))
-        raise EulerFsiError(f"the shared library was not found; build it or set EULERFSI_LIBRARY. Looked at:\n  {places}")
+        raise EulerFsiError(
+            f"the shared library was not found; build it or set EULERFSI_LIBRARY. Looked at:\n  {places}"
+        )
     try:
         lib = ctypes.CDLL(str(found))
     except OSError as error:

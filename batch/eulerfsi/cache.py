@@ -26,10 +26,11 @@ _FOLDERS = ("frames", "vdb", "checkpoints", "scene")
 _FILES = ("stats.jsonl", "log", "preview.png", FILE_NAME)
 _KEPT_CHECKPOINTS = 2
 STATS = "stats.jsonl"
+LOCK = ".lock"
 
 
 class Cache:
-    """One cache folder that a run writes to. `start_frame`: last frame that is there already, None for a new cache."""
+    """One cache folder that a run writes to. `checkpoint`: manifest entry that a resumed run starts from, or None."""
 
     def __init__(self, folder: Path, scene: Scene, manifest: Manifest) -> None:
         self.folder = folder
@@ -54,17 +55,22 @@ class Cache:
             "parameters": scene.parameters(),
             "overrides": overrides,
         }
-        try:
-            for name in ("frames", "checkpoints", *(("vdb",) if scene.has_smoke else ())):
-                (folder / name).mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise CacheIOError(f"{folder}: cannot be made: {error.strerror}") from error
         cache = cls(folder, scene, Manifest.new(folder, **facts))
-        copy = localize_scene(scene.path, folder / "scene")
-        cache.manifest.data["scene_copy"] = copy.relative_to(folder).as_posix()
-        cache.writer.write_manifest_layer()
-        cache.manifest.save()
+        cache._begin()
         return cache
+
+    def _begin(self) -> None:
+        """Folders, the copy of the scene, the clips' manifest: what is there before the first frame."""
+        self.manifest.save()  # first of all: from now on the folder is known as a cache
+        try:
+            for name in ("frames", "checkpoints", *(("vdb",) if self.scene.has_smoke else ())):
+                (self.folder / name).mkdir(exist_ok=True)
+        except OSError as error:
+            raise CacheIOError(f"{self.folder}: cannot be made: {error.strerror}") from error
+        copy = localize_scene(self.scene.path, self.folder / "scene")
+        self.writer.write_manifest_layer()
+        self.manifest.data["scene_copy"] = copy.relative_to(self.folder).as_posix()
+        self.manifest.save()
 
     @classmethod
     def resume(cls, folder: Path, scene: Scene) -> Cache:
@@ -84,6 +90,8 @@ class Cache:
             frame = cache.checkpoint["frame"] if cache.checkpoint else scene.frames.first - 1
             manifest.forget_after(frame)
             manifest.save()
+            if not manifest.data["scene_copy"]:
+                cache._begin()
             cache._trim_stats(cache.checkpoint["time"] if cache.checkpoint else -1.0)
         return cache
 
@@ -108,7 +116,9 @@ class Cache:
         self.manifest.frames[str(frame)] = {
             "time": simulation.time,
             "state": simulation.state_hash(),
-            "files": {name: {**files.record(self.folder / name), "content": content} for name, content in written.items()},
+            "files": {
+                name: {**files.record(self.folder / name), "content": content} for name, content in written.items()
+            },
         }
         self._flush_stats()
         self.manifest.save()
@@ -168,10 +178,10 @@ def prepare(folder: Path, overwrite: bool, resume: bool) -> str:
         if resume:
             return "resume"
         if not overwrite:
-            raise UsageError(f"{folder}: holds a cache already; continue it with --resume or replace it with --overwrite")
+            raise UsageError(f"{folder}: holds a cache already; continue with --resume or replace it with --overwrite")
         Manifest.load(folder)  # only a folder that is ours is ever replaced
         return "new"
-    if folder.is_dir() and any(folder.iterdir()):
+    if folder.is_dir() and any(path.name != LOCK for path in folder.iterdir()):
         raise UsageError(f"{folder}: is not empty and holds no cache; choose another folder with -o")
     return "new"
 
@@ -195,7 +205,7 @@ class FolderLock:
     """Keeps a second run out of the folder; the system releases it when the process ends, however it ends."""
 
     def __init__(self, folder: Path) -> None:
-        self.path = folder / ".lock"
+        self.path = folder / LOCK
         self._file = None
 
     def __enter__(self) -> FolderLock:

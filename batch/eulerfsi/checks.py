@@ -75,7 +75,9 @@ def _check_mesh(scene: Scene, solid: Solid) -> list[Issue]:
     if 0 < thinnest < 2 * voxel:
         fitting = thinnest / 2 / unit
         value, limit = f"{thinnest / unit:.4g}", f"at least two voxels of {voxel / unit:.4g}"
-        message = f"{where}: the thinnest feature is {value}: must be {limit}; eulerfsi:voxelSize = {fitting:.3g} resolves it"
+        message = (
+            f"{where}: the thinnest feature is {value}: must be {limit}; eulerfsi:voxelSize = {fitting:.3g} resolves it"
+        )
         issues.append(Issue(solid.path, field, value, limit, message, "warning", "ThinFeature"))
     return issues
 
@@ -110,10 +112,10 @@ def _check_memory(scene: Scene, memory_limit: int) -> list[Issue]:
     limit = f"coarse enough for {format_bytes(memory_limit)} of memory"
     # Rounded up in the third digit, so that the number in the message does fit.
     digits = 10.0 ** (math.floor(math.log10(fitting / unit)) - 2) if fitting > 0 else 0
-    advice = f"; eulerfsi:voxelSize = {math.ceil(fitting / unit / digits) * digits:.3g} fits" if digits else ""
-    message = (
-        f"{scene.domain_path}: eulerfsi:voxelSize = {value} needs {format_bytes(need)} of memory: must be {limit}{advice}"
-    )
+    suggested = math.ceil(fitting / unit / digits) * digits if digits else 0
+    advice = f"; eulerfsi:voxelSize = {suggested:.3g} fits" if digits else ""
+    where = f"{scene.domain_path}: eulerfsi:voxelSize = {value}"
+    message = f"{where} needs {format_bytes(need)} of memory: must be {limit}{advice}"
     return [Issue(scene.domain_path, "eulerfsi:voxelSize", value, limit, message, "error", "TooMuchMemory")]
 
 

@@ -28,7 +28,9 @@ class Manifest:
     @classmethod
     def new(cls, folder: Path, **facts: Any) -> Manifest:
         """A manifest without frames. facts: scene, scene_hash, parameters, first, last, fps, versions."""
-        return cls(folder, {"format": _FORMAT, "version": 1, "status": "running", **facts, "frames": {}, "checkpoints": []})
+        return cls(
+            folder, {"format": _FORMAT, "version": 1, "status": "running", **facts, "frames": {}, "checkpoints": []}
+        )
 
     @classmethod
     def load(cls, folder: Path) -> Manifest:

@@ -46,7 +46,7 @@ def apply_overrides(stage: Usd.Stage, settings: Iterable[str]) -> dict[str, str]
 
 
 def set_domain_parameter(stage: Usd.Stage, name: str, text: str) -> dict[str, str]:
-    """One parameter of the scene's domain, as `--set` would; nothing where there is no domain (a later check says so)."""
+    """One parameter of the scene's domain, as `--set` would; nothing where there is no domain (checked later)."""
     domains = [prim for prim in stage.TraverseAll() if "domain" in applied_scopes(prim)]
     return apply_overrides(stage, [f"{domains[0].GetPath()}.{name}={text}"]) if domains else {}
 
@@ -64,7 +64,9 @@ def _find_prim(prims: list[Usd.Prim], name: str, where: str) -> Usd.Prim:
     else:
         found = [prim for prim in prims if prim.GetName() == name]
     if len(found) > 1:
-        raise UsageError(f"{where}: several prims are named {name}: {', '.join(str(p.GetPath()) for p in found)}; give the path")
+        raise UsageError(
+            f"{where}: give the path, several prims are named {name}: {', '.join(str(p.GetPath()) for p in found)}"
+        )
     if not found:
         options = [str(p.GetPath()) if name.startswith("/") else p.GetName() for p in prims]
         raise UsageError(f"{where}: no domain, solid or emitter is named {name}{_suggest(name, options)}")

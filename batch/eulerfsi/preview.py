@@ -16,7 +16,7 @@ _LIGHT = np.array([-0.45, 0.75, 0.6]) / np.linalg.norm([-0.45, 0.75, 0.6])
 
 
 def view_axes(gravity: np.ndarray) -> tuple[int, int, int]:
-    """Axes of simulation space that point right, up and towards the viewer; up is opposite to gravity's largest part."""
+    """Axes of simulation space that point right, up and along the view; up is opposite to gravity's largest part."""
     up = int(np.argmax(np.abs(gravity))) if np.any(gravity) else 1
     right, depth = ((up + 2) % 3, (up + 1) % 3) if up != 2 else (0, 1)
     return right, up, depth
@@ -56,7 +56,11 @@ def write_preview(
         top = low[up] + h * smoke.shape[up]
         end = low[right] + h * smoke.shape[right]
         axes.imshow(
-            image, origin="lower", extent=(low[right], end, flip * low[up], flip * top), interpolation="bicubic", aspect="auto"
+            image,
+            origin="lower",
+            extent=(low[right], end, flip * low[up], flip * top),
+            interpolation="bicubic",
+            aspect="auto",
         )
 
     # The viewer looks against the third axis of a right-handed (right, up, towards) frame.
@@ -78,7 +82,9 @@ def write_preview(
     if polygons:
         order = np.argsort(np.concatenate(distances), kind="stable")
         colors = np.concatenate(shades)[order]
-        axes.add_collection(PolyCollection(np.concatenate(polygons)[order], facecolors=colors, edgecolors=colors, linewidths=0.4))
+        axes.add_collection(
+            PolyCollection(np.concatenate(polygons)[order], facecolors=colors, edgecolors=colors, linewidths=0.4)
+        )
     axes.text(0.02, 0.02, title, transform=axes.transAxes, color=(0.75, 0.78, 0.82), fontsize=9)
     with files.replacing(path) as temporary:
         figure.savefig(temporary, facecolor=_BACKGROUND)

@@ -166,7 +166,7 @@ def open_stage(path: Path) -> Usd.Stage:
 def stage_frames(stage: Usd.Stage) -> FrameRange:
     """The stage's own range. Raises UsageError or SceneError."""
     if not stage.HasAuthoredTimeCodeRange():
-        raise SceneError("stage: startTimeCode and endTimeCode are not authored; give the range with --frames first-last")
+        raise SceneError("stage: startTimeCode and endTimeCode are not authored; give --frames first-last")
     first, last = stage.GetStartTimeCode(), stage.GetEndTimeCode()
     if first != int(first) or last != int(last):
         raise SceneError(f"stage: startTimeCode {first:g} and endTimeCode {last:g}: must be whole numbers")
@@ -194,9 +194,7 @@ def read_scene(stage: Usd.Stage, path: Path, frames: FrameRange | None = None) -
         for prim in find_prims(stage, "solid")
         if reader.value(prim, enabled)
     ]
-    emitters = [
-        _emitter(reader, space, prim) for prim in find_prims(stage, "emitter") if reader.value(prim, enabled)
-    ]
+    emitters = [_emitter(reader, space, prim) for prim in find_prims(stage, "emitter") if reader.value(prim, enabled)]
     if emitters and not domain["ambient_fluid"]:
         warnings.append(f"{domain_prim.GetPath()}: ambientFluid is off: {len(emitters)} emitter(s) have no effect")
         emitters = []
@@ -229,7 +227,7 @@ def _domain_values(reader: _Reader, prim: Usd.Prim, meters: np.ndarray, mirrored
     size = np.where(np.abs(size / voxel - count) < 1e-4 * np.maximum(count, 1), np.maximum(count, 1) * voxel, size)
     if (size < 2 * voxel).any():
         raise SceneError(
-            f"{prim.GetPath()}: eulerfsi:voxelSize = {voxel / reader.units.meters_per_unit:g}: the domain's shortest edge "
+            f"{prim.GetPath()}: eulerfsi:voxelSize = {voxel / reader.units.meters_per_unit:g}: the shortest edge "
             f"{size.min() / reader.units.meters_per_unit:g} must hold at least 2 voxels"
         )
     if mirrored:
@@ -254,7 +252,9 @@ def _gravity(stage: Usd.Stage, units: StageUnits, warnings: list[str]) -> np.nda
         if math.isfinite(given) and given >= 0:
             magnitude = given * units.meters_per_unit
         elif given != -math.inf:
-            raise SceneError(f"{scenes[0].GetPath()}: physics:gravityMagnitude = {given}: must be >= 0 or -inf (9.81 m/s^2)")
+            raise SceneError(
+                f"{scenes[0].GetPath()}: physics:gravityMagnitude = {given}: must be >= 0 or -inf (9.81 m/s^2)"
+            )
     return direction * magnitude
 
 
@@ -362,4 +362,3 @@ def _emitter(reader: _Reader, space: SimulationSpace, prim: Usd.Prim) -> Emitter
     values["transform"] = to_sim.T.ravel().tolist()
     values["velocity"] = space.vector_to_sim(values["velocity"]).tolist()
     return Emitter(str(prim.GetPath()), values)
-

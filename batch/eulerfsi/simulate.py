@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from . import binding, cache as cache_module, checks, preview
+from . import binding, checks, preview
+from . import cache as cache_module
 from .cache import Cache, FolderLock
 from .errors import Cancelled, DivergedError, EulerFsiError, LibraryError
 from .frames import parse_frames
@@ -207,15 +208,17 @@ class _Run:
     def _advance(self, frame: int, target: float) -> None:
         """To `target` seconds; every step is a line of the statistics."""
         simulation, start = self.simulation, self.simulation.time
-        seen = {"time": start, "velocity_iterations": 0, "pressure_iterations": 0, "steps": 0}
+        recorded = [start]
 
         def between(fraction: float, step: dict[str, Any]) -> bool:
-            if step and step["time"] > seen["time"]:
+            if step and step["time"] > recorded[0]:
                 self.cache.add_stats({"event": "step", "frame": frame, **step})
-                seen.update({key: step[key] for key in ("time",)})
+                recorded[0] = step["time"]
             self.progress.between_steps(frame, fraction)
-            return bool(self.signals.number)
+            return bool(self.signals.number) and fraction < 1
 
+        if target - start < 1e-9 / self.scene.fps:
+            return  # the checkpoint was taken at the very end of the frame
         try:
             info = simulation.advance(target - start, between)
         except LibraryError as error:
@@ -225,7 +228,7 @@ class _Run:
             if error.status == binding.ERROR_DIVERGED:
                 raise DivergedError(f"frame {frame}: {error}") from error
             raise
-        if info["time"] > seen["time"]:
+        if info["time"] > recorded[0]:
             self.cache.add_stats({"event": "step", "frame": frame, **info})
         if info["unconverged"] or info["degenerate_cells"]:
             self.log.info(
@@ -250,7 +253,9 @@ class _Run:
         line = {"event": "frame", "frame": frame, "time": self.simulation.time, "seconds": round(seconds, 4)}
         line |= {"steps": self.simulation.steps, "solids": solids, "fluid": self.simulation.fluid_diagnostics()}
         self.cache.add_stats({**line, "profile": self.simulation.profile()})
-        self.progress.frame_done(frame, time=self.simulation.time, seconds=round(seconds, 4), steps=self.simulation.steps)
+        self.progress.frame_done(
+            frame, time=self.simulation.time, seconds=round(seconds, 4), steps=self.simulation.steps
+        )
 
     def _leave(self, status: str) -> None:
         """What every run does at its end: statistics, the layer that opens the cache, the picture."""

@@ -133,7 +133,9 @@ class Simulation:
     def __init__(self, values: Mapping[str, Any], log: LogFunction | None = None) -> None:
         self._lib = library()
         self._handle = c_void_p()
-        self._log = binding.LogCallback(lambda _user, level, text: log(level, text.decode("utf-8", "replace"))) if log else None
+        self._log = (
+            binding.LogCallback(lambda _user, level, text: log(level, text.decode("utf-8", "replace"))) if log else None
+        )
         definition, error = _simulation_def(values), binding.Error()
         if self._log:
             definition.log = self._log
@@ -285,9 +287,7 @@ class Simulation:
     def set_field(self, name: str, values: np.ndarray, solid: int = 0) -> None:
         """Replaces a field; values: (components, nx, ny, nz) as `field` returns it."""
         flat = np.concatenate([np.asarray(part, np.float32).ravel(order="F") for part in values])
-        self._check(
-            self._lib.efsi_field_set(self._handle, binding.FIELDS[name], solid, flat.ctypes.data, len(flat))
-        )
+        self._check(self._lib.efsi_field_set(self._handle, binding.FIELDS[name], solid, flat.ctypes.data, len(flat)))
 
     def write_vdb(self, path: str | Path, **values: Any) -> str:
         """Writes one .vdb with all grids. values: fields of EfsiVdbDef. Returns the content hash."""

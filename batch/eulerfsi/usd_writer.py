@@ -125,7 +125,9 @@ class UsdWriter:
         with files.replacing(self.folder / f"frames/{self.scene.name}.manifest.usda") as temporary:
             _export(layer, temporary)
 
-    def write_root(self, sublayer: str, last: int, vdb_frames: list[int], grids: list[str], data: dict[str, Any]) -> None:
+    def write_root(
+        self, sublayer: str, last: int, vdb_frames: list[int], grids: list[str], data: dict[str, Any]
+    ) -> None:
         """Writes <scene>.usda for frames first..last. sublayer: relative path of the copied scene.
 
         data: provenance, stored as customLayerData["eulerfsi"].

@@ -14,7 +14,10 @@ command -v mmdebstrap >/dev/null || { echo "needs mmdebstrap: apt-get install mm
 
 work=$(mktemp -d "${TMPDIR:-/tmp}/bare_machine.XXXXXX")
 target=$work/root
-cleanup() { [[ ${KEEP-} ]] && echo "kept: $work" || rm -rf --one-file-system "$work"; }
+# shellcheck disable=SC2317 # called by the trap
+cleanup() {
+  if [[ ${KEEP-} ]]; then echo "kept: $work"; else rm -rf --one-file-system "$work"; fi
+}
 trap cleanup EXIT
 
 # Network settings of this machine, handed on as they are: apt's sources and options, pip's, certificates, name servers.
@@ -44,7 +47,7 @@ while IFS='=' read -r name value; do
   case "$value" in /*) hand_on "$value" ;; esac
 done < <(env | grep -E '^(PIP_[A-Z_]+|REQUESTS_CA_BUNDLE|SSL_CERT_FILE|SSL_CERT_DIR|CURL_CA_BUNDLE|[a-zA-Z]+_proxy|[A-Z]+_PROXY)=')
 
-git clone --quiet --no-hardlinks "$repo" "$target/home/eulerfsi"
+git clone --quiet --no-hardlinks "$repo" "$target/srv/eulerfsi"
 echo "commit: $(git -C "$repo" log -1 --format='%h %s')"
 
 status=0
@@ -55,7 +58,7 @@ for command in "${commands[@]}"; do
   # an own mount name space: /proc is there during the command and gone with it
   unshare --mount --pid --fork --kill-child chroot "$target" /usr/bin/env -i HOME=/root LANG=C.UTF-8 TERM=dumb \
     PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin ${settings[@]+"${settings[@]}"} \
-    bash -c 'mount -t proc proc /proc; cd /home/eulerfsi && '"$command" </dev/null >"$work/log" 2>&1 || rc=$?
+    bash -c 'mount -t proc proc /proc; cd /srv/eulerfsi && '"$command" </dev/null >"$work/log" 2>&1 || rc=$?
   tail -n "${LINES_SHOWN:-15}" "$work/log"
   echo "--- exit code $rc after $((SECONDS - start)) s: $command"
   [[ $rc == 0 ]] || status=1

@@ -15,7 +15,7 @@ from pathlib import Path
 from common import INCLUDE, ROOT, code_only, finish, relative
 
 _DECLARATION = re.compile(r"EFSI_API\b[^;{]*?\b(efsi_\w+)\s*\(", re.S)
-_SPEAK_FOR_THEMSELVES = ("_def_init", "_destroy", "_get_profile")
+_SPEAK_FOR_THEMSELVES = ("_def_init", "_destroy")
 
 
 def declared() -> dict[str, Path]:

@@ -79,6 +79,7 @@ EFSI_API EfsiStatus efsi_simulation_save_checkpoint(EfsiSim* sim, const char* pa
 /* Restores into a simulation that was set up with the same definitions, before its first step or later. */
 EFSI_API EfsiStatus efsi_simulation_restore_checkpoint(EfsiSim* sim, const char* path);
 
+/* Times, tiles and bytes per stage so far, and starting them anew; what the fluid holds now. */
 EFSI_API EfsiStatus efsi_simulation_get_profile(const EfsiSim* sim, EfsiProfile* profile);
 EFSI_API EfsiStatus efsi_simulation_reset_profile(EfsiSim* sim);
 EFSI_API EfsiStatus efsi_simulation_get_fluid_diagnostics(EfsiSim* sim, EfsiFluidDiagnostics* out);

@@ -39,6 +39,25 @@ inline unsigned fixed_components(const Grid& g, const Walls& walls, int i, int j
   return fixed;
 }
 
+// The same for every node. Solids slide on walls: nodes that carry a solid keep their tangential components free on a
+// no-slip wall, which holds the fluid only (friction belongs to contact).
+inline std::uint8_t fixed_for_solid(const Grid& g, Walls walls, int i, int j, int k) {
+  for (Wall& wall : walls.face)
+    if (wall == Wall::kNoSlip) wall = Wall::kSlip;
+  return static_cast<std::uint8_t>(fixed_components(g, walls, i, j, k));
+}
+
+inline std::vector<std::uint8_t> fixed_by_walls(const Grid& g, const Walls& walls) {
+  std::vector<std::uint8_t> fixed(g.node_count(), 0);
+  for (int k = 0; k <= g.cells[2]; ++k)
+    for (int j = 0; j <= g.cells[1]; ++j) {
+      const bool face = k == 0 || j == 0 || k == g.cells[2] || j == g.cells[1];
+      for (int i = 0; i <= g.cells[0]; i += face ? 1 : g.cells[0])
+        fixed[g.node(i, j, k)] = static_cast<std::uint8_t>(fixed_components(g, walls, i, j, k));
+    }
+  return fixed;
+}
+
 // Fills the ghost layer of a padded cell array: opposite cells on periodic axes, `outside` elsewhere.
 template <class T>
 void fill_ghosts(const Grid& g, std::vector<T>& field, T outside) {

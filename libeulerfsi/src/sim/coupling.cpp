@@ -98,12 +98,25 @@ void compute_volume_source(const Parallel& parallel, const Scene& scene, const S
   });
 }
 
-void enforce_walls(const Parallel& parallel, const Scene& scene, grid::VectorField& velocity) {
-  for_grid_nodes(parallel, scene.grid, [&](std::size_t n, int i, int j, int k) {
-    const unsigned fixed = grid::fixed_components(scene.grid, scene.params.walls, i, j, k);
-    if (!fixed) return;
+// Which components walls fix: by the faces, less where a solid slides.
+void find_fixed_components(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work) {
+  const Grid& g = scene.grid;
+  work.fixed = grid::fixed_by_walls(g, scene.params.walls);
+  for (std::size_t l = 0; l < scene.solids.size(); ++l)
+    for_band_nodes(parallel, state.solids[l].band, [&](std::size_t local, int i, int j, int k) {
+      const std::size_t n = g.node(i, j, k);
+      if (work.fixed[n] && work.solids[l].carries[local])
+        work.fixed[n] = grid::fixed_for_solid(g, scene.params.walls, i, j, k);
+    });
+}
+
+void enforce_walls(const Parallel& parallel, const Grid& g, const std::vector<std::uint8_t>& fixed,
+                   grid::VectorField& velocity) {
+  parallel.for_each(static_cast<std::int64_t>(g.node_count()), [&](std::int64_t n) {
+    const auto s = static_cast<std::size_t>(n);
+    if (!fixed[s]) return;
     for (std::size_t a = 0; a < 3; ++a)
-      if (fixed & (1u << a)) velocity.c[a][n] = 0;
+      if (fixed[s] & (1u << a)) velocity.c[a][s] = 0;
   });
 }
 
@@ -114,6 +127,7 @@ void combine_masses(const Parallel& parallel, const Scene& scene, const State& s
   const Grid& g = scene.grid;
   const bool solids = !scene.solids.empty();
   if (!solids && work.uniform_ready) return;
+  find_fixed_components(parallel, scene, state, work);
   const double h3 = g.h * g.h * g.h;
   const Real fluid_density = scene.params.fluid.present ? static_cast<Real>(scene.params.fluid.density) : Real(0);
 
@@ -204,7 +218,7 @@ void add_external_forces(const Parallel& parallel, const Scene& scene, double dt
     if (!(work.mass[n] > 0)) return;
     for (std::size_t a = 0; a < 3; ++a) work.velocity.c[a][n] += kick[static_cast<Eigen::Index>(a)];
   });
-  enforce_walls(parallel, scene, work.velocity);
+  enforce_walls(parallel, g, work.fixed, work.velocity);
 }
 
 void assemble_velocity_system(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
@@ -214,7 +228,7 @@ void assemble_velocity_system(const Parallel& parallel, const Scene& scene, doub
   std::vector<system::SolidRef> refs;
   for (std::size_t l = 0; l < scene.solids.size(); ++l)
     refs.push_back({&scene.solids[l], &state.solids[l], &work.solids[l]});
-  work.velocity_system.assemble(parallel, scene.grid, scene.params.walls, refs, work.mass, dt);
+  work.velocity_system.assemble(parallel, scene.grid, work.fixed, refs, work.mass, dt);
   // f* = M (v + dt f_ext / m) + dt f_int
   work.velocity_system.gather(parallel, work.velocity, work.v_star);
   work.velocity_system.internal_force(parallel, work.f_star);
@@ -252,8 +266,8 @@ void solve_pressure(const Parallel& parallel, const Scene& scene, double dt, Sta
     std::vector<std::uint8_t> owned, active;
     if (!scene.solids.empty()) owned = solid_cells(parallel, scene, state, work);
     if (!scene.params.fluid.present) active = owned;  // in vacuum p = 0 outside the solids
-    work.pressure_system.assemble(parallel, g, scene.params.walls, work.specific_volume, std::move(active),
-                                  std::move(owned));
+    work.pressure_system.assemble(parallel, g, scene.params.walls, work.fixed, work.specific_volume,
+                                  std::move(active), std::move(owned));
     work.uniform_ready = scene.solids.empty();
   }
   work.source.clear();

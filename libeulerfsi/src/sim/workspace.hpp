@@ -12,6 +12,7 @@ namespace efsi::sim {
 
 struct Workspace {
   grid::VectorField velocity;          // the one velocity of Eq. 11 at the nodes [m/s]
+  std::vector<std::uint8_t> fixed;     // per node: bit a: component a is fixed by a wall
   std::vector<Real> mass;              // all matter per node [kg]
   std::vector<Real> specific_volume;   // 1/density per node [m^3/kg]
   std::vector<Real> cell_fraction;     // part of each cell that solids fill; empty without solids

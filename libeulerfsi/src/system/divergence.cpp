@@ -35,15 +35,14 @@ void node_row(const PressureLevel& level, const Real* p, int j, int k, RowScratc
     gy[i] = w[i] * (dy[i + 1] + dy[i]);
     gz[i] = w[i] * (dz[i + 1] + dz[i]);
   }
-  // Walls: whole rows on the y and z faces, single nodes on the x faces.
-  const auto clear = [&](unsigned fixed, int begin, int end) {
-    if (fixed & 1u) std::fill(gx + begin, gx + end, Real(0));
-    if (fixed & 2u) std::fill(gy + begin, gy + end, Real(0));
-    if (fixed & 4u) std::fill(gz + begin, gz + end, Real(0));
-  };
-  if (n > 1) clear(grid::fixed_components(g, level.walls, 1, j, k), 1, n);
-  clear(grid::fixed_components(g, level.walls, 0, j, k), 0, 1);
-  clear(grid::fixed_components(g, level.walls, n, j, k), n, n + 1);
+  // Walls: whole rows on the y and z faces, the ends of all others.
+  const std::uint8_t* fixed = level.fixed.data() + g.node(0, j, k);
+  const bool face = j == 0 || k == 0 || j == g.cells[1] || k == g.cells[2];
+  for (int i = 0; i <= n; i += face ? 1 : n) {
+    if (fixed[i] & 1u) gx[i] = 0;
+    if (fixed[i] & 2u) gy[i] = 0;
+    if (fixed[i] & 4u) gz[i] = 0;
+  }
 }
 
 // The three components of g on one plane of nodes.
@@ -114,7 +113,7 @@ void compute_pressure_diagonal(const Parallel& parallel, PressureLevel& level) {
     const int k = static_cast<int>(kk);
     for (int j = 0; j <= g.cells[1]; ++j)
       for (int i = 0; i <= g.cells[0]; ++i) {
-        const unsigned fixed = grid::fixed_components(g, level.walls, i, j, k);
+        const unsigned fixed = level.fixed[g.node(i, j, k)];
         const int count = 3 - static_cast<int>((fixed & 1u) + ((fixed >> 1) & 1u) + ((fixed >> 2) & 1u));
         free[g.node(i, j, k)] = level.mobility[g.node(i, j, k)] * static_cast<Real>(count);
       }
@@ -168,19 +167,11 @@ Vec3 pressure_impulse(const Grid& g, const std::vector<Real>& q, int i, int j, i
   return area * sum;
 }
 
-void subtract_pressure_gradient(const Parallel& parallel, const Grid& g, const Walls& walls,
-                                const std::vector<Real>& inverse_mass, const std::vector<Real>& q,
+void subtract_pressure_gradient(const Parallel& parallel, const PressureLevel& level, const std::vector<Real>& q,
                                 VectorField& velocity) {
+  const Grid& g = level.grid;
   const auto nx = static_cast<std::size_t>(g.cells[0] + 1);
-  PressureLevel level;  // J^T on rows with the scale of a velocity
-  level.grid = g;
-  level.walls = walls;
-  const Real area = static_cast<Real>(g.h * g.h / 4.0);
-  level.mobility.resize(g.node_count());
-  parallel.for_ranges(static_cast<std::int64_t>(g.node_count()), [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t n = begin; n < end; ++n)
-      level.mobility[static_cast<std::size_t>(n)] = area * inverse_mass[static_cast<std::size_t>(n)];
-  });
+  const Real scale = static_cast<Real>(4.0 / (g.h * g.h));  // mobility holds (h^2/4)^2, a velocity needs h^2/4
   parallel.for_ranges(g.cells[2] + 1, [&](std::int64_t begin, std::int64_t end) {
     RowScratch scratch(g.cells[0]);
     std::vector<Real> gx(nx), gy(nx), gz(nx);
@@ -189,9 +180,9 @@ void subtract_pressure_gradient(const Parallel& parallel, const Grid& g, const W
         node_row(level, q.data(), j, k, scratch, gx.data(), gy.data(), gz.data());
         const std::size_t n = g.node(0, j, k);
         for (std::size_t i = 0; i < nx; ++i) {
-          velocity.c[0][n + i] += gx[i];
-          velocity.c[1][n + i] += gy[i];
-          velocity.c[2][n + i] += gz[i];
+          velocity.c[0][n + i] += scale * gx[i];
+          velocity.c[1][n + i] += scale * gy[i];
+          velocity.c[2][n + i] += scale * gz[i];
         }
       }
   });

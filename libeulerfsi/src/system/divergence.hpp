@@ -19,6 +19,7 @@ using grid::Walls;
 struct PressureLevel {
   Grid grid;
   Walls walls;
+  std::vector<std::uint8_t> fixed;  // per node: bit a: component a is fixed by a wall
   // W (h^2/4)^2 per node, walls not yet applied [m^4/kg]: A = D mobility D^T with D the +-1 stencil.
   std::vector<Real> mobility;
   std::vector<Real> inverse_diagonal;   // padded cells; 0 where a cell has no equation
@@ -37,9 +38,8 @@ void compute_pressure_diagonal(const Parallel& parallel, PressureLevel& level);
 void compute_divergence(const Parallel& parallel, const Grid& g, const VectorField& velocity,
                         std::vector<Real>& divergence);
 
-// v -= W J^T q, q [Pa s]. inverse_mass per node [1/kg].
-void subtract_pressure_gradient(const Parallel& parallel, const Grid& g, const Walls& walls,
-                                const std::vector<Real>& inverse_mass, const std::vector<Real>& q,
+// v -= W J^T q, q [Pa s].
+void subtract_pressure_gradient(const Parallel& parallel, const PressureLevel& level, const std::vector<Real>& q,
                                 VectorField& velocity);
 
 // (J^T q) at one node, walls not applied [kg m/s].

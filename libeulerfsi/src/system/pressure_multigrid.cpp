@@ -192,13 +192,15 @@ void set_mobility(const Parallel& parallel, const std::vector<Real>& specific_vo
 }  // namespace
 
 void PressureMultigrid::build(const Parallel& parallel, const Grid& g, const Walls& walls,
-                              const std::vector<Real>& specific_volume, std::vector<std::uint8_t> active) {
+                              const std::vector<std::uint8_t>& fixed, const std::vector<Real>& specific_volume,
+                              std::vector<std::uint8_t> active) {
   std::size_t count = 0;
   const auto prepare = [&](const Grid& level_grid, const Walls& level_walls) -> Level& {
     if (levels_.size() <= count) levels_.emplace_back();
     Level& level = levels_[count++];
     if (level.op.grid.cells != level_grid.cells || level.residual.empty()) {
       for (auto* field : {&level.x, &level.b, &level.residual}) field->assign(level_grid.padded_count(), 0);
+      level.op.fixed = grid::fixed_by_walls(level_grid, level_walls);
     }
     level.op.grid = level_grid;
     level.op.walls = level_walls;
@@ -206,6 +208,7 @@ void PressureMultigrid::build(const Parallel& parallel, const Grid& g, const Wal
   };
   {
     Level& level = prepare(g, walls);
+    level.op.fixed = fixed;
     level.specific_volume = specific_volume;
     level.op.active = std::move(active);
   }

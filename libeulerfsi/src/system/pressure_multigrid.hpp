@@ -12,8 +12,9 @@ class PressureMultigrid {
  public:
   // Rebuilds all levels. specific_volume: 1/density per node [m^3/kg]; 0: the node does not move.
   // active: padded cells with an equation; empty: all.
-  void build(const Parallel& parallel, const Grid& g, const Walls& walls, const std::vector<Real>& specific_volume,
-             std::vector<std::uint8_t> active);
+  // fixed: per node of the finest grid, components that walls fix.
+  void build(const Parallel& parallel, const Grid& g, const Walls& walls, const std::vector<std::uint8_t>& fixed,
+             const std::vector<Real>& specific_volume, std::vector<std::uint8_t> active);
   const PressureLevel& finest() const { return levels_.front().op; }
   // y = A x; fills the ghosts of x.
   void apply(const Parallel& parallel, std::vector<Real>& x, std::vector<Real>& y) const;

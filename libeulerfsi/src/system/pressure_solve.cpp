@@ -23,21 +23,12 @@ double sum_cells(const Parallel& parallel, const Grid& g, const Term& term) {
 }  // namespace
 
 void PressureSystem::assemble(const Parallel& parallel, const Grid& g, const Walls& walls,
-                              const std::vector<Real>& specific_volume, std::vector<std::uint8_t> active,
-                              std::vector<std::uint8_t> solid_cell) {
+                              const std::vector<std::uint8_t>& fixed, const std::vector<Real>& specific_volume,
+                              std::vector<std::uint8_t> active, std::vector<std::uint8_t> solid_cell) {
   grid_ = g;
   walls_ = walls;
   solid_cell_ = std::move(solid_cell);
-  multigrid_.build(parallel, g, walls, specific_volume, std::move(active));
-  // mobility = (h^2/4)^2 / m
-  const auto& mobility = multigrid_.finest().mobility;
-  inverse_mass_.resize(mobility.size());
-  const double area = g.h * g.h / 4.0;
-  const Real scale = static_cast<Real>(1.0 / (area * area));
-  parallel.for_ranges(static_cast<std::int64_t>(mobility.size()), [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t n = begin; n < end; ++n)
-      inverse_mass_[static_cast<std::size_t>(n)] = scale * mobility[static_cast<std::size_t>(n)];
-  });
+  multigrid_.build(parallel, g, walls, fixed, specific_volume, std::move(active));
 }
 
 bool PressureSystem::closed() const { return !walls_.any_open() && multigrid_.finest().active.empty(); }
@@ -90,7 +81,7 @@ linalg::SolveStats PressureSystem::solve(const Parallel& parallel, PressureSolve
 
 void PressureSystem::project(const Parallel& parallel, std::vector<Real>& q, VectorField& velocity) const {
   grid::fill_ghosts(grid_, q, Real(0));
-  subtract_pressure_gradient(parallel, grid_, walls_, inverse_mass_, q, velocity);
+  subtract_pressure_gradient(parallel, multigrid_.finest(), q, velocity);
 }
 
 DivergenceNorms PressureSystem::norms(const Parallel& parallel, const VectorField& velocity,
@@ -117,7 +108,7 @@ DivergenceNorms PressureSystem::norms(const Parallel& parallel, const VectorFiel
 }
 
 std::size_t PressureSystem::bytes() const {
-  return (inverse_mass_.size() + divergence_.size() + rhs_.size()) * sizeof(Real) + solid_cell_.size() +
+  return (divergence_.size() + rhs_.size()) * sizeof(Real) + solid_cell_.size() +
          multigrid_.bytes() + pcg_.bytes();
 }
 

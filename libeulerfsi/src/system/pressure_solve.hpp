@@ -22,23 +22,22 @@ class PressureSystem {
  public:
   // specific_volume: 1/density per node, 0 where nothing moves [m^3/kg]; active: cells with an equation, empty: all.
   // solid_cell: padded cells owned by solids, may be empty; the tolerance is demanded of them by themselves, too.
-  void assemble(const Parallel& parallel, const Grid& g, const Walls& walls, const std::vector<Real>& specific_volume,
-                std::vector<std::uint8_t> active, std::vector<std::uint8_t> solid_cell);
-  bool assembled() const { return !inverse_mass_.empty(); }
+  // fixed: per node, components that walls fix.
+  void assemble(const Parallel& parallel, const Grid& g, const Walls& walls, const std::vector<std::uint8_t>& fixed,
+                const std::vector<Real>& specific_volume, std::vector<std::uint8_t> active,
+                std::vector<std::uint8_t> solid_cell);
   // Solves for q with J v - source on the right; source: wanted div v per padded cell [1/s], may be empty.
   linalg::SolveStats solve(const Parallel& parallel, PressureSolver solver, const VectorField& velocity,
                            const std::vector<Real>& source, double tolerance, std::vector<Real>& q);
   // v -= M^-1 J^T q
   void project(const Parallel& parallel, std::vector<Real>& q, VectorField& velocity) const;
   DivergenceNorms norms(const Parallel& parallel, const VectorField& velocity, const std::vector<Real>& source);
-  const std::vector<Real>& inverse_mass() const { return inverse_mass_; }
   std::size_t bytes() const;
 
  private:
   bool closed() const;
   Grid grid_;
   Walls walls_;
-  std::vector<Real> inverse_mass_;  // per node [1/kg]
   std::vector<std::uint8_t> solid_cell_;
   std::vector<Real> divergence_, rhs_;  // padded cells
   PressureMultigrid multigrid_;

@@ -7,7 +7,7 @@
 
 namespace efsi::system {
 
-void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, const Walls& walls,
+void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, const std::vector<std::uint8_t>& fixed,
                               std::span<const SolidRef> solids, const std::vector<Real>& mass, double dt) {
   h_ = global.h;
   solids_.assign(solids.begin(), solids.end());
@@ -37,8 +37,7 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
             unknown = static_cast<std::int32_t>(node_.size());
             node_.push_back(n);
             damping.push_back(0.0);
-            const unsigned fixed = grid::fixed_components(global, walls, i + lo[0], j + lo[1], k + lo[2]);
-            for (unsigned a = 0; a < 3; ++a) free_.push_back(fixed & (1u << a) ? Real(0) : Real(1));
+            for (unsigned a = 0; a < 3; ++a) free_.push_back(fixed[n] & (1u << a) ? Real(0) : Real(1));
           }
           damping[static_cast<std::size_t>(unknown)] +=
               dt * s.rest->rayleigh_alpha * static_cast<double>(s.work->mass[local]);

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "base/parallel.hpp"
-#include "grid/boundary.hpp"
 #include "grid/grid.hpp"
 #include "linalg/pcg.hpp"
 #include "linalg/pcr.hpp"
@@ -17,7 +16,6 @@ namespace efsi::system {
 
 using grid::Grid;
 using grid::VectorField;
-using grid::Walls;
 
 // One solid as the system sees it.
 struct SolidRef {
@@ -31,8 +29,9 @@ enum class VelocitySolver : std::int32_t { kPcg = 0, kPcr = 1 };
 class VelocitySystem {
  public:
   // Numbers the unknown nodes, sets G for this dt. mass: all matter per global node [kg].
-  void assemble(const Parallel& parallel, const Grid& global, const Walls& walls, std::span<const SolidRef> solids,
-                const std::vector<Real>& mass, double dt);
+  // fixed: per global node, components that walls fix.
+  void assemble(const Parallel& parallel, const Grid& global, const std::vector<std::uint8_t>& fixed,
+                std::span<const SolidRef> solids, const std::vector<Real>& mass, double dt);
   std::int64_t unknowns() const { return static_cast<std::int64_t>(node_.size()); }
   const std::vector<std::size_t>& nodes() const { return node_; }
 

@@ -1,0 +1,187 @@
+"""The command line: simulate, validate, info, new, bench, test.
+
+Exit codes: 0 ok, 1 internal, 2 usage (unknown option, frame range, --set name), 3 scene, 4 diverged, 5 disk or I/O,
+130 and 143 after Ctrl-C and SIGTERM.
+"""
+
+from __future__ import annotations
+
+import argparse
+import runpy
+import subprocess
+import sys
+import traceback
+from collections.abc import Sequence
+from pathlib import Path
+
+from . import __version__, binding, errors, paths, progress
+from .errors import EulerFsiError, UsageError
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The parser of all commands."""
+    parser = argparse.ArgumentParser(
+        prog="eulerfsi",
+        description="Elastic solids in a fluid: from a USD scene to deformed meshes and VDB smoke.",
+        epilog="Exit codes: 0 ok, 1 internal, 2 usage, 3 scene, 4 diverged, 5 disk or I/O, 130/143 signals.",
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action="version", version=f"eulerfsi {__version__}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    def add(name: str, text: str) -> argparse.ArgumentParser:
+        return commands.add_parser(name, help=text, description=text, allow_abbrev=False)
+
+    simulate = add("simulate", "Simulate a scene into a cache.")
+    simulate.add_argument("scene", type=Path, metavar="SCENE")
+    simulate.add_argument("-o", "--output", type=Path, metavar="DIR", help="default: ./<scene>_cache")
+    _scene_options(simulate)
+    simulate.add_argument("--preset", help="production (default) or paper2016; same as --set <domain>.preset=P")
+    simulate.add_argument("--progress", choices=progress.MODES, default="auto", help="default: auto")
+    group = simulate.add_mutually_exclusive_group()
+    group.add_argument("--overwrite", action="store_true", help="replace the cache that the folder holds")
+    group.add_argument("--resume", action="store_true", help="continue the cache at its latest checkpoint")
+
+    validate = add("validate", "Check a scene without simulating: schema, meshes, memory and time estimate.")
+    validate.add_argument("scene", type=Path, metavar="SCENE")
+    _scene_options(validate)
+
+    info = add("info", "Describe the program, a scene or a cache folder (and verify its files).")
+    info.add_argument("path", type=Path, nargs="?", metavar="SCENE_OR_CACHE")
+
+    new = add("new", "Write a ready scene around mesh files.")
+    new.add_argument("scene", type=Path, metavar="SCENE.usda")
+    new.add_argument(
+        "--solid", type=Path, action="append", required=True, metavar="FILE", help="obj, ply, stl, gltf, ..."
+    )
+    new.add_argument("--smoke", choices=("carpet", "none"), default="carpet", help="default: carpet")
+
+    bench = add("bench", "Measure speed and quality against the bars (in a checkout).")
+    bench.add_argument("name", choices=("speed",))
+    bench.add_argument("rest", nargs=argparse.REMAINDER, help="options of the benchmark; --help lists them")
+
+    test = add("test", "Run the tests (in a checkout).")
+    test.add_argument("--full", action="store_true", help="also the double-precision build and the slow scenes")
+    return parser
+
+
+def _scene_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--frames", metavar="A-B", help="contiguous range, default: the stage's")
+    parser.add_argument("--threads", type=_positive, metavar="N", help="default: what the cgroup allows")
+    parser.add_argument(
+        "--set",
+        dest="settings",
+        action="append",
+        default=[],
+        metavar="PRIM.ATTR=VALUE",
+        help="change one attribute for this run, in stage units; may be repeated",
+    )
+
+
+def _positive(text: str) -> int:
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"{text}: must be >= 1")
+    return number
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs one command; returns the exit code. A wrong option leaves through SystemExit(2), as argparse does."""
+    options = build_parser().parse_args(arguments)
+    run = {"simulate": _simulate, "validate": _validate, "info": _info, "new": _new, "bench": _bench, "test": _test}
+    try:
+        return run[options.command](options)
+    except errors.Cancelled as error:
+        print(f"{error}; continue with --resume", file=sys.stderr)
+        return error.exit_code
+    except EulerFsiError as error:
+        for line in str(error).splitlines():
+            print(f"error: {line}", file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        return errors.EXIT_SIGINT
+    except BrokenPipeError:
+        sys.stderr.close()
+        return errors.EXIT_IO
+    except OSError as error:
+        print(f"error: {error.filename or ''}: {error.strerror}", file=sys.stderr)
+        return errors.EXIT_IO
+    except Exception:
+        traceback.print_exc()
+        print("error: internal; please report this with the lines above", file=sys.stderr)
+        return errors.EXIT_INTERNAL
+
+
+def _simulate(options: argparse.Namespace) -> int:
+    from .simulate import Options, simulate
+
+    if options.preset is not None and options.preset not in binding.PRESETS:
+        raise UsageError(f"--preset {options.preset}: must be one of {', '.join(binding.PRESETS)}")
+    wanted = Options(
+        output=options.output,
+        frames=options.frames,
+        threads=options.threads,
+        preset=options.preset,
+        settings=tuple(options.settings),
+        progress=options.progress,
+        overwrite=options.overwrite,
+        resume=options.resume,
+    )
+    result = simulate(options.scene, wanted)
+    if options.progress != "json":
+        if result.nothing_to_do:
+            print("all frames are there already")
+        print(f"cache:   {result.folder}")
+        print(
+            f"open:    {result.root} (in Blender: File > Import > Universal Scene Description; usdview; Houdini; ...)"
+        )
+        print(f"preview: {result.preview}")
+    return errors.EXIT_OK
+
+
+def _validate(options: argparse.Namespace) -> int:
+    from .report import validate
+
+    print("\n".join(validate(options.scene, options.frames, options.settings, options.threads)))
+    return errors.EXIT_OK
+
+
+def _info(options: argparse.Namespace) -> int:
+    from .report import info
+
+    print("\n".join(info(options.path)))
+    return errors.EXIT_OK
+
+
+def _new(options: argparse.Namespace) -> int:
+    from .new_scene import new_scene
+
+    chosen = new_scene(options.scene, options.solid, options.smoke)
+    print(
+        f"{options.scene}: {len(options.solid)} solid(s), voxel size {chosen['voxel_size']:g} m, "
+        f"{chosen['cells']:,.0f} cells, Young's modulus up to {chosen['youngs_modulus']:g} Pa"
+    )
+    print(f"next: eulerfsi simulate {options.scene}")
+    return errors.EXIT_OK
+
+
+def _checkout() -> Path:
+    root = paths.checkout()
+    if root is None:
+        raise UsageError("this command needs a checkout of the project; the package is an installed one")
+    return root
+
+
+def _bench(options: argparse.Namespace) -> int:
+    script = _checkout() / "tests" / "bench" / f"bench_{options.name}.py"
+    return int(runpy.run_path(str(script))["main"](options.rest))
+
+
+def _test(options: argparse.Namespace) -> int:
+    # The launcher builds first and knows the test presets.
+    command = [str(_checkout() / "eulerfsi"), "test", *(["--full"] if options.full else [])]
+    return subprocess.run(command, check=False).returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,280 @@
+"""The ctypes binding: same structures as C, every function, values there and back, errors, callbacks."""
+
+from __future__ import annotations
+
+import ctypes
+import re
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import ROOT, sphere, write_obj
+
+from eulerfsi import binding, solver
+from eulerfsi.errors import EXIT_SCENE, EulerFsiError, LibraryError
+from eulerfsi.parameters import table
+
+HEADERS = ROOT / "libeulerfsi" / "include"
+BOX = {"domain_min": (-0.3, -0.5, -0.3), "domain_size": (0.6, 0.7, 0.6), "voxel_size": 0.05, "gravity": (0, -9.8, 0)}
+MATERIAL = {"density": 1000.0, "youngs_modulus": 23333.0, "poissons_ratio": 1 / 6}
+
+
+def ball(radius: float = 0.15) -> solver.Mesh:
+    points, counts, indices = sphere(radius)
+    return solver.Mesh(points, counts, indices)
+
+
+@pytest.fixture
+def simulation(library):
+    with solver.Simulation({**BOX, "threads": 2}) as sim:
+        sim.add_solid(ball(), velocity=(0, -2, 0), **MATERIAL)
+        yield sim
+
+
+def c_numbers(tmp_path: Path) -> dict[str, int]:
+    """sizeof and offsetof as the C compiler sees them: {"EfsiVec3": 24, "EfsiVec3.x": 0, ...}."""
+    lines = []
+    for name, struct in binding.STRUCTURES.items():
+        lines.append(f'printf("{name} %zu\\n", sizeof({name}));')
+        for field, *_ in struct._fields_:
+            lines.append(f'printf("{name}.{field} %zu\\n", offsetof({name}, {field}));')
+    program = "#include <stdio.h>\n#include <eulerfsi/eulerfsi.h>\nint main(void) {" + "\n".join(lines) + "return 0; }\n"
+    (tmp_path / "sizes.c").write_text(program)
+    subprocess.run(["cc", "-std=c11", f"-I{HEADERS}", "sizes.c", "-o", "sizes"], cwd=tmp_path, check=True)
+    text = subprocess.run([tmp_path / "sizes"], text=True, capture_output=True, check=True).stdout
+    return {name: int(number) for name, number in (line.split() for line in text.splitlines())}
+
+
+def test_structures_have_the_sizes_and_offsets_of_c(tmp_path):
+    expected = c_numbers(tmp_path)
+    found = {}
+    for name, struct in binding.STRUCTURES.items():
+        found[name] = ctypes.sizeof(struct)
+        for field, *_ in struct._fields_:
+            found[f"{name}.{field}"] = getattr(struct, field).offset
+    assert found == expected
+
+
+def test_every_function_and_structure_of_the_headers_is_bound():
+    text = re.sub(r"/\*.*?\*/", "", "".join(p.read_text() for p in HEADERS.rglob("*.h")), flags=re.S)
+    assert set(re.findall(r"EFSI_API[^;]*?\b(efsi_\w+)\(", text)) == set(binding.PROTOTYPES)
+    assert set(re.findall(r"^}\s*(Efsi\w+);", text, flags=re.M)) == set(binding.STRUCTURES)
+    for name, arguments in binding.PROTOTYPES.items():
+        declared = re.search(rf"\b{name}\(([^)]*)\)", text).group(1)
+        assert len(arguments) == declared.count(",") + 1, name
+
+
+def test_constants_equal_the_headers():
+    text = "".join(p.read_text() for p in HEADERS.rglob("*.h"))
+    values = {name: int(value) for name, value in re.findall(r"#define (EFSI_\w+) (\d+)\b", text)}
+
+    def constant(word: str) -> str:
+        return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", word).upper()
+
+    families = {
+        "PRESET": binding.PRESETS,
+        "WALL": binding.WALLS,
+        "MATERIAL": binding.MATERIALS,
+        "EMITTER": binding.EMITTER_SHAPES,
+        "EMIT": binding.EMITTER_MODES,
+        "FIELD": binding.FIELDS,
+        "STAGE": {name: number for number, name in enumerate(binding.STAGES)},
+    }
+    for family, names in families.items():
+        for word, number in names.items():
+            assert values[f"EFSI_{family}_{constant(word)}"] == number
+    assert values["EFSI_STAGE_COUNT"] == len(binding.STAGES)
+    for name in ("ARGUMENT", "MESH", "DIVERGED", "IO", "MEMORY", "CANCELLED", "CHECKPOINT", "INTERNAL"):
+        assert values[f"EFSI_ERROR_{name}"] == getattr(binding, f"ERROR_{name}")
+
+
+def test_tokens_of_the_parameter_table_are_known_to_the_binding():
+    rows = table()
+    assert set(rows["domain"]["preset"].tokens) == set(binding.PRESETS)
+    assert set(rows["domain"]["wallXMin"].tokens) == set(binding.WALLS)
+    assert set(rows["solid"]["material"].tokens) == set(binding.MATERIALS)
+    assert set(rows["emitter"]["mode"].tokens) == set(binding.EMITTER_MODES)
+
+
+def test_version_is_the_packages(library):
+    import eulerfsi
+
+    assert binding.library_version() == eulerfsi.__version__
+
+
+def test_missing_library_names_the_places(monkeypatch, tmp_path):
+    monkeypatch.setenv("EULERFSI_LIBRARY", str(tmp_path / "nowhere.so"))
+    binding.library.cache_clear()
+    try:
+        with pytest.raises(EulerFsiError, match="nowhere.so"):
+            binding.library()
+    finally:
+        binding.library.cache_clear()
+
+
+def test_defaults_of_the_definitions_are_the_tables(library):
+    definition, solid = binding.SimulationDef(), binding.SolidDef()
+    library.efsi_simulation_def_init(ctypes.byref(definition))
+    library.efsi_solid_def_init(ctypes.byref(solid))
+    for scope, struct in (("domain", definition), ("solid", solid)):
+        for row in table()[scope].values():
+            if row.type == "double" and row.field:
+                assert getattr(struct, row.field) == row.default, row.name
+    assert definition.struct_size == ctypes.sizeof(definition)
+
+
+def test_uninitialised_definition_is_refused(library):
+    handle, error = ctypes.c_void_p(), binding.Error()
+    status = library.efsi_simulation_create(
+        ctypes.byref(binding.SimulationDef()), ctypes.byref(handle), ctypes.byref(error)
+    )
+    assert status == binding.ERROR_ARGUMENT
+    assert b"efsi_simulation_def_init" in error.message
+
+
+def test_message_of_a_bad_value_names_field_and_value(library):
+    with pytest.raises(LibraryError, match=r"voxel_size.*-1") as caught:
+        solver.Simulation({**BOX, "voxel_size": -1.0})
+    assert caught.value.status == binding.ERROR_ARGUMENT
+    assert caught.value.exit_code == EXIT_SCENE
+
+
+def test_unknown_field_name_is_refused(library):
+    with pytest.raises(KeyError, match="voxelsize"):
+        solver.Simulation({"voxelsize": 1.0})
+
+
+def test_mesh_file_has_the_points_of_the_array(library, tmp_path):
+    mesh = solver.load_mesh(write_obj(tmp_path / "ball.obj", 0.15))
+    assert len(mesh.triangles()) == len(ball().triangles())
+    np.testing.assert_allclose(mesh.points.min(axis=0), ball().points.min(axis=0), atol=1e-6)
+    report = solver.check_mesh(mesh, 0.05)
+    exact = 4 / 3 * np.pi * 0.15**3
+    assert report["closed"] == 1 and report["holes"] == 0
+    assert 0.93 * exact < report["solid_volume"] < exact
+
+
+def test_missing_mesh_file_is_an_error_with_its_name(library, tmp_path):
+    with pytest.raises(LibraryError, match=r"none\.obj"):
+        solver.load_mesh(tmp_path / "none.obj")
+
+
+def test_polygons_become_fans_and_flipping_turns_the_volume():
+    mesh = ball()
+    assert len(mesh.triangles()) == sum(count - 2 for count in mesh.counts)
+
+    def volume(m: solver.Mesh) -> float:
+        a, b, c = (m.points[m.triangles()[:, k]].astype(float) for k in range(3))
+        return float((np.cross(a, b) * c).sum() / 6)
+
+    assert volume(mesh) > 0
+    assert volume(mesh.flipped()) == pytest.approx(-volume(mesh))
+    np.testing.assert_array_equal(mesh.flipped().flipped().indices, mesh.indices)
+
+
+def test_advance_lands_on_the_end_and_moves_the_solid_down(simulation):
+    start, _ = simulation.surface(1, len(ball().points))
+    np.testing.assert_allclose(start, ball().points, atol=1e-6)
+    info = simulation.advance(1 / 24)
+    assert simulation.time == pytest.approx(1 / 24, abs=1e-15)
+    assert info["steps"] == simulation.steps >= 1
+    after, velocities = simulation.surface(1, len(ball().points))
+    fallen = (after - start)[:, 1].mean()
+    assert fallen == pytest.approx(-2 / 24 - 4.9 / 24**2, rel=0.02)
+    assert velocities[:, 1].mean() == pytest.approx(-2 - 9.8 / 24, rel=0.02)
+
+
+def test_progress_is_called_between_steps_and_cancels(simulation):
+    calls: list[tuple[float, float]] = []
+
+    def progress(fraction: float, step: dict) -> bool:
+        calls.append((fraction, step["time"]))
+        return True
+
+    with pytest.raises(LibraryError) as caught:
+        simulation.advance(0.25, progress)
+    assert caught.value.status == binding.ERROR_CANCELLED
+    assert len(calls) == 1 and 0 < calls[0][0] < 1
+    assert simulation.time == pytest.approx(calls[0][1]) and simulation.steps == 1
+    simulation.advance(0.01)  # the state is sound
+
+
+def test_exception_in_the_progress_function_comes_out(simulation):
+    def progress(_fraction: float, _step: dict) -> bool:
+        raise RuntimeError("from inside")
+
+    with pytest.raises(RuntimeError, match="from inside"):
+        simulation.advance(0.25, progress)
+
+
+def test_checkpoint_continues_to_the_same_hash(library, tmp_path):
+    def make() -> solver.Simulation:
+        sim = solver.Simulation({**BOX, "threads": 1})
+        sim.add_solid(ball(), velocity=(0, -2, 0), **MATERIAL)
+        return sim
+
+    with make() as one, make() as two:
+        one.advance(1 / 24)
+        one.save_checkpoint(tmp_path / "state")
+        one.advance(1 / 24)
+        two.restore_checkpoint(tmp_path / "state")
+        two.advance(1 / 24)
+        assert one.state_hash() == two.state_hash()
+        assert len(one.state_hash()) == 16
+
+
+def test_checkpoint_of_another_scene_is_refused(simulation, tmp_path):
+    simulation.save_checkpoint(tmp_path / "state")
+    with solver.Simulation({**BOX, "voxel_size": 0.1}) as other, pytest.raises(LibraryError) as caught:
+        other.restore_checkpoint(tmp_path / "state")
+    assert caught.value.status == binding.ERROR_CHECKPOINT
+
+
+def test_field_comes_back_as_it_was_set(library):
+    with solver.Simulation(BOX) as sim:
+        sim.add_emitter(density=1.0, mode=0, transform=np.diag([0.2, 0.2, 0.2, 1.0]))
+        old, place = sim.field("smoke_density")
+        assert old.shape == (1, 12, 14, 12) and place["cell_centered"]
+        assert place["spacing"] == pytest.approx(0.05)
+        np.testing.assert_allclose(place["origin"], (-0.275, -0.475, -0.275), atol=1e-9)
+        new = np.arange(old.size, dtype=np.float32).reshape(old.shape)
+        sim.set_field("smoke_density", new)
+        np.testing.assert_array_equal(sim.field("smoke_density")[0], new)
+
+
+def test_field_of_wrong_size_is_refused(library):
+    with solver.Simulation(BOX) as sim, pytest.raises(LibraryError):
+        sim.set_field("velocity", np.zeros((3, 2, 2, 2), np.float32))
+
+
+def test_profile_and_diagnostics_add_up(simulation):
+    simulation.advance(1 / 24)
+    profile = simulation.profile()
+    assert set(profile["seconds"]) == set(binding.STAGES)
+    assert sum(profile["seconds"].values()) == pytest.approx(profile["total_seconds"], rel=0.01)
+    assert profile["tiles"]["contact"] == 0 and profile["tiles"]["velocity_solve"] > 0
+    solid = simulation.solid_diagnostics(1)
+    assert solid["mass"] == pytest.approx(1000 * solid["rest_volume"], rel=0.03)
+    assert solid["momentum"][1] == pytest.approx(solid["mass"] * (-2 - 9.8 / 24), rel=0.03)
+    assert simulation.fluid_diagnostics()["kinetic_energy"] > 0
+    simulation.reset_profile()
+    assert simulation.profile()["steps"] == 0
+
+
+def test_warnings_reach_the_log_function(library, tmp_path):
+    messages: list[tuple[int, str]] = []
+    points, counts, indices = sphere(0.15)
+    opened = solver.Mesh(points, counts[1:], indices[counts[0] :])
+    with solver.Simulation(BOX, lambda level, text: messages.append((level, text))) as sim:
+        _, report = sim.add_solid(opened, **MATERIAL)
+    assert report["holes"] == 1 and report["repaired"] == 1
+    assert any(level == binding.LOG_WARNING and "hole" in text for level, text in messages)
+
+
+def test_memory_estimate_grows_with_the_grid_and_names_a_fitting_voxel(library):
+    coarse, none = solver.estimate_memory(BOX, 0.027)
+    fine, fitting = solver.estimate_memory({**BOX, "voxel_size": 0.0125, "memory_limit": coarse}, 0.027)
+    assert none == 0 and fine > 10 * coarse
+    again, _ = solver.estimate_memory({**BOX, "voxel_size": fitting * 1.001}, 0.027)
+    assert again <= coarse * 1.001
