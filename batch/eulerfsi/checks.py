@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterable
 from pathlib import Path
@@ -10,10 +9,9 @@ from pathlib import Path
 import numpy as np
 from pxr import Usd
 
-from . import paths, solver
+from . import paths
 from .errors import CacheIOError, SceneError
 from .scene import Scene, Solid
-from .system import format_bytes
 
 paths.make_usd_plugin_importable()
 
@@ -40,19 +38,13 @@ def raise_errors(issues: Iterable[Issue]) -> list[str]:
     return [issue.message for issue in issues]
 
 
-def check_scene(scene: Scene, memory_limit: int) -> list[Issue]:
-    """Issues that need the library's view of the meshes: repairs, thin features, size, memory."""
+def check_scene(scene: Scene) -> list[Issue]:
+    """Issues that need the library's view of the meshes: repairs, thin features, size."""
     issues: list[Issue] = []
     for solid in scene.solids:
         issues += _check_mesh(scene, solid)
         issues += _check_inside(scene, solid)
-    return issues + _check_memory(scene, memory_limit)
-
-
-def solid_volume(scene: Scene) -> float:
-    """Sum of the solids' bounding-box volumes [m^3], as the memory estimate wants it."""
-    edges = [np.subtract(s.report["extent_max"], s.report["extent_min"]) for s in scene.solids]
-    return float(sum(e[0] * e[1] * e[2] for e in edges))
+    return issues
 
 
 def _check_mesh(scene: Scene, solid: Solid) -> list[Issue]:
@@ -96,27 +88,6 @@ def _check_inside(scene: Scene, solid: Solid) -> list[Issue]:
     message = f"{solid.path}: the solid reaches from {value}: must be {limit} ({problem})"
     field = "eulerfsi:surfaceFile" if solid.surface_file else "points"
     return [Issue(solid.path, field, value, limit, message, "error", "OutsideDomain")]
-
-
-def memory_estimate(scene: Scene, memory_limit: int) -> tuple[int, float]:
-    """(bytes that the simulation will need, smallest voxel size [m] that fits the limit or 0)."""
-    return solver.estimate_memory({**scene.domain, "memory_limit": memory_limit}, solid_volume(scene))
-
-
-def _check_memory(scene: Scene, memory_limit: int) -> list[Issue]:
-    need, fitting = memory_estimate(scene, memory_limit)
-    if not memory_limit or need <= memory_limit:
-        return []
-    unit = scene.units.meters_per_unit
-    value = f"{scene.domain['voxel_size'] / unit:.4g}"
-    limit = f"coarse enough for {format_bytes(memory_limit)} of memory"
-    # Rounded up in the third digit, so that the number in the message does fit.
-    digits = 10.0 ** (math.floor(math.log10(fitting / unit)) - 2) if fitting > 0 else 0
-    suggested = math.ceil(fitting / unit / digits) * digits if digits else 0
-    advice = f"; eulerfsi:voxelSize = {suggested:.3g} fits" if digits else ""
-    where = f"{scene.domain_path}: eulerfsi:voxelSize = {value}"
-    message = f"{where} needs {format_bytes(need)} of memory: must be {limit}{advice}"
-    return [Issue(scene.domain_path, "eulerfsi:voxelSize", value, limit, message, "error", "TooMuchMemory")]
 
 
 def check_output(folder: Path) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from . import __version__, binding, checks
+from . import __version__, binding, checks, memory
 from .errors import EulerFsiError, SceneError
 from .frames import FrameRange, parse_frames
 from .manifest import FILE_NAME, Manifest
@@ -26,11 +26,11 @@ def validate(path: Path, frames_text: str | None, settings: list[str], threads: 
     stage = open_stage(path)
     apply_overrides(stage, settings)
     warnings = checks.raise_errors(checks.stage_issues(stage))
-    scene = read_scene(stage, path, frames)
     limit = available_memory()
-    warnings += scene.warnings + checks.raise_errors(checks.check_scene(scene, limit))
+    scene = read_scene(stage, path, frames, limit)
+    warnings += scene.warnings + checks.raise_errors(checks.check_scene(scene))
     lines = [*describe_scene(scene), *(f"warning: {text}" for text in dict.fromkeys(warnings))]
-    need, _ = checks.memory_estimate(scene, limit)
+    need, _ = memory.estimate(scene.domain, [solid.mesh for solid in scene.solids], limit)
     lines.append(f"memory: about {format_bytes(need)} of {format_bytes(limit)} available")
     lines.append(time_estimate(scene, threads or available_threads()))
     lines.append("the scene can be simulated")

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from pxr import Tf, Usd, UsdGeom, UsdPhysics, UsdShade
 
-from . import binding, solver
+from . import binding, memory, solver
 from .errors import LibraryError, SceneError
 from .frames import FrameRange, check_frames
 from .parameters import Parameter, StageUnits, table
@@ -173,33 +173,31 @@ def stage_frames(stage: Usd.Stage) -> FrameRange:
     return check_frames(FrameRange(int(first), int(last)), f"stage range {int(first)}-{int(last)}")
 
 
-def read_scene(stage: Usd.Stage, path: Path, frames: FrameRange | None = None) -> Scene:
+def read_scene(stage: Usd.Stage, path: Path, frames: FrameRange | None = None, memory_limit: int = 0) -> Scene:
     """Reads a stage that `checks.check_stage` found without errors, at the first frame.
 
-    Raises SceneError for what only this reading finds: meshes that the library refuses, files that do not load.
+    memory_limit: bytes that the simulation may take, 0 for no limit. Raises SceneError for what only this reading
+    finds: too fine a grid, files that do not load, meshes that the library refuses.
     """
     frames = frames or stage_frames(stage)
     units = stage_units(stage)
     reader = _Reader(units, Usd.TimeCode(frames.first))
     domain_prim = _the_domain(stage)
-    space, scale, mirrored = domain_space(
-        str(domain_prim.GetPath()), reader.local_to_world(domain_prim), units.meters_per_unit
-    )
+    where = str(domain_prim.GetPath())
+    space, scale, mirrored = domain_space(where, reader.local_to_world(domain_prim), units.meters_per_unit)
     domain = _domain_values(reader, domain_prim, scale * units.meters_per_unit, mirrored)
     warnings: list[str] = []
     domain["gravity"] = space.vector_to_sim(_gravity(stage, units, warnings)).tolist()
     enabled = table()["solid"]["enabled"]
-    solids = [
-        _solid(reader, space, prim, domain["voxel_size"])
-        for prim in find_prims(stage, "solid")
-        if reader.value(prim, enabled)
-    ]
-    emitters = [_emitter(reader, space, prim) for prim in find_prims(stage, "emitter") if reader.value(prim, enabled)]
-    if emitters and not domain["ambient_fluid"]:
-        warnings.append(f"{domain_prim.GetPath()}: ambientFluid is off: {len(emitters)} emitter(s) have no effect")
-        emitters = []
+    solids = [_solid(reader, space, prim) for prim in find_prims(stage, "solid") if reader.value(prim, enabled)]
+    memory.demand(where, domain, [solid.mesh for solid in solids], memory_limit, units.meters_per_unit)
+    for solid in solids:
+        _examine(reader, solid, stage.GetPrimAtPath(solid.path), domain["voxel_size"])
+    emitters = [_emitter(reader, space, p) for p in find_prims(stage, "emitter") if reader.value(p, enabled)]
+    if not domain["ambient_fluid"]:
+        emitters = []  # nothing carries the smoke; check_stage warns
     fps = stage.GetTimeCodesPerSecond()
-    return Scene(path, stage, units, space, frames, fps, str(domain_prim.GetPath()), domain, solids, emitters, warnings)
+    return Scene(path, stage, units, space, frames, fps, where, domain, solids, emitters, warnings)
 
 
 def _the_domain(stage: Usd.Stage) -> Usd.Prim:
@@ -281,7 +279,8 @@ def _surface(reader: _Reader, prim: Usd.Prim) -> tuple[solver.Mesh, str]:
     return solver.Mesh(np.array(points), np.array(counts), np.array(indices)), ""
 
 
-def _solid(reader: _Reader, space: SimulationSpace, prim: Usd.Prim, voxel_size: float) -> Solid:
+def _solid(reader: _Reader, space: SimulationSpace, prim: Usd.Prim) -> Solid:
+    """Surface, placement and values; the mesh is not examined yet and the density is missing."""
     path = str(prim.GetPath())
     if prim.IsInstanceProxy():
         raise SceneError(f"{path}: a solid inside an instance cannot be given its own points; set instanceable = false")
@@ -295,16 +294,20 @@ def _solid(reader: _Reader, space: SimulationSpace, prim: Usd.Prim, voxel_size: 
     left_handed = is_mesh and not file and reader.authored(prim, "orientation") == UsdGeom.Tokens.leftHanded
     if left_handed != (handedness < 0):
         mesh = mesh.flipped()  # outward faces stay outward
-    try:
-        report = solver.check_mesh(mesh, voxel_size)
-    except LibraryError as error:
-        raise SceneError(f"{path}: {file + ': ' if file else ''}{error}") from error
     values = reader.fields(prim, "solid")
-    values["density"] = _density(reader, prim, report["solid_volume"])
     values["velocity"], values["angular_velocity"] = _initial_motion(reader, space, prim, values)
     subdivision = "none" if file or not is_mesh else str(UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get())
     output = path if is_mesh else _free_child(prim, "surface")
-    return Solid(path, output, mesh, local, values, report, file, subdivision, left_handed)
+    return Solid(path, output, mesh, local, values, {}, file, subdivision, left_handed)
+
+
+def _examine(reader: _Reader, solid: Solid, prim: Usd.Prim, voxel_size: float) -> None:
+    """Adds what the library finds in the mesh, and the density, which may follow from the volume."""
+    try:
+        solid.report = solver.check_mesh(solid.mesh, voxel_size)
+    except LibraryError as error:
+        raise SceneError(f"{solid.path}: {solid.surface_file + ': ' if solid.surface_file else ''}{error}") from error
+    solid.values["density"] = _density(reader, prim, solid.report["solid_volume"])
 
 
 def _free_child(prim: Usd.Prim, name: str) -> str:

@@ -25,6 +25,8 @@ from .solver import Simulation
 from .system import available_memory, available_threads
 
 CHECKPOINT_EVERY = 10  # frames
+# Fields of EfsiStepInfo that count.
+_COUNTERS = ("steps", "velocity_iterations", "pressure_iterations", "degenerate_cells", "retries", "unconverged")
 
 
 @dataclasses.dataclass
@@ -63,8 +65,8 @@ def load_scene(path: Path, options: Options, log: Log, memory_limit: int) -> tup
     if options.preset:
         overrides |= set_domain_parameter(stage, "preset", options.preset)
     warnings = checks.raise_errors(checks.stage_issues(stage))
-    scene = read_scene(stage, path, frames)
-    warnings += scene.warnings + checks.raise_errors(checks.check_scene(scene, memory_limit))
+    scene = read_scene(stage, path, frames, memory_limit)
+    warnings += scene.warnings + checks.raise_errors(checks.check_scene(scene))
     for text in dict.fromkeys(warnings):
         log.warning(text)
     return scene, overrides
@@ -208,17 +210,22 @@ class _Run:
     def _advance(self, frame: int, target: float) -> None:
         """To `target` seconds; every step is a line of the statistics."""
         simulation, start = self.simulation, self.simulation.time
-        recorded = [start]
-
-        def between(fraction: float, step: dict[str, Any]) -> bool:
-            if step and step["time"] > recorded[0]:
-                self.cache.add_stats({"event": "step", "frame": frame, **step})
-                recorded[0] = step["time"]
-            self.progress.between_steps(frame, fraction)
-            return bool(self.signals.number) and fraction < 1
-
         if target - start < 1e-9 / self.scene.fps:
             return  # the checkpoint was taken at the very end of the frame
+        sums = dict.fromkeys(_COUNTERS, 0)
+
+        def record(info: dict[str, Any]) -> None:
+            """The library sums counters over the steps of a call; a line holds those of one step."""
+            if info.get("steps", 0) > sums["steps"]:
+                own = {name: info[name] - sums[name] for name in _COUNTERS}
+                sums.update({name: info[name] for name in _COUNTERS})
+                self.cache.add_stats({"event": "step", "frame": frame, **info, **own})
+
+        def between(fraction: float, step: dict[str, Any]) -> bool:
+            record(step)
+            self.progress.between_steps(frame, fraction)
+            return bool(self.signals.number) and fraction < 1 - 1e-9
+
         try:
             info = simulation.advance(target - start, between)
         except LibraryError as error:
@@ -228,8 +235,7 @@ class _Run:
             if error.status == binding.ERROR_DIVERGED:
                 raise DivergedError(f"frame {frame}: {error}") from error
             raise
-        if info["time"] > recorded[0]:
-            self.cache.add_stats({"event": "step", "frame": frame, **info})
+        record(info)
         if info["unconverged"] or info["degenerate_cells"]:
             self.log.info(
                 f"frame {frame}: {info['unconverged']} solves at their iteration limit, "

@@ -37,9 +37,10 @@ echo "empty root: $((SECONDS - start)) s, $(du -sm "$target" | cut -f1) MB"
 
 cp -L /etc/resolv.conf /etc/hosts "$target/etc/" 2>/dev/null || true
 settings=()
-hand_on() { # FILE-OR-FOLDER: copied to the same place
-  [[ -e $1 ]] || return 0
-  mkdir -p "$target$(dirname "$1")" && cp -rL "$1" "$target$(dirname "$1")/"
+hand_on() { # FILE or FOLDER: copied to the same place, never through a link of the new root; its own folders stay
+  [[ -f $1 || (-d $1 && ! -e $target$1) ]] || return 0
+  mkdir -p "$target$(dirname "$1")"
+  cp -rL --remove-destination "$1" "$target$1"
 }
 hand_on /etc/pip.conf
 while IFS='=' read -r name value; do

@@ -1,4 +1,4 @@
-"""What the tests share: small scenes, the command line in a process of its own, a reader of .vdb files."""
+"""What the tests share: small scenes, the command line, a reader of .vdb files."""
 
 from __future__ import annotations
 
@@ -19,9 +19,8 @@ for folder in ("batch", "usd_plugin"):
         sys.path.insert(0, str(ROOT / folder))
 
 import eulerfsi_usd  # noqa: E402, F401 - registers the schema before the first stage is opened
-from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics  # noqa: E402
-
 from eulerfsi import binding  # noqa: E402
+from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics  # noqa: E402
 
 
 @pytest.fixture(scope="session")
@@ -43,7 +42,9 @@ def sphere(radius: float = 1.0, rows: int = 10) -> tuple[np.ndarray, list[int], 
     points.append((0.0, -radius, 0.0))
     at = lambda i, j: 1 + (i - 1) * around + j % around  # noqa: E731
     faces = [[0, at(1, j), at(1, j + 1)] for j in range(around)]
-    faces += [[at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)] for i in range(1, rows - 1) for j in range(around)]
+    faces += [
+        [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)] for i in range(1, rows - 1) for j in range(around)
+    ]
     faces += [[len(points) - 1, at(rows - 1, j + 1), at(rows - 1, j)] for j in range(around)]
     return np.array(points), [len(f) for f in faces], [i for f in faces for i in f]
 
@@ -72,7 +73,7 @@ def make_scene(
     voxel: float = 0.05,
     velocity: tuple[float, float, float] = (0.0, -2.0, 0.0),
 ) -> Usd.Stage:
-    """A small ball above a carpet of smoke in a box of 0.6 x 0.7 x 0.6 m; lengths are metres, whatever the stage's units.
+    """A small ball above a carpet of smoke in a box of 0.6 x 0.7 x 0.6 m; lengths are metres, in any stage units.
 
     The stage holds the same scene for every choice: `up` turns all below /World, `parent` (applied in world space)
     moves it, and values are written in stage units. Returns the stage, saved to `path`.
@@ -157,14 +158,19 @@ def environment() -> dict[str, str]:
 
 
 @pytest.fixture
-def cli(tmp_path: Path, library) -> Callable[..., subprocess.CompletedProcess]:
-    """Runs `eulerfsi ARGUMENTS` in tmp_path and returns the finished process with its output as text."""
+def cli(tmp_path: Path, library, monkeypatch, capsys) -> Callable[..., subprocess.CompletedProcess]:
+    """Runs `eulerfsi ARGUMENTS` in tmp_path, inside this process; returns exit code and output as a process would."""
+    from eulerfsi.__main__ import main
 
-    def run(*arguments: object, timeout: float = 300) -> subprocess.CompletedProcess:
-        command = [sys.executable, "-m", "eulerfsi", *map(str, arguments)]
-        return subprocess.run(
-            command, cwd=tmp_path, env=environment(), text=True, capture_output=True, timeout=timeout, check=False
-        )
+    def run(*arguments: object) -> subprocess.CompletedProcess:
+        monkeypatch.chdir(tmp_path)
+        capsys.readouterr()
+        try:
+            code = main([str(a) for a in arguments])
+        except SystemExit as leave:  # argparse
+            code = leave.code
+        out, err = capsys.readouterr()
+        return subprocess.CompletedProcess(arguments, code, out, err)
 
     return run
 
@@ -217,7 +223,17 @@ def read_vdb(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Path], dict[
     """Reads a .vdb with OpenVDB itself: {grid: {"class", "voxels", "sum", "centroid", "voxel_size", "total"}}."""
     folder = tmp_path_factory.mktemp("vdb")
     (folder / "dump.cpp").write_text(_DUMP_VDB)
-    command = ["c++", "-std=c++17", "-O1", "dump.cpp", "-o", "dump", "-lopenvdb", "-ltbb", "-lboost_iostreams"]
+    command = [
+        "c++",
+        "-std=c++17",
+        "-O1",
+        "dump.cpp",
+        "-o",
+        "dump",
+        "-Wl,--copy-dt-needed-entries",
+        "-lopenvdb",
+        "-ltbb",
+    ]
     subprocess.run(command, cwd=folder, check=True)
 
     def read(path: Path) -> dict[str, dict]:

@@ -8,8 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import author, box, make_scene, write_obj
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
-
 from eulerfsi import binding
 from eulerfsi.errors import SceneError, UsageError
 from eulerfsi.frames import FrameRange, parse_frames
@@ -18,6 +16,7 @@ from eulerfsi.overrides import apply_overrides
 from eulerfsi.parameters import StageUnits, table
 from eulerfsi.scene import read_scene
 from eulerfsi.space import domain_space, orthonormal_rows
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
 
 pytestmark = pytest.mark.usefixtures("library")
 

@@ -76,8 +76,8 @@ std::vector<std::int32_t> nearest_triangles_in_band(const IndexSpaceMesh& mesh, 
   return nearest;
 }
 
-// Fills grid.values with the distance to the mesh: nodes outside the band take over the nearest triangle of a neighbour,
-// swept through the grid in the eight diagonal directions.
+// Fills grid.values with the distance to the mesh: nodes outside the band take over the nearest triangle of a
+// neighbour, swept through the grid in the eight diagonal directions.
 void unsigned_distance(const TriangleMesh& triangles, SignedDistance& grid) {
   const IndexSpaceMesh mesh(triangles, grid);
   std::vector<std::int32_t> nearest = nearest_triangles_in_band(mesh, grid.size);
@@ -144,8 +144,7 @@ void warn_about_repairs(const MeshReport& report, const OrientationRepair& turne
   if (report.nonmanifold_edges > 0) add(text(report.nonmanifold_edges, " edges with three faces and more"));
   if (turned.turned_mesh) add("inside out: all faces turned");
   if (turned.turned_parts > 0) add(text(turned.turned_parts, " of ", parts, " parts inside out: turned"));
-  if (turned.turned_triangles > 0)
-    add(text(turned.turned_triangles, " triangles against their neighbours: turned"));
+  if (turned.turned_triangles > 0) add(text(turned.turned_triangles, " triangles against their neighbours: turned"));
   if (!what.empty()) log.warning("mesh repaired: " + what);
 }
 

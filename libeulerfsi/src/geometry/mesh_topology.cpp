@@ -98,8 +98,8 @@ void trace_holes(const TriangleMesh& mesh, const std::vector<std::array<std::int
   }
 }
 
-// Turns triangles until the two sides of every manifold edge run in opposite directions, where that is possible; in each
-// connected patch the smaller number of triangles is turned.
+// Turns triangles until the two sides of every manifold edge run in opposite directions, where that is possible; in
+// each connected patch the smaller number of triangles is turned.
 std::uint64_t agree_with_neighbours(TriangleMesh& mesh) {
   struct Link {
     std::int32_t from, to;

@@ -12,20 +12,20 @@ namespace efsi::geometry {
 // For each point the lowest index of the points that coincide with it within 1e-7 of the extents' diagonal.
 std::vector<std::int32_t> weld_points(const TriangleMesh& mesh);
 
-// The mesh with coincident points joined and triangles dropped that lost an edge by that. Point indices are those of the
-// original mesh; points that are no longer used stay.
+// The mesh with coincident points joined and triangles dropped that lost an edge by that. Point indices are those of
+// the original mesh; points that are no longer used stay.
 TriangleMesh weld(const TriangleMesh& mesh);
 
 struct Topology {
-  std::uint64_t open_edges = 0;         // edges with one triangle
-  std::uint64_t nonmanifold_edges = 0;  // edges with three triangles and more
+  std::uint64_t open_edges = 0;          // edges with one triangle
+  std::uint64_t nonmanifold_edges = 0;   // edges with three triangles and more
   std::uint64_t inconsistent_edges = 0;  // edges with two triangles that run along it in the same direction
-  std::uint64_t unbalanced_edges = 0;  // edges run along more often one way: the winding number is no integer there
-  std::uint64_t holes = 0;              // closed loops of open edges
-  double largest_hole = 0.0;            // length of the longest such loop [m]
-  std::vector<std::int32_t> part;       // per triangle: number of its part, connected across edges, from 0
+  std::uint64_t unbalanced_edges = 0;    // edges run along more often one way: the winding number is no integer there
+  std::uint64_t holes = 0;               // closed loops of open edges
+  double largest_hole = 0.0;             // length of the longest such loop [m]
+  std::vector<std::int32_t> part;        // per triangle: number of its part, connected across edges, from 0
   std::int32_t parts = 0;
-  std::vector<bool> part_closed;        // per part: every edge has two triangles, consistently oriented
+  std::vector<bool> part_closed;  // per part: every edge has two triangles, consistently oriented
 
   bool closed() const { return open_edges == 0; }
   // One closed, consistently oriented, manifold surface.

@@ -10,13 +10,14 @@
 namespace efsi::geometry {
 
 struct SignedDistance {
-  Vec3i size = {0, 0, 0};          // nodes along x, y, z; at least 2 each
-  double spacing = 0.0;            // between nodes [m]
-  Vec3d origin = Vec3d::Zero();    // of node (0, 0, 0) [m]
-  std::vector<float> values;       // phi of node (i, j, k) at i + size[0] * (j + size[1] * k) [m]
+  Vec3i size = {0, 0, 0};        // nodes along x, y, z; at least 2 each
+  double spacing = 0.0;          // between nodes [m]
+  Vec3d origin = Vec3d::Zero();  // of node (0, 0, 0) [m]
+  std::vector<float> values;     // phi of node (i, j, k) at i + size[0] * (j + size[1] * k) [m]
 
   std::size_t index(int i, int j, int k) const {
-    return static_cast<std::size_t>(i) + static_cast<std::size_t>(size[0]) * (j + static_cast<std::size_t>(size[1]) * k);
+    return static_cast<std::size_t>(i) +
+           static_cast<std::size_t>(size[0]) * (j + static_cast<std::size_t>(size[1]) * k);
   }
   Vec3d node(int i, int j, int k) const { return origin + spacing * Vec3d(i, j, k); }
 

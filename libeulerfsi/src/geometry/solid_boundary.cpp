@@ -19,8 +19,8 @@ constexpr double kCapJump = 0.75;
 bool cell_is_cut(const SignedDistance& grid, const std::vector<float>& winding, const Vec3d& X) {
   std::array<int, 3> cell;
   for (int axis = 0; axis < 3; ++axis)
-    cell[axis] = std::clamp(static_cast<int>(std::floor((X[axis] - grid.origin[axis]) / grid.spacing)), 0,
-                            grid.size[axis] - 2);
+    cell[axis] =
+        std::clamp(static_cast<int>(std::floor((X[axis] - grid.origin[axis]) / grid.spacing)), 0, grid.size[axis] - 2);
   int inside = 0;
   for (int c = 0; c < 8; ++c)
     inside += winding[grid.index(cell[0] + (c & 1), cell[1] + (c >> 1 & 1), cell[2] + (c >> 2 & 1))] > kInsideWinding;

@@ -13,7 +13,7 @@ namespace efsi::geometry {
 using Triangle = std::array<std::int32_t, 3>;
 
 struct TriangleMesh {
-  std::vector<Vec3d> points;       // [m]
+  std::vector<Vec3d> points;        // [m]
   std::vector<Triangle> triangles;  // counter-clockwise seen from outside
 };
 
@@ -23,8 +23,8 @@ struct Extents {
 
 // What was found in a mesh and what was done about it; the C++ face of EfsiMeshReport.
 struct MeshReport {
-  double surface_volume = 0.0;  // signed volume of the mesh as given [m^3]
-  double solid_volume = 0.0;    // volume of the closed solid [m^3]
+  double surface_volume = 0.0;                                   // signed volume of the mesh as given [m^3]
+  double solid_volume = 0.0;                                     // volume of the closed solid [m^3]
   Vec3d extent_min = Vec3d::Zero(), extent_max = Vec3d::Zero();  // [m]
   std::uint64_t triangles = 0;
   std::uint64_t open_edges = 0;         // edges with one face

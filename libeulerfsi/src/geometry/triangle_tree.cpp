@@ -15,12 +15,30 @@ namespace {
 constexpr std::int32_t kLeafSize = 8;
 constexpr double kFarFactor = 2.0;  // a node is far when X is farther than this many radii
 
+// atan2 to 1e-9 by the Taylor series after one halving of the angle: the bits are the same on every machine, which
+// those of the C library are not.
+double arc_tangent(double y, double x) {
+  const double low = std::min(std::abs(x), std::abs(y)), high = std::max(std::abs(x), std::abs(y));
+  if (high == 0.0) return 0.0;
+  constexpr double kTangentOfEighth = 0.41421356237309503;  // tan(pi / 8)
+  const bool upper = low > kTangentOfEighth * high;
+  const double t = upper ? (low - high) / (low + high) : low / high, s = t * t;
+  constexpr double kSeries[] = {1.0 / 21, 1.0 / 19, 1.0 / 17, 1.0 / 15, 1.0 / 13, 1.0 / 11,
+                                1.0 / 9,  1.0 / 7,  1.0 / 5,  1.0 / 3,  1.0};
+  double series = 0.0;
+  for (const double coefficient : kSeries) series = coefficient - s * series;
+  double angle = (upper ? std::numbers::pi / 4.0 : 0.0) + t * series;
+  if (std::abs(y) > std::abs(x)) angle = std::numbers::pi / 2.0 - angle;
+  if (x < 0.0) angle = std::numbers::pi - angle;
+  return y < 0.0 ? -angle : angle;
+}
+
 // Solid angle of a triangle over 4 pi (van Oosterom and Strackee 1983), positive behind the triangle.
 double winding_of_triangle(const Vec3d& a, const Vec3d& b, const Vec3d& c) {
   const double la = a.norm(), lb = b.norm(), lc = c.norm();
   const double numerator = a.dot(b.cross(c));
   const double denominator = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
-  return std::atan2(numerator, denominator) / (2.0 * std::numbers::pi);
+  return arc_tangent(numerator, denominator) / (2.0 * std::numbers::pi);
 }
 
 // Slab test of a box against a ray from `origin`; 1/0 = inf stands for a ray parallel to a slab.
@@ -148,8 +166,7 @@ void TriangleTree::cast(const Vec3d& origin, const Vec3d& direction, std::vector
       const double t = -from_a.dot(normal) / slope;
       const Vec3d turned = direction.cross(from_a);
       const double u = e2.dot(turned) / slope, v = -e1.dot(turned) / slope;
-      if (t > 0.0 && u >= 0.0 && v >= 0.0 && u + v <= 1.0)
-        hits.push_back({t, slope / normal.norm(), corner.triangle});
+      if (t > 0.0 && u >= 0.0 && v >= 0.0 && u + v <= 1.0) hits.push_back({t, slope / normal.norm(), corner.triangle});
     }
   }
   std::sort(hits.begin(), hits.end(), [](const Hit& s, const Hit& t) {

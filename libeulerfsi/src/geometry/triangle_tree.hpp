@@ -33,10 +33,10 @@ class TriangleTree {
     std::int32_t triangle;
   };
   struct Node {
-    Vec3d min, max;       // box
-    Vec3d centre;         // area-weighted [m]
-    Vec3d area_normal;    // sum of vector areas [m^2]
-    Mat3d moment;         // sum of (triangle centre - centre) vector area^T [m^3]
+    Vec3d min, max;               // box
+    Vec3d centre;                 // area-weighted [m]
+    Vec3d area_normal;            // sum of vector areas [m^2]
+    Mat3d moment;                 // sum of (triangle centre - centre) vector area^T [m^3]
     double far_distance_squared;  // beyond this the series is used [m^2]
     std::int32_t begin, end;      // triangles
     std::int32_t right;           // second child, the first follows its parent; 0: leaf

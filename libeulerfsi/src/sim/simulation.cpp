@@ -20,7 +20,6 @@ namespace {
 
 constexpr int kMaxRetries = 4;
 constexpr double kRetryTravel = 4.0;  // cells that a solid may have moved in a step before it is repeated smaller
-constexpr double kRestSpacing = 0.5;  // of the rest shape's distance field, in voxels
 
 int thread_count(int requested) {
   return requested > 0 ? requested : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
@@ -139,7 +138,6 @@ std::size_t Simulation::add_solid(const SolidDesc& desc, geometry::MeshReport& r
   double speed = 0.0;
   for (const Vec3d& x : state.surface)
     speed = std::max(speed, (desc.velocity + desc.angular_velocity.cross(x - center)).cwiseAbs().maxCoeff());
-  state_.solid_speed = std::max(state_.solid_speed, speed);
 
   solid::SolidWork work;
   solid::compute_mass(parallel_, rest, state, work);
@@ -150,6 +148,7 @@ std::size_t Simulation::add_solid(const SolidDesc& desc, geometry::MeshReport& r
     throw Error(ErrorCode::kMesh, text.str());
   }
   state.rest_volume_cells = work.volume;
+  state_.solid_speed = std::max(state_.solid_speed, speed);
   solids_.push_back(std::move(rest));
   state_.solids.push_back(std::move(state));
   work_.solids.push_back(std::move(work));

@@ -18,6 +18,9 @@
 
 namespace efsi::sim {
 
+// Spacing of a rest shape's distance field, in voxels.
+inline constexpr double kRestSpacing = 0.5;
+
 // An elastic solid as the caller describes it (EfsiSolidDef).
 struct SolidDesc {
   geometry::TriangleMesh surface;  // rest shape where it starts [m]

@@ -7,8 +7,8 @@
 namespace efsi::sim {
 namespace {
 
-constexpr double kContactCfl = 0.6;       // cells per step in contact
-constexpr double kContactDistance = 1.4;  // cells: 2 less what a step in contact moves
+constexpr double kContactCfl = 1.0;       // cells per step in contact
+constexpr double kContactDistance = 1.0;  // cells: 2 less what a step in contact moves
 
 // Largest dt with (speed + a dt) dt <= distance.
 double time_to_move(double speed, double a, double distance) {

@@ -29,7 +29,7 @@ class PressureMultigrid {
     std::vector<Real> x, b, residual;  // padded cells
   };
   void cycle(const Parallel& parallel, std::size_t l, const std::vector<Real>& b, std::vector<Real>& x);
-  void smooth(const Parallel& parallel, Level& level, const std::vector<Real>& b, std::vector<Real>& x) const;
+  void smooth(const Parallel& parallel, Level& level, const std::vector<Real>& b, std::vector<Real>& x, int step) const;
   std::vector<Level> levels_;
 };
 

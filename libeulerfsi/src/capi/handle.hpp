@@ -1,0 +1,19 @@
+// Purpose: what the opaque types of the C API hold.
+#pragma once
+
+#include <string>
+#include <utility>
+
+#include "eulerfsi/eulerfsi.h"
+#include "io/mesh_reader.hpp"
+#include "sim/simulation.hpp"
+
+struct EfsiSim {
+  EfsiSim(const efsi::sim::Params& params, efsi::Log log) : simulation(params, std::move(log)) {}
+  efsi::sim::Simulation simulation;
+  mutable std::string last_error;  // of the last failed call, also of those that only read
+};
+
+struct EfsiMesh {
+  efsi::io::PolygonMesh polygons;
+};

@@ -1,0 +1,32 @@
+// Purpose: profile.h: what the simulation did and where it stands. The functions are declared in simulation.h and
+// solid.h.
+#include "capi/convert.hpp"
+#include "capi/guard.hpp"
+#include "capi/solid_id.hpp"
+
+using namespace efsi::capi;
+
+EfsiStatus efsi_simulation_get_profile(const EfsiSim* sim, EfsiProfile* profile) {
+  return guarded(sim, [&] {
+    demand(profile, "efsi_simulation_get_profile: profile");
+    *profile = to_c(sim->simulation.profile(), sim->simulation.memory_bytes());
+  });
+}
+
+EfsiStatus efsi_simulation_reset_profile(EfsiSim* sim) {
+  return guarded(sim, [&] { sim->simulation.reset_profile(); });
+}
+
+EfsiStatus efsi_simulation_get_fluid_diagnostics(EfsiSim* sim, EfsiFluidDiagnostics* out) {
+  return guarded(sim, [&] {
+    demand(out, "efsi_simulation_get_fluid_diagnostics: out");
+    *out = to_c(sim->simulation.diagnose_fluid());
+  });
+}
+
+EfsiStatus efsi_solid_get_diagnostics(EfsiSim* sim, uint32_t id, EfsiSolidDiagnostics* out) {
+  return guarded(sim, [&] {
+    demand(out, "efsi_solid_get_diagnostics: out");
+    *out = to_c(sim->simulation.diagnose_solid(solid_index(*sim, id, "efsi_solid_get_diagnostics")));
+  });
+}

@@ -1,0 +1,303 @@
+// Purpose: OpenVDB files from dense arrays.
+#include "io/vdb_io.hpp"
+
+#include <openvdb/openvdb.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <sstream>
+#include <unordered_set>
+
+#include "base/error.hpp"
+#include "io/file_writer.hpp"
+
+namespace efsi::io {
+
+namespace {
+
+using openvdb::FloatGrid;
+using openvdb::Vec3SGrid;
+
+constexpr float kLargestHalf = 65504.0f;
+constexpr const char* kCreatorKey = "creator";
+
+// ---- values
+
+// The nearest value that the file can hold.
+float stored(float value, bool half) {
+  if (!half) return value;
+  return static_cast<float>(openvdb::math::half(std::clamp(value, -kLargestHalf, kLargestHalf)));
+}
+
+template <class Value>
+Value value_at(const DenseGrid& grid, std::ptrdiff_t offset, bool half);
+template <>
+float value_at<float>(const DenseGrid& grid, std::ptrdiff_t offset, bool half) {
+  return stored(grid.data[0][offset], half);
+}
+template <>
+openvdb::Vec3s value_at<openvdb::Vec3s>(const DenseGrid& grid, std::ptrdiff_t offset, bool half) {
+  return {stored(grid.data[0][offset], half), stored(grid.data[1][offset], half), stored(grid.data[2][offset], half)};
+}
+
+std::ptrdiff_t offset_of(const DenseGrid& grid, int i, int j, int k) {
+  return i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2];
+}
+
+// Is the value itself above the threshold? Not a number is not.
+bool above(const DenseGrid& grid, int i, int j, int k, double threshold) {
+  const std::ptrdiff_t at = offset_of(grid, i, j, k);
+  double square = 0.0;
+  for (int c = 0; c < grid.components; ++c) square += static_cast<double>(grid.data[c][at]) * grid.data[c][at];
+  return square > threshold * threshold;
+}
+
+// Fills the grid leaf by leaf with the voxels that are active in `mask`.
+template <class Grid>
+void fill(Grid& vdb, const DenseGrid& grid, const DenseGrid& mask, const VdbOptions& options) {
+  using Leaf = typename Grid::TreeType::LeafNodeType;
+  constexpr int kDim = static_cast<int>(Leaf::DIM);
+  const auto& size = grid.size;
+  for (int z = 0; z < size[2]; z += kDim) {
+    for (int y = 0; y < size[1]; y += kDim) {
+      for (int x = 0; x < size[0]; x += kDim) {
+        Leaf* leaf = nullptr;
+        for (int i = x; i < std::min(x + kDim, size[0]); ++i) {
+          for (int j = y; j < std::min(y + kDim, size[1]); ++j) {
+            for (int k = z; k < std::min(z + kDim, size[2]); ++k) {
+              if (!above(mask, i, j, k, options.threshold)) continue;
+              const openvdb::Coord at(i, j, k);
+              if (leaf == nullptr) leaf = vdb.tree().touchLeaf(at);
+              leaf->setValueOn(at,
+                               value_at<typename Grid::ValueType>(grid, offset_of(grid, i, j, k), options.half_float));
+            }
+          }
+        }
+      }
+    }
+  }
+  vdb.pruneGrid();
+}
+
+// ---- transforms: OpenVDB's matrices multiply row vectors
+
+openvdb::math::Transform::Ptr to_transform(const std::array<double, 16>& m) {
+  openvdb::Mat4d transposed;
+  for (int row = 0; row < 4; ++row)
+    for (int column = 0; column < 4; ++column) transposed(column, row) = m[4 * row + column];
+  const double determinant = transposed.getMat3().det();
+  if (!std::isfinite(determinant) || determinant == 0.0 || m[12] != 0.0 || m[13] != 0.0 || m[14] != 0.0 || m[15] != 1.0)
+    throw Error(ErrorCode::kArgument,
+                "VDB: index_to_world must be affine (last row 0 0 0 1) and invertible, determinant " +
+                    std::to_string(determinant));
+  // The simplest map that does it: readers know a uniform scale with translation best.
+  return std::make_shared<openvdb::math::Transform>(
+      openvdb::math::simplify(std::make_shared<openvdb::math::AffineMap>(transposed)));
+}
+
+std::array<double, 16> from_transform(const openvdb::math::Transform& transform) {
+  const openvdb::Mat4d transposed = transform.baseMap()->getAffineMap()->getMat4();
+  std::array<double, 16> m;
+  for (int row = 0; row < 4; ++row)
+    for (int column = 0; column < 4; ++column) m[4 * row + column] = transposed(column, row);
+  return m;
+}
+
+// ---- content hash
+
+// One step of a 64-bit hash (the finalizer of SplitMix64).
+std::uint64_t mix(std::uint64_t state, std::uint64_t word) {
+  std::uint64_t z = (state ^ word) + 0x9e3779b97f4a7c15ull;
+  z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9ull;
+  z = (z ^ (z >> 27)) * 0x94d049bb133111ebull;
+  return z ^ (z >> 31);
+}
+
+std::uint64_t mix(std::uint64_t state, const std::string& text) {
+  state = mix(state, text.size());
+  for (const char c : text) state = mix(state, static_cast<unsigned char>(c));
+  return state;
+}
+
+std::array<float, 3> components_of(float value) { return {value, 0.0f, 0.0f}; }
+std::array<float, 3> components_of(const openvdb::Vec3s& value) { return {value[0], value[1], value[2]}; }
+
+// What a grid holds: bounds, number and hash of its active voxels. The hash is a sum over voxels, so that it does not
+// depend on how the tree groups them.
+template <class Grid>
+void summarize(const Grid& grid, VdbGridSummary& summary, std::uint64_t& hash) {
+  const double infinity = std::numeric_limits<double>::infinity();
+  std::array<double, 3> low = {infinity, infinity, infinity}, high = {-infinity, -infinity, -infinity};
+  std::uint64_t sum = 0;
+  const int components = std::is_same_v<Grid, FloatGrid> ? 1 : 3;
+  for (auto value = grid.cbeginValueOn(); value; ++value) {
+    const std::array<float, 3> c = components_of(*value);
+    std::uint64_t bits = 0;
+    for (int n = 0; n < components; ++n) {
+      low[n] = std::min(low[n], static_cast<double>(c[n]));
+      high[n] = std::max(high[n], static_cast<double>(c[n]));
+      bits = mix(bits, std::bit_cast<std::uint32_t>(c[n]));
+    }
+    openvdb::CoordBBox box;
+    value.getBoundingBox(box);
+    for (auto at = box.begin(); at; ++at) {
+      const std::uint64_t x = static_cast<std::uint32_t>((*at).x()), y = static_cast<std::uint32_t>((*at).y());
+      sum += mix(mix(bits, x << 32 | y), static_cast<std::uint32_t>((*at).z()));
+      ++summary.active_voxels;
+    }
+  }
+  if (summary.active_voxels > 0) {
+    std::copy_n(low.begin(), components, summary.min.begin());
+    std::copy_n(high.begin(), components, summary.max.begin());
+  }
+  hash = mix(mix(hash, sum), summary.active_voxels);
+}
+
+VdbGridSummary summarize(const openvdb::GridBase& grid, std::uint64_t& content_hash) {
+  VdbGridSummary summary;
+  summary.name = grid.getName();
+  summary.type = grid.valueType();
+  summary.grid_class = openvdb::GridBase::gridClassToMenuName(grid.getGridClass());
+  summary.vector_type = openvdb::GridBase::vecTypeToString(grid.getVectorType());
+  summary.half_float = grid.saveFloatAsHalf();
+  summary.index_to_world = from_transform(grid.transform());
+  std::uint64_t hash = mix(mix(0, summary.name), summary.type);
+  // Adding 0 makes -0 and 0 the same.
+  for (const double entry : summary.index_to_world) hash = mix(hash, std::bit_cast<std::uint64_t>(entry + 0.0));
+  if (const auto* scalar = dynamic_cast<const FloatGrid*>(&grid)) summarize(*scalar, summary, hash);
+  if (const auto* vector = dynamic_cast<const Vec3SGrid*>(&grid)) summarize(*vector, summary, hash);
+  content_hash += hash;
+  return summary;
+}
+
+// ---- files
+
+// OpenVDB's own File does not notice a full disk; this archive writes to memory and the bytes go to disk with checks.
+class MemoryArchive : public openvdb::io::Archive {
+ public:
+  std::string bytes(const openvdb::GridCPtrVec& grids, const openvdb::MetaMap& metadata) const {
+    std::ostringstream stream(std::ios::binary);
+    openvdb::io::Archive::write(stream, grids, /*seekable=*/true, metadata);
+    return std::move(stream).str();
+  }
+
+ private:
+  using openvdb::io::Archive::write;
+};
+
+const DenseGrid& mask_of(const DenseGrid& grid, std::span<const DenseGrid> grids) {
+  if (grid.mask.empty()) return grid;
+  const auto mask = std::find_if(grids.begin(), grids.end(), [&](const DenseGrid& g) { return g.name == grid.mask; });
+  if (mask == grids.end())
+    throw Error(ErrorCode::kArgument, "VDB: grid '" + grid.name + "': no grid '" + grid.mask + "' to be its mask");
+  if (mask->size != grid.size)
+    throw Error(ErrorCode::kArgument, "VDB: grid '" + grid.name + "': its mask '" + grid.mask + "' has another size");
+  return *mask;
+}
+
+void check(const DenseGrid& grid, std::unordered_set<std::string>& names) {
+  const std::string who = "VDB: grid '" + grid.name + "': ";
+  if (grid.name.empty()) throw Error(ErrorCode::kArgument, "VDB: a grid has no name");
+  if (!names.insert(grid.name).second) throw Error(ErrorCode::kArgument, who + "the name is used twice");
+  if (grid.components != 1 && grid.components != 3)
+    throw Error(ErrorCode::kArgument, who + "components = " + std::to_string(grid.components) + ": must be 1 or 3");
+  for (int c = 0; c < grid.components; ++c)
+    if (grid.data[c] == nullptr) throw Error(ErrorCode::kArgument, who + "data[" + std::to_string(c) + "] is null");
+  for (int axis = 0; axis < 3; ++axis)
+    if (grid.size[axis] < 1)
+      throw Error(ErrorCode::kArgument, who + "size[" + std::to_string(axis) +
+                                            "] = " + std::to_string(grid.size[axis]) + ": must be at least 1");
+}
+
+template <class Grid>
+openvdb::GridBase::Ptr make_grid(const DenseGrid& grid, const DenseGrid& mask, const VdbOptions& options) {
+  auto vdb = Grid::create();
+  fill(*vdb, grid, mask, options);
+  vdb->setName(grid.name);
+  vdb->setTransform(to_transform(options.index_to_world));
+  vdb->setSaveFloatAsHalf(options.half_float);
+  vdb->setCreator(options.creator);
+  if (grid.components == 1) {
+    vdb->setGridClass(openvdb::GRID_FOG_VOLUME);
+  } else {
+    vdb->setVectorType(openvdb::VEC_CONTRAVARIANT_RELATIVE);
+  }
+  return vdb;
+}
+
+// Runs `read` on the open file; every failure becomes an Error(kIo).
+template <class Read>
+void with_file(const std::string& path, const Read& read) {
+  openvdb::initialize();
+  try {
+    openvdb::io::File file(path);
+    file.open(/*delayLoad=*/false);
+    read(file);
+  } catch (const openvdb::Exception& error) {
+    throw Error(ErrorCode::kIo, path + ": cannot be read: " + error.what());
+  }
+}
+
+}  // namespace
+
+std::uint64_t write_vdb(const std::string& path, std::span<const DenseGrid> grids, const VdbOptions& options) {
+  openvdb::initialize();
+  std::unordered_set<std::string> names;
+  for (const DenseGrid& grid : grids) check(grid, names);
+  openvdb::GridCPtrVec vdbs;
+  std::uint64_t content_hash = 0;
+  for (const DenseGrid& grid : grids) {
+    const DenseGrid& mask = mask_of(grid, grids);
+    vdbs.push_back(grid.components == 1 ? make_grid<FloatGrid>(grid, mask, options)
+                                        : make_grid<Vec3SGrid>(grid, mask, options));
+    summarize(*vdbs.back(), content_hash);
+  }
+  openvdb::MetaMap metadata;
+  metadata.insertMeta(kCreatorKey, openvdb::StringMetadata(options.creator));
+  MemoryArchive archive;
+  archive.setCompression(openvdb::io::COMPRESS_BLOSC | openvdb::io::COMPRESS_ACTIVE_MASK);
+  std::string bytes;
+  try {
+    bytes = archive.bytes(vdbs, metadata);
+  } catch (const openvdb::Exception& error) {
+    throw Error(ErrorCode::kInternal, path + ": cannot be encoded: " + error.what());
+  }
+  replace_file(path, bytes);
+  return content_hash;
+}
+
+VdbSummary read_vdb_summary(const std::string& path) {
+  VdbSummary summary;
+  with_file(path, [&](openvdb::io::File& file) {
+    summary.creator = file.getMetadata()->metaValue<std::string>(kCreatorKey);
+    for (auto name = file.beginName(); name != file.endName(); ++name)
+      summary.grids.push_back(summarize(*file.readGrid(*name), summary.content_hash));
+  });
+  return summary;
+}
+
+std::vector<float> read_vdb_values(const std::string& path, const std::string& grid, const Vec3i& size) {
+  std::vector<float> values;
+  with_file(path, [&](openvdb::io::File& file) {
+    const openvdb::GridBase::Ptr base = file.readGrid(grid);
+    const auto copy = [&](const auto& vdb, int components) {
+      const auto accessor = vdb.getConstAccessor();
+      values.reserve(static_cast<std::size_t>(components) * size[0] * size[1] * size[2]);
+      for (int k = 0; k < size[2]; ++k) {
+        for (int j = 0; j < size[1]; ++j) {
+          for (int i = 0; i < size[0]; ++i) {
+            const std::array<float, 3> c = components_of(accessor.getValue(openvdb::Coord(i, j, k)));
+            values.insert(values.end(), c.begin(), c.begin() + components);
+          }
+        }
+      }
+    };
+    if (const auto scalar = openvdb::gridPtrCast<FloatGrid>(base)) copy(*scalar, 1);
+    if (const auto vector = openvdb::gridPtrCast<Vec3SGrid>(base)) copy(*vector, 3);
+  });
+  return values;
+}
+
+}  // namespace efsi::io

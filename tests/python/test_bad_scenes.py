@@ -1,0 +1,198 @@
+"""Bad input: a message that names prim, field, value and limit, the right exit code, nothing left behind."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from conftest import make_scene
+from eulerfsi import report
+from pxr import Gf, Usd, UsdGeom, UsdPhysics
+
+
+def no_mesh(stage: Usd.Stage) -> None:
+    UsdGeom.Mesh(stage.GetPrimAtPath("/World/Ball")).GetPointsAttr().Clear()
+
+
+def no_file(stage: Usd.Stage) -> None:
+    stage.GetPrimAtPath("/World/Ball").GetAttribute("eulerfsi:surfaceFile").Set("./none.obj")
+
+
+def not_a_mesh_file(stage: Usd.Stage) -> None:
+    Path(stage.GetRootLayer().realPath).with_name("text.obj").write_text("this is no mesh\n")
+    stage.GetPrimAtPath("/World/Ball").GetAttribute("eulerfsi:surfaceFile").Set("./text.obj")
+
+
+def nan_point(stage: Usd.Stage) -> None:
+    attribute = UsdGeom.Mesh(stage.GetPrimAtPath("/World/Ball")).GetPointsAttr()
+    points = list(attribute.Get())
+    points[7] = Gf.Vec3f(float("nan"), 0, 0)
+    attribute.Set(points)
+
+
+def bad_index(stage: Usd.Stage) -> None:
+    attribute = UsdGeom.Mesh(stage.GetPrimAtPath("/World/Ball")).GetFaceVertexIndicesAttr()
+    attribute.Set([*attribute.Get()[:-1], 9999])
+
+
+def zero_density(stage: Usd.Stage) -> None:
+    UsdPhysics.MassAPI(stage.GetPrimAtPath("/World/Ball")).GetDensityAttr().Set(0.0)
+
+
+def negative_modulus(stage: Usd.Stage) -> None:
+    stage.GetPrimAtPath("/World/Ball").GetAttribute("eulerfsi:youngsModulus").Set(-5.0)
+
+
+def small_domain(stage: Usd.Stage) -> None:
+    stage.GetPrimAtPath("/World/Domain").GetAttribute("xformOp:scale").Set(Gf.Vec3d(0.2, 0.7, 0.6))
+
+
+def outside(stage: Usd.Stage) -> None:
+    UsdGeom.Xformable(stage.GetPrimAtPath("/World/Ball")).AddTranslateOp().Set(Gf.Vec3d(5, 0, 0))
+
+
+def huge_grid(stage: Usd.Stage) -> None:
+    stage.GetPrimAtPath("/World/Domain").GetAttribute("eulerfsi:voxelSize").Set(0.0001)
+
+
+def coarse_grid(stage: Usd.Stage) -> None:
+    stage.GetPrimAtPath("/World/Domain").GetAttribute("eulerfsi:voxelSize").Set(0.5)
+
+
+def zero_voxel(stage: Usd.Stage) -> None:
+    stage.GetPrimAtPath("/World/Domain").GetAttribute("eulerfsi:voxelSize").Set(0.0)
+
+
+def unknown_attribute(stage: Usd.Stage) -> None:
+    from pxr import Sdf
+
+    stage.GetPrimAtPath("/World/Ball").CreateAttribute("eulerfsi:youngModulus", Sdf.ValueTypeNames.Double).Set(1.0)
+
+
+def no_domain(stage: Usd.Stage) -> None:
+    stage.RemovePrim("/World/Domain")
+
+
+def sheared_domain(stage: Usd.Stage) -> None:
+    shear = Gf.Matrix4d(1.0)
+    shear[1, 0] = 0.5
+    UsdGeom.Xformable(stage.GetPrimAtPath("/World/Domain")).AddTransformOp().Set(shear)
+
+
+def bad_token(stage: Usd.Stage) -> None:
+    stage.GetPrimAtPath("/World/Domain").GetAttribute("eulerfsi:wallXMin").Set("sticky")
+
+
+def half_periodic(stage: Usd.Stage) -> None:
+    stage.GetPrimAtPath("/World/Domain").GetAttribute("eulerfsi:wallXMin").Set("periodic")
+
+
+CASES = {
+    no_mesh: ["/World/Ball", "points"],
+    no_file: ["/World/Ball", "surfaceFile", "none.obj"],
+    not_a_mesh_file: ["/World/Ball", "text.obj"],
+    nan_point: ["/World/Ball", "points[7]", "nan", "finite"],
+    bad_index: ["/World/Ball", "faceVertexIndices", "9999"],
+    zero_density: ["/World/Ball", "physics:density", "0", "> 0"],
+    negative_modulus: ["/World/Ball", "youngsModulus", "-5", "> 0"],
+    small_domain: ["/World/Ball", "/World/Domain", "0.2"],
+    outside: ["/World/Ball", "inside the domain /World/Domain"],
+    huge_grid: ["/World/Domain", "voxelSize = 0.0001", "needs", "iB of memory", "fits"],
+    coarse_grid: ["/World/Domain", "voxelSize", "0.5"],
+    zero_voxel: ["/World/Domain", "voxelSize", "= 0", "> 0"],
+    unknown_attribute: ["/World/Ball", "youngModulus", "did you mean", "youngsModulus"],
+    no_domain: ["EulerFsiDomainAPI"],
+    sheared_domain: ["/World/Domain", "shear"],
+    bad_token: ["/World/Domain", "wallXMin", "sticky", "slip, noSlip, open, periodic"],
+    half_periodic: ["/World/Domain", "wallXM", "periodic"],
+}
+
+
+@pytest.mark.parametrize("command", ["simulate", "validate"])
+@pytest.mark.parametrize("change", CASES, ids=lambda change: change.__name__)
+def test_bad_scene_exits_with_3_names_the_fault_and_leaves_nothing(cli, tmp_path, change, command):
+    stage = make_scene(tmp_path / "bad.usda")
+    change(stage)
+    stage.GetRootLayer().Save()
+    before = {p.name for p in tmp_path.iterdir()}
+    done = cli(command, "bad.usda")
+    assert done.returncode == 3, done.stdout + done.stderr
+    for word in CASES[change]:
+        assert word in done.stderr, done.stderr
+    assert done.stderr.startswith("error: ") and "Traceback" not in done.stderr
+    assert {p.name for p in tmp_path.iterdir()} == before
+
+
+def test_several_faults_are_told_together(cli, tmp_path):
+    stage = make_scene(tmp_path / "bad.usda")
+    zero_density(stage)
+    bad_token(stage)
+    stage.GetRootLayer().Save()
+    done = cli("simulate", "bad.usda")
+    assert done.returncode == 3 and "physics:density" in done.stderr and "wallXMin" in done.stderr
+
+
+def test_suggested_voxel_size_does_fit(cli, tmp_path, monkeypatch):
+    make_scene(tmp_path / "bad.usda")
+    monkeypatch.setattr(report, "available_memory", lambda: 100 * 2**20)
+    done = cli("validate", "bad.usda", "--set", "Domain.voxelSize=0.001")
+    assert done.returncode == 3 and "100.0 MiB" in done.stderr
+    fitting = float(done.stderr.split("eulerfsi:voxelSize = ")[-1].split(" fits")[0])
+    assert 0.002 < fitting < 0.02
+    assert cli("validate", "bad.usda", "--set", f"Domain.voxelSize={fitting}").returncode == 0
+    assert cli("validate", "bad.usda", "--set", f"Domain.voxelSize={0.9 * fitting}").returncode == 3
+
+
+def test_thin_feature_is_a_warning_with_the_voxel_size_that_resolves_it(cli, tmp_path):
+    make_scene(tmp_path / "thin.usda", smoke=False)
+    done = cli("validate", "thin.usda", "--set", "Domain.voxelSize=0.2")
+    assert done.returncode == 0, done.stderr
+    warning = next(line for line in done.stdout.splitlines() if line.startswith("warning: /World/Ball"))
+    assert "two voxels" in warning
+    resolving = float(warning.split("eulerfsi:voxelSize = ")[1].split()[0])
+    again = cli("validate", "thin.usda", "--set", f"Domain.voxelSize={0.9 * resolving}")
+    assert again.returncode == 0 and "thinnest feature is" not in again.stdout
+
+
+def test_open_mesh_is_closed_with_a_warning_that_names_the_hole(cli, tmp_path):
+    stage = make_scene(tmp_path / "open.usda", smoke=False)
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/World/Ball"))
+    counts, indices = mesh.GetFaceVertexCountsAttr().Get(), mesh.GetFaceVertexIndicesAttr().Get()
+    mesh.GetFaceVertexCountsAttr().Set(counts[3:])
+    mesh.GetFaceVertexIndicesAttr().Set(indices[sum(counts[:3]) :])
+    stage.GetRootLayer().Save()
+    done = cli("simulate", "open.usda", "--frames", "1-2")
+    assert done.returncode == 0, done.stderr
+    assert "warning: /World/Ball" in done.stderr and "1 hole" in done.stderr and "largest hole" in done.stderr
+    assert done.stderr.count("hole(s)") == 1  # told once
+    assert "hole" in (tmp_path / "open_cache/log").read_text()
+
+
+@pytest.mark.parametrize("kind", ["file in the way", "read-only file system"])
+def test_output_that_cannot_be_written_exits_with_5(cli, tmp_path, kind):
+    make_scene(tmp_path / "small.usda")
+    if kind == "file in the way":
+        (tmp_path / "file").write_text("a file")
+        target = tmp_path / "file" / "cache"
+    else:
+        target = Path("/proc/eulerfsi/cache")
+    done = cli("simulate", "small.usda", "-o", target)
+    assert done.returncode == 5
+    assert "output folder" in done.stderr and str(target) in done.stderr
+
+
+def test_scene_that_is_missing_or_no_usd_exits_with_3(cli, tmp_path):
+    missing = cli("simulate", "none.usda")
+    assert missing.returncode == 3 and "none.usda: no such file" in missing.stderr
+    (tmp_path / "text.usda").write_text("not USD")
+    text = cli("simulate", "text.usda")
+    assert text.returncode == 3 and "text.usda" in text.stderr and "Traceback" not in text.stderr
+
+
+def test_stage_without_a_range_asks_for_frames(cli, tmp_path):
+    stage = make_scene(tmp_path / "range.usda")
+    stage.GetRootLayer().pseudoRoot.ClearInfo("startTimeCode")
+    stage.GetRootLayer().pseudoRoot.ClearInfo("endTimeCode")
+    stage.GetRootLayer().Save()
+    done = cli("simulate", "range.usda")
+    assert done.returncode == 3 and "--frames" in done.stderr

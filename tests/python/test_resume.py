@@ -1,0 +1,163 @@
+"""A run that is stopped and taken up again has the same content as one that was not."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from conftest import content_hashes, environment, make_scene
+from eulerfsi.errors import SceneError
+from eulerfsi.log import Log
+from eulerfsi.simulate import Options, Result, simulate
+from pxr import Usd
+
+pytestmark = pytest.mark.usefixtures("library")
+
+FRAMES = (1, 26)
+
+
+def run(scene: Path, folder: Path, **options) -> Result:
+    return simulate(scene, Options(output=folder, progress="none", **options), Log())
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory, library) -> tuple[Path, dict]:
+    """The scene, and the content of its uninterrupted cache."""
+    folder = tmp_path_factory.mktemp("whole")
+    make_scene(folder / "small.usda", frames=FRAMES, voxel=0.06)
+    run(folder / "small.usda", folder / "cache")
+    return folder / "small.usda", content_hashes(folder / "cache")
+
+
+def start(scene: Path, folder: Path, *options: str) -> subprocess.Popen:
+    """The command line in a process of its own, with JSON progress."""
+    command = [sys.executable, "-m", "eulerfsi", "simulate", scene, "-o", folder, "--progress", "json", *options]
+    return subprocess.Popen(
+        [str(c) for c in command], env=environment(), text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+
+
+def stop_after(process: subprocess.Popen, frame: int, number: int, delay: float = 0.0) -> tuple[int, str]:
+    """Sends a signal when the frame is reported; returns exit code and standard error."""
+    for line in process.stdout:
+        event = json.loads(line)
+        if event["event"] == "frame" and event["frame"] >= frame:
+            break
+    time.sleep(delay)
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=120)
+    return process.returncode, errors
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+@pytest.mark.parametrize("delay", [0.0, 0.02])
+def test_signal_leaves_a_checkpoint_and_resume_gives_the_same_content(whole, tmp_path, number, code, delay):
+    scene, expected = whole
+    returned, errors = stop_after(start(scene, tmp_path / "cache"), 8, number, delay)
+    assert returned == code, errors
+    assert "--resume" in errors
+    manifest = json.loads((tmp_path / "cache/manifest.json").read_text())
+    assert manifest["status"] == "interrupted" and 8 <= len(manifest["frames"]) < 26
+    # No frame is lost: the checkpoint is the one made at the signal, not the last periodic one.
+    assert manifest["checkpoints"][-1]["frame"] == len(manifest["frames"])
+    assert Usd.Stage.Open(str(tmp_path / "cache/small.usda")).GetEndTimeCode() == len(manifest["frames"])
+    assert not list((tmp_path / "cache").rglob(".writing-*")) and not (tmp_path / "cache/.lock").exists()
+
+    assert run(scene, tmp_path / "cache", resume=True).resumed
+    assert content_hashes(tmp_path / "cache") == expected
+    assert Usd.Stage.Open(str(tmp_path / "cache/small.usda")).GetEndTimeCode() == 26
+    steps = [json.loads(line) for line in (tmp_path / "cache/stats.jsonl").read_text().splitlines()]
+    times = [s["time"] for s in steps if s["event"] == "step"]
+    assert times == sorted(set(times))
+    assert [s["frame"] for s in steps if s["event"] == "frame"] == list(range(1, 27))
+
+
+def test_killed_run_is_taken_up_at_its_last_checkpoint(whole, tmp_path):
+    scene, expected = whole
+    returned, _ = stop_after(start(scene, tmp_path / "cache"), 14, signal.SIGKILL)
+    assert returned == -signal.SIGKILL
+    (tmp_path / "cache/frames/.writing-1-small.0015.usdc").write_bytes(b"half a frame")
+    run(scene, tmp_path / "cache", resume=True)
+    assert content_hashes(tmp_path / "cache") == expected
+    assert not list((tmp_path / "cache").rglob(".writing-*"))
+    assert "from frame 11" in (tmp_path / "cache/log").read_text()
+
+
+def test_two_checkpoints_are_kept_every_ten_frames(whole):
+    scene, _ = whole
+    manifest = json.loads((scene.parent / "cache/manifest.json").read_text())
+    assert [c["frame"] for c in manifest["checkpoints"]] == [21, 26]
+    names = {p.relative_to(scene.parent / "cache").as_posix() for p in (scene.parent / "cache/checkpoints").iterdir()}
+    assert names == {c["file"] for c in manifest["checkpoints"]}
+
+
+@pytest.mark.parametrize("damage", ["frame", "checkpoint", "truncated checkpoint"])
+def test_damaged_files_are_made_again(whole, tmp_path, damage):
+    scene, expected = whole
+    run(scene, tmp_path / "cache", frames="1-22")
+    manifest = json.loads((tmp_path / "cache/manifest.json").read_text())
+    if damage == "frame":
+        (tmp_path / "cache/vdb/small.0015.vdb").write_bytes(b"short")
+    else:
+        path = tmp_path / "cache" / manifest["checkpoints"][-1]["file"]
+        content = path.read_bytes()
+        path.write_bytes(content[: len(content) // 2] if "truncated" in damage else b"x" * len(content))
+    run(scene, tmp_path / "cache", resume=True)
+    assert content_hashes(tmp_path / "cache") == expected
+
+
+def test_longer_range_continues_the_same_cache(whole, tmp_path):
+    scene, expected = whole
+    run(scene, tmp_path / "cache", frames="1-5")
+    run(scene, tmp_path / "cache", frames="1-7", resume=True)
+    assert content_hashes(tmp_path / "cache") == {frame: h for frame, h in expected.items() if int(frame) <= 7}
+
+
+def test_complete_cache_has_nothing_to_do(whole):
+    scene, expected = whole
+    before = (scene.parent / "cache/frames/small.0020.usdc").stat().st_mtime_ns
+    assert run(scene, scene.parent / "cache", resume=True).nothing_to_do
+    assert (scene.parent / "cache/frames/small.0020.usdc").stat().st_mtime_ns == before
+    assert content_hashes(scene.parent / "cache") == expected
+
+
+def test_resume_of_nothing_begins(whole, tmp_path):
+    scene, expected = whole
+    assert not run(scene, tmp_path / "cache", frames="1-2", resume=True).resumed
+    assert content_hashes(tmp_path / "cache")["2"] == expected["2"]
+
+
+def test_other_number_of_threads_may_continue(whole, tmp_path):
+    scene, expected = whole
+    run(scene, tmp_path / "cache", frames="1-12", threads=1)
+    run(scene, tmp_path / "cache", resume=True, threads=2)
+    assert content_hashes(tmp_path / "cache") == expected
+
+
+def test_changed_scene_is_refused_with_the_parameter(whole, tmp_path):
+    scene, _ = whole
+    run(scene, tmp_path / "cache", frames="1-3")
+    before = (tmp_path / "cache/manifest.json").read_text()
+    with pytest.raises(SceneError, match=r"/World/Ball: youngs_modulus was 23333\.0, is 50000\.0"):
+        run(scene, tmp_path / "cache", resume=True, settings=("Ball.youngsModulus=50000",))
+    assert (tmp_path / "cache/manifest.json").read_text() == before
+
+
+def test_second_run_in_the_same_folder_is_refused(whole, tmp_path):
+    scene, _ = whole
+    process = start(scene, tmp_path / "cache")
+    try:
+        assert json.loads(process.stdout.readline())["event"] == "start"
+        other = start(scene, tmp_path / "cache", "--resume")
+        _, errors = other.communicate(timeout=120)
+        assert other.returncode == 2 and f"process {process.pid}" in errors
+    finally:
+        process.kill()
+        process.communicate()
+    assert os.path.exists(tmp_path / "cache/manifest.json")
