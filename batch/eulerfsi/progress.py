@@ -63,7 +63,13 @@ class Progress:
         percent = int(100 * done / len(self.frames))
         if percent > self._percent:
             self._percent = percent
-            print(f"{percent}% frame {frame} of {self.frames}", file=self.out, flush=True)
+            self._print(f"{percent}% frame {frame} of {self.frames}")
 
     def _json(self, **event: Any) -> None:
-        print(json.dumps(event), file=self.out, flush=True)
+        self._print(json.dumps(event))
+
+    def _print(self, line: str) -> None:
+        try:
+            print(line, file=self.out, flush=True)
+        except BrokenPipeError:  # whoever listened is gone; the run goes on
+            self.mode = "none"

@@ -15,7 +15,7 @@ import numpy as np
 from . import binding, checks, preview
 from . import cache as cache_module
 from .cache import Cache, FolderLock
-from .errors import Cancelled, DivergedError, EulerFsiError, LibraryError
+from .errors import Cancelled, DivergedError, LibraryError
 from .frames import parse_frames
 from .log import Log
 from .overrides import apply_overrides, set_domain_parameter
@@ -174,9 +174,9 @@ class _Run:
             except Cancelled:
                 self._leave("interrupted")
                 raise
-            except EulerFsiError as error:
-                self.log.error(str(error))
-                with contextlib.suppress(EulerFsiError):  # a full disk must not hide the first error
+            except Exception as error:
+                self.log.error(str(error) or type(error).__name__)
+                with contextlib.suppress(Exception):  # a full disk must not hide the first error
                     self._leave("failed")
                 raise
         self._leave("complete")

@@ -55,6 +55,7 @@ int main(int argc, char** argv) {
   box.domain_size.x = box.domain_size.y = box.domain_size.z = 0.6;
   box.voxel_size = 0.03;
   box.gravity.y = -9.8;
+  box.max_time_step = 1.0 / 240.0;
   if (efsi_simulation_create(&box, &sim, &error) != EFSI_OK) {
     fprintf(stderr, "efsi_simulation_create: %s\n", error.message);
     return 1;

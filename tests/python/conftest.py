@@ -206,7 +206,8 @@ int main(int, char** argv) {
   openvdb::initialize();
   openvdb::io::File file(argv[1]);
   file.open();
-  for (auto& base : *file.getGrids()) {
+  const openvdb::GridPtrVecPtr grids = file.getGrids();
+  for (auto& base : *grids) {
     if (auto s = openvdb::gridPtrCast<openvdb::FloatGrid>(base)) print(*s, [](float x, double*) { return double(x); });
     if (auto s = openvdb::gridPtrCast<openvdb::Vec3SGrid>(base))
       print(*s, [](const openvdb::Vec3s& x, double* v) {

@@ -35,6 +35,16 @@ def test_module_runs_as_a_process(scene, tmp_path):
     assert "voxelSize = -1: must be > 0" in done.stderr
 
 
+def test_run_goes_on_when_nobody_listens_any_more(library, scene, tmp_path):
+    command = [sys.executable, "-m", "eulerfsi", "simulate", scene, "--progress", "json"]
+    process = subprocess.Popen(command, cwd=tmp_path, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert b"start" in process.stdout.readline()
+    process.stdout.close()
+    process.stderr.read()
+    assert process.wait(timeout=120) == 0
+    assert json.loads((tmp_path / "small_cache/manifest.json").read_text())["status"] == "complete"
+
+
 def test_plain_progress_is_whole_percents_that_grow(cli, scene):
     done = cli("simulate", scene, "--progress", "plain")
     percents = [int(line.split("%")[0]) for line in lines(done.stdout) if "% frame" in line]

@@ -8,3 +8,10 @@
 #else
 #define EFSI_KERNEL
 #endif
+
+// Small functions of hot loops that the compiler would otherwise call.
+#if defined(__GNUC__) && defined(__OPTIMIZE__)
+#define EFSI_INLINE inline __attribute__((always_inline))
+#else
+#define EFSI_INLINE inline
+#endif

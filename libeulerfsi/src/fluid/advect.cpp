@@ -13,8 +13,8 @@ using grid::Trilinear;
 
 namespace {
 
-constexpr Real kRestCells = Real(1e-5);   // cells per step below which a tile is at rest
-constexpr Real kNoSmoke = Real(1e-5);     // below this there is no smoke
+constexpr Real kRestCells = Real(1e-4);  // cells per step below which a tile is at rest
+constexpr Real kNoSmoke = Real(1e-5);    // below this there is no smoke
 
 template <class Body>
 void for_tile(const TileMask& tiles, std::int64_t t, const Body& body) {
@@ -25,7 +25,7 @@ void for_tile(const TileMask& tiles, std::int64_t t, const Body& body) {
       for (int i = begin[0]; i < end[0]; ++i) body(i, j, k);
 }
 
-Vec3 keep_inside(const Grid& g, Vec3 x) {
+EFSI_INLINE Vec3 keep_inside(const Grid& g, Vec3 x) {
   for (int a = 0; a < 3; ++a) {
     const auto s = static_cast<std::size_t>(a);
     if (!g.periodic[s]) x[a] = std::clamp(x[a], Real(0), static_cast<Real>(g.cells[s]));
@@ -42,7 +42,7 @@ class CellSampler {
                 static_cast<std::size_t>(g.cells[0]) * static_cast<std::size_t>(g.cells[1])},
         periodic_(g.periodic) {}
   // Indices and weights of the 8 cells around a position.
-  void stencil(const Vec3& g, std::size_t index[8], Real weight[8]) const {
+  EFSI_INLINE void stencil(const Vec3& g, std::size_t index[8], Real weight[8]) const {
     int low[3], high[3];
     Real f[3];
     for (int a = 0; a < 3; ++a) {
@@ -93,32 +93,36 @@ std::uint64_t advect_velocity(const Parallel& parallel, const Grid& g, bool corr
   });
   tiles.dilate(g.periodic);
 
+  // First sweep: carried values; where they come from stays in `result` for the second.
   work.first.c = velocity.c;
+  work.result.c = velocity.c;
   parallel.for_each(tiles.count(), [&](std::int64_t t) {
     if (!tiles.active(t)) return;
     for_tile(tiles, t, [&](int i, int j, int k) {
       const std::size_t n = g.node(i, j, k);
       const Vec3 x(static_cast<Real>(i), static_cast<Real>(j), static_cast<Real>(k));
-      const Vec3 from = keep_inside(g, grid::trace_rk3(sampler, velocity, x, velocity.at(n), step));
+      const Vec3 from = keep_inside(g, grid::trace_midpoint(sampler, velocity, x, velocity.at(n), step));
       work.first.set(n, sampler.vector(velocity, from));
+      work.result.set(n, from);
     });
   });
   if (!corrected) {
     std::swap(state.velocity.c, work.first.c);
     return tiles.active_count();
   }
-  work.result.c = work.first.c;
+  // Second sweep: half the error of going there and back is taken off.
   parallel.for_each(tiles.count(), [&](std::int64_t t) {
     if (!tiles.active(t)) return;
     for_tile(tiles, t, [&](int i, int j, int k) {
       const std::size_t n = g.node(i, j, k);
-      if (specific_volume[n] != fluid_volume) return;  // beside a solid: first order
+      if (specific_volume[n] != fluid_volume) {  // beside a solid: first order
+        work.result.set(n, work.first.at(n));
+        return;
+      }
       const Vec3 x(static_cast<Real>(i), static_cast<Real>(j), static_cast<Real>(k)), v = velocity.at(n);
-      const Vec3 to = keep_inside(g, grid::trace_rk3(sampler, velocity, x, v, -step));
-      const Vec3 from = keep_inside(g, grid::trace_rk3(sampler, velocity, x, v, step));
-      const Vec3 back = sampler.vector(work.first, to);
-      Vec3 w = work.first.at(n) + Real(0.5) * (v - back);
-      const Trilinear source = sampler.stencil(from);
+      const Vec3 to = keep_inside(g, grid::trace_midpoint(sampler, velocity, x, v, -step));
+      Vec3 w = work.first.at(n) + Real(0.5) * (v - sampler.vector(work.first, to));
+      const Trilinear source = sampler.stencil(work.result.at(n));
       for (int a = 0; a < 3; ++a) {  // no new extremes
         const Real* field = velocity.c[static_cast<std::size_t>(a)].data() + source.base;
         Real low = field[0], high = field[0];
@@ -197,7 +201,7 @@ std::uint64_t advect_scalar(const Parallel& parallel, const Grid& g, bool correc
     if (!tiles.active(t)) return;
     for_tile(tiles, t, [&](int i, int j, int k) {
       const Vec3 x = center(i, j, k);
-      const Vec3 from = keep_inside(g, grid::trace_rk3(nodes, velocity, x, nodes.vector(velocity, x), step));
+      const Vec3 from = keep_inside(g, grid::trace_midpoint(nodes, velocity, x, nodes.vector(velocity, x), step));
       std::size_t index[8];
       Real weight[8];
       cells.stencil(from, index, weight);
@@ -214,9 +218,9 @@ std::uint64_t advect_scalar(const Parallel& parallel, const Grid& g, bool correc
         const Vec3 x = center(i, j, k), v = nodes.vector(velocity, x);
         std::size_t index[8];
         Real weight[8];
-        cells.stencil(keep_inside(g, grid::trace_rk3(nodes, velocity, x, v, -step)), index, weight);
+        cells.stencil(keep_inside(g, grid::trace_midpoint(nodes, velocity, x, v, -step)), index, weight);
         const Real w = first[c] + Real(0.5) * (source[c] - value(first, index, weight));
-        cells.stencil(keep_inside(g, grid::trace_rk3(nodes, velocity, x, v, step)), index, weight);
+        cells.stencil(keep_inside(g, grid::trace_midpoint(nodes, velocity, x, v, step)), index, weight);
         Real low = source[index[0]], high = low;
         for (int a = 1; a < 8; ++a) {
           low = std::min(low, source[index[a]]);

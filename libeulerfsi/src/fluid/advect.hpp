@@ -1,6 +1,6 @@
 // Purpose: transport of the fluid's velocity and of smoke.
 // Paper: Alg. 1 line 22; Eq. 3.
-// Departs from the paper: third-order back-trace and clamped MacCormack correction away from solids; the paper's plain
+// Departs from the paper: clamped MacCormack correction away from solids; the paper's plain
 // semi-Lagrangian advection is `corrected = false`.
 #pragma once
 

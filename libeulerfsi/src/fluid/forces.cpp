@@ -6,17 +6,23 @@
 namespace efsi::fluid {
 namespace {
 
-Vec3d curl(const Grid& g, const VectorField& v, int i, int j, int k) {
-  const auto difference = [&](int component, int axis) {
-    int low[3] = {i, j, k}, high[3] = {i, j, k};
-    low[axis] = std::max(low[axis] - 1, 0);
-    high[axis] = std::min(high[axis] + 1, g.cells[static_cast<std::size_t>(axis)]);
-    const auto& f = v.c[static_cast<std::size_t>(component)];
-    return (static_cast<double>(f[g.node(high[0], high[1], high[2])]) -
-            static_cast<double>(f[g.node(low[0], low[1], low[2])])) /
-           ((high[axis] - low[axis]) * g.h);
+// Curl at a node by central differences, one-sided at the walls, times 2h inside.
+Vec3 curl(const Grid& g, const VectorField& v, int i, int j, int k, std::size_t n) {
+  const std::size_t stride[3] = {1, g.node_stride(1), g.node_stride(2)};
+  const int index[3] = {i, j, k};
+  std::size_t low[3], high[3];
+  Real scale[3];
+  for (std::size_t a = 0; a < 3; ++a) {
+    const bool first = index[a] == 0, last = index[a] == g.cells[a];
+    low[a] = first ? n : n - stride[a];
+    high[a] = last ? n : n + stride[a];
+    scale[a] = first || last ? Real(2) : Real(1);
+  }
+  const auto d = [&](std::size_t component, std::size_t axis) {
+    const Real* f = v.c[component].data();
+    return scale[axis] * (f[high[axis]] - f[low[axis]]);
   };
-  return {difference(2, 1) - difference(1, 2), difference(0, 2) - difference(2, 0), difference(1, 0) - difference(0, 1)};
+  return {d(2, 1) - d(1, 2), d(0, 2) - d(2, 0), d(1, 0) - d(0, 1)};
 }
 
 // f = epsilon h (N x omega), N the direction in which |omega| grows.
@@ -25,33 +31,34 @@ void add_confinement(const Parallel& parallel, const Grid& g, double epsilon, do
   std::vector<Real> magnitude(g.node_count());
   VectorField vorticity;
   vorticity.assign(g.node_count());
+  const Real inverse = static_cast<Real>(0.5 / g.h);
   parallel.for_each(g.cells[2] + 1, [&](std::int64_t kk) {
     const int k = static_cast<int>(kk);
     for (int j = 0; j <= g.cells[1]; ++j)
       for (int i = 0; i <= g.cells[0]; ++i) {
         const std::size_t n = g.node(i, j, k);
-        const Vec3d w = curl(g, velocity, i, j, k);
-        vorticity.set(n, w.cast<Real>());
-        magnitude[n] = static_cast<Real>(w.norm());
+        const Vec3 w = inverse * curl(g, velocity, i, j, k, n);
+        vorticity.set(n, w);
+        magnitude[n] = w.norm();
       }
   });
-  const auto stride = std::array<std::size_t, 3>{1, g.node_stride(1), g.node_stride(2)};
+  const std::size_t stride[3] = {1, g.node_stride(1), g.node_stride(2)};
+  const Real kick = static_cast<Real>(epsilon * g.h * dt);
   parallel.for_each(std::max(0, g.cells[2] - 1), [&](std::int64_t kk) {
     const int k = static_cast<int>(kk) + 1;
     for (int j = 1; j < g.cells[1]; ++j)
       for (int i = 1; i < g.cells[0]; ++i) {
         const std::size_t n = g.node(i, j, k);
         bool fluid = specific_volume[n] == fluid_volume;
-        Vec3d gradient;
+        Vec3 gradient;
         for (int a = 0; a < 3; ++a) {
-          const std::size_t s = stride[static_cast<std::size_t>(a)];
+          const std::size_t s = stride[a];
           fluid = fluid && specific_volume[n - s] == fluid_volume && specific_volume[n + s] == fluid_volume;
-          gradient[a] = static_cast<double>(magnitude[n + s]) - static_cast<double>(magnitude[n - s]);
+          gradient[a] = magnitude[n + s] - magnitude[n - s];
         }
-        const double length = gradient.norm();
-        if (!fluid || !(length > 1e-6)) continue;
-        const Vec3d force = epsilon * g.h * (gradient / length).cross(vorticity.at(n).cast<double>());
-        velocity.set(n, velocity.at(n) + (dt * force).cast<Real>());
+        const Real length = gradient.norm();
+        if (!fluid || !(length > Real(1e-6))) continue;
+        velocity.set(n, velocity.at(n) + (kick / length) * gradient.cross(vorticity.at(n)));
       }
   });
 }

@@ -32,30 +32,30 @@ std::string text(const Parts&... parts) {
 // The mesh as tools::meshToVolume reads it, in index space of the grid.
 class IndexSpaceMesh {
  public:
-  IndexSpaceMesh(const TriangleMesh& mesh, const SignedDistance& grid) : mesh_(mesh), grid_(grid) {}
-  std::size_t polygonCount() const { return mesh_.triangles.size(); }
-  std::size_t pointCount() const { return mesh_.points.size(); }
-  std::size_t vertexCount(std::size_t) const { return 3; }
-  void getIndexSpacePoint(std::size_t triangle, std::size_t corner, openvdb::Vec3d& point) const {
-    const Vec3d x = (mesh_.points[mesh_.triangles[triangle][corner]] - grid_.origin) / grid_.spacing;
-    point = openvdb::Vec3d(x.x(), x.y(), x.z());
+  IndexSpaceMesh(const TriangleMesh& mesh, const SignedDistance& grid) : triangles_(mesh.triangles) {
+    points_.reserve(mesh.points.size());
+    for (const Vec3d& X : mesh.points) {
+      const Vec3d x = (X - grid.origin) / grid.spacing;
+      points_.emplace_back(x.x(), x.y(), x.z());
+    }
   }
+  std::size_t polygonCount() const { return triangles_.size(); }
+  std::size_t pointCount() const { return points_.size(); }
+  std::size_t vertexCount(std::size_t) const { return 3; }
+  void getIndexSpacePoint(std::size_t triangle, std::size_t at, openvdb::Vec3d& point) const {
+    point = corner(triangle, at);
+  }
+  const openvdb::Vec3d& corner(std::size_t triangle, std::size_t at) const { return points_[triangles_[triangle][at]]; }
 
  private:
-  const TriangleMesh& mesh_;
-  const SignedDistance& grid_;
+  const std::vector<Triangle>& triangles_;
+  std::vector<openvdb::Vec3d> points_;
 };
-
-openvdb::Vec3d corner(const IndexSpaceMesh& mesh, std::int32_t triangle, std::size_t at) {
-  openvdb::Vec3d point;
-  mesh.getIndexSpacePoint(static_cast<std::size_t>(triangle), at, point);
-  return point;
-}
 
 double distance_to_triangle(const IndexSpaceMesh& mesh, std::int32_t triangle, const openvdb::Vec3d& X) {
   openvdb::Vec3d weights;
   const openvdb::Vec3d nearest = openvdb::math::closestPointOnTriangleToPoint(
-      corner(mesh, triangle, 0), corner(mesh, triangle, 1), corner(mesh, triangle, 2), X, weights);
+      mesh.corner(triangle, 0), mesh.corner(triangle, 1), mesh.corner(triangle, 2), X, weights);
   return (X - nearest).length();
 }
 

@@ -152,12 +152,14 @@ std::size_t Simulation::add_solid(const SolidDesc& desc, geometry::MeshReport& r
   solids_.push_back(std::move(rest));
   state_.solids.push_back(std::move(state));
   work_.solids.push_back(std::move(work));
+  prepared_ = false;
   return solids_.size() - 1;
 }
 
 std::size_t Simulation::add_emitter(const fluid::Emitter& emitter) {
   if (state_.steps > 0) throw Error(ErrorCode::kArgument, "efsi_emitter_add: emitters are added before the first step");
   emitters_.push_back(emitter);
+  prepared_ = false;  // the first frame shows it, also when the fields were looked at before
   return emitters_.size() - 1;
 }
 

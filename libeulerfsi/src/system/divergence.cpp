@@ -1,5 +1,7 @@
 #include "system/divergence.hpp"
 
+#include "base/kernel.hpp"
+
 namespace efsi::system {
 namespace {
 
@@ -11,16 +13,9 @@ struct RowScratch {
   }
 };
 
-void node_row(const PressureLevel& level, const Real* p, int j, int k, RowScratch& s, Real* gx, Real* gy, Real* gz) {
-  const Grid& g = level.grid;
-  const int n = g.cells[0];
-  const Real* p00 = p + g.padded(-1, j - 1, k - 1);
-  const Real* p10 = p + g.padded(-1, j, k - 1);
-  const Real* p01 = p + g.padded(-1, j - 1, k);
-  const Real* p11 = p + g.padded(-1, j, k);
-  Real* sum = s.sum.data();
-  Real* dy = s.dy.data();
-  Real* dz = s.dz.data();
+// g along one row of n + 1 nodes from the four rows of n + 2 cells around it.
+EFSI_KERNEL void gradient_row(int n, const Real* p00, const Real* p10, const Real* p01, const Real* p11, const Real* w,
+                              Real* sum, Real* dy, Real* dz, Real* gx, Real* gy, Real* gz) {
 #pragma omp simd
   for (int i = 0; i < n + 2; ++i) {
     const Real low = p00[i] + p01[i], high = p10[i] + p11[i];
@@ -28,13 +23,35 @@ void node_row(const PressureLevel& level, const Real* p, int j, int k, RowScratc
     dy[i] = high - low;
     dz[i] = (p01[i] + p11[i]) - (p00[i] + p10[i]);
   }
-  const Real* w = level.mobility.data() + g.node(0, j, k);
 #pragma omp simd
   for (int i = 0; i <= n; ++i) {
     gx[i] = w[i] * (sum[i + 1] - sum[i]);
     gy[i] = w[i] * (dy[i + 1] + dy[i]);
     gz[i] = w[i] * (dz[i + 1] + dz[i]);
   }
+}
+
+// y = b + D g along one row of n cells from the rows of nodes at its four edges (lower and upper plane, j and j + 1).
+struct EdgeRows {
+  const Real *low0, *low1, *high0, *high1;
+};
+EFSI_KERNEL void divergence_row(int n, const EdgeRows& x, const EdgeRows& y, const EdgeRows& z, const Real* b, Real sign,
+                                Real* fx, Real* fyz, Real* out) {
+#pragma omp simd
+  for (int i = 0; i <= n; ++i) {
+    fx[i] = (x.low0[i] + x.low1[i]) + (x.high0[i] + x.high1[i]);
+    fyz[i] = ((y.low1[i] - y.low0[i]) + (y.high1[i] - y.high0[i])) + ((z.high0[i] - z.low0[i]) + (z.high1[i] - z.low1[i]));
+  }
+#pragma omp simd
+  for (int i = 0; i < n; ++i) out[i] = b[i] + sign * ((fx[i + 1] - fx[i]) + (fyz[i + 1] + fyz[i]));
+}
+
+void node_row(const PressureLevel& level, const Real* p, int j, int k, RowScratch& s, Real* gx, Real* gy, Real* gz) {
+  const Grid& g = level.grid;
+  const int n = g.cells[0];
+  gradient_row(n, p + g.padded(-1, j - 1, k - 1), p + g.padded(-1, j, k - 1), p + g.padded(-1, j - 1, k),
+               p + g.padded(-1, j, k), level.mobility.data() + g.node(0, j, k), s.sum.data(), s.dy.data(), s.dz.data(), gx,
+               gy, gz);
   // Walls: whole rows on the y and z faces, the ends of all others.
   const std::uint8_t* fixed = level.fixed.data() + g.node(0, j, k);
   const bool face = j == 0 || k == 0 || j == g.cells[1] || k == g.cells[2];
@@ -62,6 +79,7 @@ void apply_pressure_operator(const Parallel& parallel, const PressureLevel& leve
     RowScratch scratch(nx);
     NodePlane low(row * static_cast<std::size_t>(ny + 1)), high(row * static_cast<std::size_t>(ny + 1));
     std::vector<Real> fx(row), fyz(row);
+    const std::vector<Real> zero(row, 0);
     const auto fill_plane = [&](NodePlane& plane, int k) {
       for (int j = 0; j <= ny; ++j) {
         const std::size_t at = row * static_cast<std::size_t>(j);
@@ -73,26 +91,14 @@ void apply_pressure_operator(const Parallel& parallel, const PressureLevel& leve
       fill_plane(high, k + 1);
       for (int j = 0; j < ny; ++j) {
         const std::size_t j0 = row * static_cast<std::size_t>(j), j1 = j0 + row;
-        const Real *x00 = &low.x[j0], *x10 = &low.x[j1], *x01 = &high.x[j0], *x11 = &high.x[j1];
-        const Real *y00 = &low.y[j0], *y10 = &low.y[j1], *y01 = &high.y[j0], *y11 = &high.y[j1];
-        const Real *z00 = &low.z[j0], *z10 = &low.z[j1], *z01 = &high.z[j0], *z11 = &high.z[j1];
-        Real* px = fx.data();
-        Real* pyz = fyz.data();
-#pragma omp simd
-        for (int i = 0; i <= nx; ++i) {
-          px[i] = (x00[i] + x10[i]) + (x01[i] + x11[i]);
-          pyz[i] = ((y10[i] - y00[i]) + (y11[i] - y01[i])) + ((z01[i] - z00[i]) + (z11[i] - z10[i]));
-        }
+        const auto edges = [&](const std::vector<Real>& lower, const std::vector<Real>& upper) {
+          return EdgeRows{&lower[j0], &lower[j1], &upper[j0], &upper[j1]};
+        };
         const std::size_t out = g.padded(0, j, k);
         Real* py = y.data() + out;
-        if (b) {
-          const Real* pb = b->data() + out;
-#pragma omp simd
-          for (int i = 0; i < nx; ++i) py[i] = pb[i] + ((px[i + 1] - px[i]) + (pyz[i + 1] + pyz[i]));
-        } else {
-#pragma omp simd
-          for (int i = 0; i < nx; ++i) py[i] = -((px[i + 1] - px[i]) + (pyz[i + 1] + pyz[i]));
-        }
+        // A x = -D g; b - A x = b + D g.
+        divergence_row(nx, edges(low.x, high.x), edges(low.y, high.y), edges(low.z, high.z),
+                       b ? b->data() + out : zero.data(), b ? Real(1) : Real(-1), fx.data(), fyz.data(), py);
         if (!level.active.empty()) {
           const std::uint8_t* active = level.active.data() + out;
           for (int i = 0; i < nx; ++i)

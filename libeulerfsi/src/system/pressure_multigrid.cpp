@@ -1,5 +1,7 @@
 #include "system/pressure_multigrid.hpp"
 
+#include "base/kernel.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -59,6 +61,18 @@ std::array<AxisTable, 3> restriction_tables(const Grid& fine, const Grid& coarse
   return tables;
 }
 
+// target += w source
+EFSI_KERNEL void add_row(int n, Real w, const Real* source, Real* target) {
+#pragma omp simd
+  for (int i = 0; i < n; ++i) target[i] += w * source[i];
+}
+
+// x += weight d r
+EFSI_KERNEL void smooth_row(std::int64_t n, Real weight, const Real* d, const Real* r, Real* x) {
+#pragma omp simd
+  for (std::int64_t i = 0; i < n; ++i) x[i] += weight * d[i] * r[i];
+}
+
 void restrict_residual(const Parallel& parallel, const PressureLevel& fine, const std::vector<Real>& r,
                        const PressureLevel& coarse, std::vector<Real>& b) {
   const Grid &gf = fine.grid, &gc = coarse.grid;
@@ -75,9 +89,7 @@ void restrict_residual(const Parallel& parallel, const PressureLevel& fine, cons
             const Real w = tables[2].weight[ks][tk] * tables[1].weight[js][tj];
             if (w == 0) continue;
             const Real* source = r.data() + gf.padded(0, tables[1].index[js][tj], tables[2].index[ks][tk]);
-            Real* target = row.data();
-#pragma omp simd
-            for (int i = 0; i < nf; ++i) target[i] += w * source[i];
+            add_row(nf, w, source, row.data());
           }
         Real* out = b.data() + gc.padded(0, j, k);
         const std::uint8_t* active = coarse.active.empty() ? nullptr : coarse.active.data() + gc.padded(0, j, k);
@@ -142,12 +154,19 @@ void prolong_and_add(const Parallel& parallel, const PressureLevel& coarse, cons
         for (int i = 0; i < nc; ++i) target[i] = wk * (wj * nn[i] + vj * fn[i]) + vk * (wj * nf[i] + vj * ff[i]);
         Real* out = x.data() + gf.padded(0, j, k);
         const Real* diagonal = fine.inverse_diagonal.data() + gf.padded(0, j, k);
-        for (int i = 0; i < gf.cells[0]; ++i) {
+        const auto add = [&](int i) {
           const Pair pi = pairs[0][static_cast<std::size_t>(i)];
-          if (diagonal[i] > 0)
-            out[i] += Real(0.75) * row[static_cast<std::size_t>(pi.near)] +
-                      pi.far_weight * row[static_cast<std::size_t>(pi.far)];
+          if (diagonal[i] > 0) out[i] += Real(0.75) * target[pi.near] + pi.far_weight * target[pi.far];
+        };
+        const int n = gf.cells[0];
+        add(0);
+        // Inside, fine cells 2c - 1 and 2c lie between the coarse cells c - 1 and c.
+        for (int c = 1; 2 * c < n; ++c) {
+          const Real a = target[c - 1], b = target[c];
+          if (diagonal[2 * c - 1] > 0) out[2 * c - 1] += Real(0.75) * a + Real(0.25) * b;
+          if (diagonal[2 * c] > 0) out[2 * c] += Real(0.75) * b + Real(0.25) * a;
         }
+        if (n > 1 && n % 2 == 0) add(n - 1);
       }
   });
 }
@@ -265,8 +284,7 @@ void PressureMultigrid::smooth(const Parallel& parallel, Level& level, const std
   Real* px = x.data();
   const Real *r = level.residual.data(), *d = level.op.inverse_diagonal.data();
   parallel.for_ranges(static_cast<std::int64_t>(x.size()), [=](std::int64_t begin, std::int64_t end) {
-#pragma omp simd
-    for (std::int64_t i = begin; i < end; ++i) px[i] += weight * d[i] * r[i];
+    smooth_row(end - begin, weight, d + begin, r + begin, px + begin);
   });
 }
 

@@ -111,3 +111,21 @@ TEST_CASE("Diagnostics agree with each other and with the fields") {
   CHECK(fluid.smoke == Approx(0.6 * 0.1 * 0.6).epsilon(1e-5));
   CHECK(fluid.kinetic_energy == 0.0);
 }
+
+TEST_CASE("What is added after a look at the fields is part of the first frame") {
+  const Sim sim = create(box()), other = create(box());
+  const EfsiSolidDef solid = cube_def();
+  EfsiEmitterDef smoke = carpet_def();
+  smoke.transform[5] = 1.2;  // the whole box
+  REQUIRE(count_of(view_of(sim, EFSI_FIELD_SMOKE_DENSITY)) == 0);
+  REQUIRE(efsi_emitter_add(sim.get(), &smoke, nullptr) == EFSI_OK);
+  REQUIRE(value(view_of(sim, EFSI_FIELD_SMOKE_DENSITY), 0, 6, 6, 6) == 1.0f);
+  REQUIRE(efsi_solid_add(sim.get(), &solid, nullptr, nullptr) == EFSI_OK);
+  const EfsiFieldView view = view_of(sim, EFSI_FIELD_SMOKE_DENSITY);
+  CHECK(value(view, 0, 6, 6, 6) == 0.0f);
+  CHECK(value(view, 0, 6, 1, 6) == 1.0f);
+
+  REQUIRE(efsi_solid_add(other.get(), &solid, nullptr, nullptr) == EFSI_OK);
+  REQUIRE(efsi_emitter_add(other.get(), &smoke, nullptr) == EFSI_OK);
+  CHECK(hash_of(sim) == hash_of(other));
+}
