@@ -7,6 +7,7 @@ preview.png. Every file appears whole, and the folder can be moved.
 from __future__ import annotations
 
 import json
+import math
 import os
 import shutil
 from pathlib import Path
@@ -156,7 +157,7 @@ class Cache:
         if self._stats:
             try:
                 with open(self.folder / STATS, "a", encoding="utf-8") as file:
-                    file.writelines(json.dumps(line) + "\n" for line in self._stats)
+                    file.writelines(json.dumps(_finite(line)) + "\n" for line in self._stats)
             except OSError as error:
                 raise CacheIOError(f"{self.folder / STATS}: cannot be written: {error.strerror}") from error
             self._stats.clear()
@@ -167,6 +168,15 @@ class Cache:
         if path.is_file():
             lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
             files.write_text(path, "".join(line for line in lines if json.loads(line)["time"] <= time))
+
+
+def _finite(value: Any) -> Any:
+    """The value with null for numbers that JSON does not know."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def prepare(folder: Path, overwrite: bool, resume: bool) -> str:

@@ -7,16 +7,12 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
+from eulerfsi_usd.checks import check_stage
+from eulerfsi_usd.issues import Issue
 from pxr import Usd
 
-from . import paths
 from .errors import CacheIOError, SceneError
 from .scene import Scene, Solid
-
-paths.make_usd_plugin_importable()
-
-from eulerfsi_usd.checks import check_stage  # noqa: E402
-from eulerfsi_usd.issues import Issue  # noqa: E402
 
 __all__ = ["Issue", "check_output", "check_scene", "check_stage", "raise_errors", "stage_issues"]
 

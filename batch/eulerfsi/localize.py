@@ -26,13 +26,13 @@ def localize_scene(scene: Path, folder: Path) -> Path:
             if layer.anonymous or not layer.realPath or "[" in layer.identifier:
                 continue  # what lies inside a package travels with the package
             source = Path(layer.realPath)
-            copy = Sdf.Layer.CreateAnonymous(source.suffix, layer.GetFileFormatArguments())
-            copy.TransferContent(layer)
             target = places.of(source)
             target.parent.mkdir(parents=True, exist_ok=True)
             if source.suffix == ".usdz":
                 shutil.copyfile(source, target)
                 continue
+            copy = Sdf.Layer.CreateAnonymous(source.suffix, layer.GetFileFormatArguments())
+            copy.TransferContent(layer)
             UsdUtils.ModifyAssetPaths(copy, lambda path, at=layer, to=target: places.relative(path, at, to))
             if not copy.Export(str(target)):
                 raise CacheIOError(f"{target}: cannot be written")

@@ -8,6 +8,7 @@ import numpy as np
 
 from . import files
 from .scene import Scene
+from .usd_writer import vertex_normals
 
 # Fill colours of the solids, repeated when there are more.
 _COLORS = ((0.86, 0.36, 0.22), (0.25, 0.55, 0.80), (0.93, 0.72, 0.25), (0.45, 0.68, 0.38), (0.66, 0.45, 0.74))
@@ -49,7 +50,7 @@ def write_preview(
         h = scene.domain["voxel_size"]
         # Light that is not let through along the line of sight, as a renderer would show thin smoke.
         thickness = np.moveaxis(smoke, (right, up, depth), (0, 1, 2)).sum(axis=2) * h
-        alpha = 1 - np.exp(-6.0 * thickness / max(high[depth] - low[depth], h))
+        alpha = 1 - np.exp(-2.5 * thickness / max(high[depth] - low[depth], h))
         image = np.ones((*alpha.T.shape, 4))
         image[..., :3] = (0.80, 0.84, 0.90)
         image[..., 3] = alpha.T
@@ -59,7 +60,7 @@ def write_preview(
             image,
             origin="lower",
             extent=(low[right], end, flip * low[up], flip * top),
-            interpolation="bicubic",
+            interpolation="bilinear",
             aspect="auto",
         )
 
@@ -68,10 +69,11 @@ def write_preview(
     polygons, shades, distances = [], [], []
     for number, (solid, (points, _)) in enumerate(zip(scene.solids, surfaces, strict=True)):
         view = np.stack([points[:, right], flip * points[:, up], toward * points[:, depth]], axis=1).astype(float)
-        corners = view[solid.mesh.triangles()]
-        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        triangles = solid.mesh.triangles()
+        corners = view[triangles]
+        normal = vertex_normals(view, triangles, left_handed=False)[triangles].astype(float).mean(axis=1)
         length = np.sqrt((normal * normal).sum(axis=1, keepdims=True))
-        normal = np.where(length > 0, normal / np.where(length > 0, length, 1), (0.0, 0.0, 1.0))
+        normal = normal / np.where(length > 0, length, 1)
         normal *= np.where(normal[:, 2:] < 0, -1, 1)  # open or inverted faces are lit from the viewer's side
         light = 0.25 + 0.75 * np.clip(normal @ _LIGHT, 0, 1)
         shine = 0.35 * np.clip(normal @ ((_LIGHT + (0, 0, 1)) / np.linalg.norm(_LIGHT + (0, 0, 1))), 0, 1) ** 40
@@ -85,7 +87,7 @@ def write_preview(
         axes.add_collection(
             PolyCollection(np.concatenate(polygons)[order], facecolors=colors, edgecolors=colors, linewidths=0.4)
         )
-    axes.text(0.02, 0.02, title, transform=axes.transAxes, color=(0.75, 0.78, 0.82), fontsize=9)
+    axes.text(0.02, 0.96, title, transform=axes.transAxes, color=(0.75, 0.78, 0.82), fontsize=9)
     with files.replacing(path) as temporary:
         figure.savefig(temporary, facecolor=_BACKGROUND)
     pyplot.close(figure)

@@ -9,6 +9,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+import eulerfsi_usd  # noqa: F401 - registers the schema before a stage is opened
 import numpy as np
 from pxr import Tf, Usd, UsdGeom, UsdPhysics, UsdShade
 

@@ -64,7 +64,6 @@ class Line:
 
 def run_case(case: Case, scene: Path = SCENE) -> dict[str, Any]:
     """Reads the scene here, simulates it in a child process and returns what the child measured."""
-    import eulerfsi_usd  # noqa: F401 - registers the schema
     from eulerfsi.overrides import apply_overrides
     from eulerfsi.scene import read_scene
     from pxr import Usd

@@ -16,7 +16,7 @@ from eulerfsi.overrides import apply_overrides
 from eulerfsi.parameters import StageUnits, table
 from eulerfsi.scene import read_scene
 from eulerfsi.space import domain_space, orthonormal_rows
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, UsdUtils
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -334,6 +334,8 @@ def test_copied_scene_is_whole_and_relative(tmp_path):
     ball = stage.GetPrimAtPath("/World/Ball")
     ball.GetReferences().AddReference("../assets/part.usda")
     ball.GetAttribute("eulerfsi:surfaceFile").Set("../assets/ball.obj")
+    assert UsdUtils.CreateNewUsdzPackage(str(outside / "part.usda"), str(outside / "packed.usdz"))
+    UsdGeom.Xform.Define(stage, "/World/Packed").GetPrim().GetReferences().AddReference("../assets/packed.usdz")
     ball.CreateAttribute("gone", Sdf.ValueTypeNames.Asset).Set("./nowhere.png")
     stage.GetRootLayer().Save()
 
@@ -347,4 +349,6 @@ def test_copied_scene_is_whole_and_relative(tmp_path):
     assert Path(copied.GetAttribute("eulerfsi:surfaceFile").Get().resolvedPath).is_file()
     assert Path(copied.GetAttribute("map").Get().resolvedPath).read_bytes() == b"png"
     assert copied.GetAttribute("gone").Get().path == "./nowhere.png"
+    packed = opened.GetPrimAtPath("/World/Packed").GetAttribute("map").Get().resolvedPath
+    assert packed.startswith(str(tmp_path / "moved")) and packed.endswith("red.png]")
     assert (tmp_path / "moved") in Path(copied.GetAttribute("map").Get().resolvedPath).parents

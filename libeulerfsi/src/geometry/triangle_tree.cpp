@@ -13,7 +13,7 @@ namespace efsi::geometry {
 namespace {
 
 constexpr std::int32_t kLeafSize = 8;
-constexpr double kFarFactor = 2.0;  // a node is far when X is farther than this many radii
+constexpr double kFarFactor = 3.0;  // a node is far when X is farther than this many radii
 
 // atan2 to 1e-9 by the Taylor series after one halving of the angle: the bits are the same on every machine, which
 // those of the C library are not.

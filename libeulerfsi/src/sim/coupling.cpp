@@ -276,9 +276,10 @@ void solve_pressure(const Parallel& parallel, const Scene& scene, double dt, Sta
   const system::DivergenceNorms before = work.pressure_system.norms(parallel, work.velocity, work.source);
   info.divergence_before = before.all;
   info.divergence_before_solid = before.solid;
-  std::vector<Real>& q = state.fluid.pressure;  // holds p between steps, q = dt p during one
+  // Holds the pressure between steps and the multiplier of J during one: J^T is minus the gradient, so q = -dt p.
+  std::vector<Real>& q = state.fluid.pressure;
   q.resize(g.padded_count(), 0);
-  const Real step = static_cast<Real>(dt);
+  const Real step = static_cast<Real>(-dt);
   for (Real& value : q) value *= step;
   const linalg::SolveStats stats = work.pressure_system.solve(parallel, numerics.pressure_solver, work.velocity,
                                                               work.source, numerics.pressure_tolerance, q);
@@ -321,7 +322,7 @@ void project_velocity(const Parallel& parallel, const Scene& scene, double dt, S
   work.pressure_system.project(parallel, q, work.velocity);
   if (numerics.stiff_correction && !scene.solids.empty())
     work.velocity_system.scatter(parallel, work.v_star, work.velocity);
-  const Real inverse_step = static_cast<Real>(1.0 / dt);
+  const Real inverse_step = static_cast<Real>(-1.0 / dt);
   for (Real& value : q) value *= inverse_step;
   const system::DivergenceNorms after = work.pressure_system.norms(parallel, work.velocity, work.source);
   info.divergence_after = after.all;

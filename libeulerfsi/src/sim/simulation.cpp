@@ -208,11 +208,10 @@ StepInfo Simulation::advance(double duration, const Progress& progress) {
     total.degenerate_cells += sums.degenerate_cells;
     total.retries += sums.retries;
     total.unconverged += sums.unconverged;
+    if (end - state_.time <= 1e-9 * duration) state_.time = total.time = end;  // lands exactly
     if (progress && progress((state_.time - start) / duration, total))
       throw Error(ErrorCode::kCancelled, "cancelled by the progress callback");
   }
-  state_.time = end;
-  total.time = end;
   return total;
 }
 

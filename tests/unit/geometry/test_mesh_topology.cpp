@@ -31,12 +31,11 @@ TEST_CASE("Split points are joined for the topology only") {
   CHECK(inspect(pieces).closed);
   // Points closer than the tolerance are the same, points a thousandth apart are not.
   const double tiny = 1e-9, small = 1e-3;
-  const TriangleMesh pair = triangulate({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1 + tiny, 0, 0}, {0, 1, tiny}, {1, 1, 0}}, {},
-                                        std::vector<std::int32_t>{0, 1, 2, 3, 5, 4});
+  const TriangleMesh pair = triangulate({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1 + tiny, 0, 0}, {0, 1, tiny}, {1, 1, 0}},
+                                        {}, std::vector<std::int32_t>{0, 1, 2, 3, 5, 4});
   CHECK(weld_points(pair) == std::vector<std::int32_t>{0, 1, 2, 1, 2, 5});
-  const TriangleMesh apart =
-      triangulate({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1 + small, 0, 0}, {0, 1, small}, {1, 1, 0}}, {},
-                  std::vector<std::int32_t>{0, 1, 2, 3, 5, 4});
+  const TriangleMesh apart = triangulate({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1 + small, 0, 0}, {0, 1, small}, {1, 1, 0}},
+                                         {}, std::vector<std::int32_t>{0, 1, 2, 3, 5, 4});
   CHECK(weld_points(apart) == std::vector<std::int32_t>{0, 1, 2, 3, 4, 5});
 }
 
@@ -52,7 +51,8 @@ TEST_CASE("Open edges form holes with a length") {
   // A sphere without the eight triangles at its poles: six square holes.
   TriangleMesh sphere = shapes::sphere(1.0, 5);
   std::erase_if(sphere.triangles, [&](const Triangle& t) {
-    return std::any_of(t.begin(), t.end(), [&](int corner) { return sphere.points[corner].cwiseAbs().maxCoeff() > 0.999; });
+    return std::any_of(t.begin(), t.end(),
+                       [&](int corner) { return sphere.points[corner].cwiseAbs().maxCoeff() > 0.999; });
   });
   CHECK(inspect(sphere).holes == 6);
 
@@ -100,7 +100,8 @@ TEST_CASE("Triangles are turned to agree with each other and to point out of the
     CHECK(signed_volume(box) == Approx(1.0));
   }
   SECTION("a part beside another is turned, the wall of a cavity is not") {
-    TriangleMesh parts = shapes::together(shapes::box({0, 0, 0}, {4, 4, 4}), shapes::inside_out(shapes::sphere(1, 8, {2, 2, 2})));
+    TriangleMesh parts =
+        shapes::together(shapes::box({0, 0, 0}, {4, 4, 4}), shapes::inside_out(shapes::sphere(1, 8, {2, 2, 2})));
     const double hollow = signed_volume(parts);
     CHECK(orient_outwards(parts).turned_parts == 0);
     CHECK(signed_volume(parts) == Approx(hollow));

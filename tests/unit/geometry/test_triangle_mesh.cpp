@@ -50,9 +50,9 @@ const std::vector<Vec3d> kSquare = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}};
 TEST_CASE("A polygon is covered once by its triangles, concave or not, in any plane", "[law]") {
   const std::vector<std::vector<Vec3d>> polygons = {
       kSquare,
-      {{0, 0, 0}, {4, 0, 0}, {1, 1, 0}, {0, 4, 0}},                                   // arrow head, notch at corner 2
-      {{1, 1, 0}, {0, 4, 0}, {0, 0, 0}, {4, 0, 0}},                                   // the same, notch at corner 0
-      {{0, 0, 0}, {2, 0, 0}, {2, 1, 0}, {1, 1, 0}, {1, 2, 0}, {0, 2, 0}},             // L
+      {{0, 0, 0}, {4, 0, 0}, {1, 1, 0}, {0, 4, 0}},                        // arrow head, notch at corner 2
+      {{1, 1, 0}, {0, 4, 0}, {0, 0, 0}, {4, 0, 0}},                        // the same, notch at corner 0
+      {{0, 0, 0}, {2, 0, 0}, {2, 1, 0}, {1, 1, 0}, {1, 2, 0}, {0, 2, 0}},  // L
       {{0, 0, 0}, {3, 0, 0}, {3, 3, 0}, {2, 3, 0}, {2, 1, 0}, {1, 1, 0}, {1, 3, 0}, {0, 3, 0}},  // U
       // square with a square hole, joined by a bridge
       {{0, 0, 0}, {4, 0, 0}, {4, 4, 0}, {0, 4, 0}, {0, 0, 0}, {1, 1, 0}, {1, 3, 0}, {3, 3, 0}, {3, 1, 0}, {1, 1, 0}},

@@ -1,0 +1,199 @@
+// Purpose: from meshes to signed distance fields: distances, signs, repairs, thickness, refusals, threads.
+#include <tbb/global_control.h>
+
+#include <Eigen/Geometry>
+#include <catch2/catch.hpp>
+
+#include "base/error.hpp"
+#include "geometry/mesh_sdf.hpp"
+#include "shapes.hpp"
+
+using namespace efsi;
+using namespace efsi::geometry;
+using Catch::Matchers::Contains;
+
+namespace {
+
+struct Built {
+  SignedDistance phi;
+  MeshReport report;
+  std::string warnings;
+};
+
+Built build(const TriangleMesh& mesh, double spacing) {
+  Built built;
+  const Log log([&](LogLevel level, const std::string& text) {
+    if (level == LogLevel::kWarning) built.warnings += text + "\n";
+  });
+  built.phi = build_signed_distance(mesh, spacing, built.report, log);
+  return built;
+}
+
+double distance_to_segment(const Vec3d& X, const Vec3d& a, const Vec3d& b) {
+  const double t = std::clamp((X - a).dot(b - a) / (b - a).squaredNorm(), 0.0, 1.0);
+  return (X - a - t * (b - a)).norm();
+}
+
+double distance_by_sum(const TriangleMesh& mesh, const Vec3d& X) {
+  double least = std::numeric_limits<double>::infinity();
+  for (const Triangle& t : mesh.triangles) {
+    const Vec3d &a = mesh.points[t[0]], &b = mesh.points[t[1]], &c = mesh.points[t[2]];
+    least = std::min({least, distance_to_segment(X, a, b), distance_to_segment(X, b, c), distance_to_segment(X, c, a)});
+    const Vec3d n = (b - a).cross(c - a).normalized();
+    const Vec3d foot = X - n.dot(X - a) * n;
+    if ((b - a).cross(foot - a).dot(n) >= 0 && (c - b).cross(foot - b).dot(n) >= 0 &&
+        (a - c).cross(foot - c).dot(n) >= 0)
+      least = std::min(least, std::abs(n.dot(X - a)));
+  }
+  return least;
+}
+
+template <class Visit>
+void for_each_node(const SignedDistance& phi, const Visit& visit) {
+  for (int k = 0; k < phi.size[2]; ++k)
+    for (int j = 0; j < phi.size[1]; ++j)
+      for (int i = 0; i < phi.size[0]; ++i) visit(phi.node(i, j, k), phi.values[phi.index(i, j, k)]);
+}
+
+double box_distance(const Vec3d& X, const Vec3d& low, const Vec3d& high) {
+  const Vec3d q = (X - 0.5 * (low + high)).cwiseAbs() - 0.5 * (high - low);
+  return q.cwiseMax(0.0).norm() + std::min(q.maxCoeff(), 0.0);
+}
+
+}  // namespace
+
+TEST_CASE("Distances equal the smallest distance to any triangle, in the whole grid", "[law]") {
+  for (const TriangleMesh& mesh : {shapes::torus(0.8, 0.3, 24, 12), shapes::sphere(0.7, 6, {3, -2, 1})}) {
+    const Built built = build(mesh, 0.11);
+    double worst = 0.0;
+    for_each_node(built.phi, [&](const Vec3d& X, float phi) {
+      worst = std::max(worst, std::abs(std::abs(static_cast<double>(phi)) - distance_by_sum(mesh, X)));
+    });
+    CHECK(worst < 1e-5);
+    CHECK(built.warnings.empty());
+    CHECK_FALSE(built.report.repaired);
+  }
+}
+
+TEST_CASE("A box has the box's distance, sign and volume; the grid leaves a margin", "[law]") {
+  const Vec3d low(-0.31, 0.2, 1), high(0.5, 0.9, 1.4);
+  const Built built = build(shapes::box(low, high), 0.05);
+  double worst = 0.0;
+  for_each_node(built.phi, [&](const Vec3d& X, float phi) {
+    worst = std::max(worst, std::abs(static_cast<double>(phi) - box_distance(X, low, high)));
+  });
+  CHECK(worst < 1e-6);
+  CHECK(built.report.solid_volume == Approx(0.81 * 0.7 * 0.4).epsilon(0.02));
+  CHECK((built.phi.origin - (low - Vec3d::Constant(0.2))).norm() < 1e-12);
+  const Vec3d last = built.phi.node(built.phi.size[0] - 1, built.phi.size[1] - 1, built.phi.size[2] - 1);
+  CHECK((last - high).minCoeff() >= 0.2 - 1e-9);
+  CHECK((built.phi.gradient({0.45, 0.55, 1.2}) - Vec3d(1, 0, 0)).norm() < 1e-4);
+}
+
+TEST_CASE("An open box is closed by a flat lid", "[law]") {
+  const Built built = build(shapes::box({0, 0, 0}, {1, 1, 1}, true), 0.05);
+  CHECK(built.report.solid_volume == Approx(1.0).epsilon(0.01));
+  CHECK(built.report.repaired);
+  CHECK(built.report.closing_radius == 0.0);
+  CHECK_THAT(built.warnings, Contains("1 hole, the largest 4 m around"));
+  double worst = 0.0;
+  for_each_node(built.phi, [&](const Vec3d& X, float phi) {
+    worst = std::max(worst, std::abs(static_cast<double>(phi) - box_distance(X, {0, 0, 0}, {1, 1, 1})));
+  });
+  CHECK(worst < 0.25 * 0.05);
+}
+
+TEST_CASE("A sphere with a large hole becomes a solid with a smooth cap", "[law]") {
+  TriangleMesh bowl = shapes::sphere(1.0, 24);
+  std::erase_if(bowl.triangles, [&](const Triangle& t) {
+    return (bowl.points[t[0]] + bowl.points[t[1]] + bowl.points[t[2]]).z() / 3 > 0.6;
+  });
+  const Built built = build(bowl, 0.06);
+  // The cap is near the plane through the rim: a ball without its cap of height 0.4.
+  const double cap = std::numbers::pi * 0.4 * 0.4 * (3 - 0.4) / 3;
+  CHECK(built.report.solid_volume == Approx(4 * std::numbers::pi / 3 - cap).epsilon(0.02));
+  double across = 0.0;  // |grad phi| = 1 along the axis through the cap
+  for (double z = 0.45; z < 0.8; z += 0.05)
+    across = std::max(across, std::abs(built.phi.gradient({0.02, 0.03, z}).norm() - 1.0));
+  CHECK(across < 0.1);
+}
+
+TEST_CASE("Overlapping parts are one solid: no surface is left inside", "[law]") {
+  const TriangleMesh parts =
+      shapes::together(shapes::box({0, 0, 0}, {2, 1, 1}), shapes::box({1.3, 0.2, 0.3}, {3, 0.8, 0.7}));
+  const Built built = build(parts, 0.05);
+  CHECK(built.report.solid_volume == Approx(2.0 + 1.0 * 0.6 * 0.4).epsilon(0.02));
+  // Outside: distance to the union. Inside the first box, away from its wall: to the first box's walls.
+  double outside = 0.0, inside = 0.0;
+  for_each_node(built.phi, [&](const Vec3d& X, float phi) {
+    const double first = box_distance(X, {0, 0, 0}, {2, 1, 1}),
+                 second = box_distance(X, {1.3, 0.2, 0.3}, {3, 0.8, 0.7});
+    if (std::min(first, second) > 0) outside = std::max(outside, std::abs(phi - std::min(first, second)));
+    if (first < 0 && X.x() < 1.5) inside = std::max(inside, std::abs(phi - first));
+    CHECK((phi < 0) == (std::min(first, second) < 0));
+  });
+  CHECK(outside < 1e-5);
+  CHECK(inside < 1e-5);
+  CHECK(built.phi.sample({1.3, 0.5, 0.5}) == Approx(-0.5).margin(0.01));
+}
+
+TEST_CASE("A cavity stays empty, an inside-out mesh is turned with a warning", "[law]") {
+  const TriangleMesh hollow =
+      shapes::together(shapes::box({0, 0, 0}, {2, 2, 2}), shapes::inside_out(shapes::sphere(0.5, 10, {1, 1, 1})));
+  const Built built = build(hollow, 0.1);
+  CHECK(built.phi.sample({1, 1, 1}) > 0.4);
+  CHECK(built.report.solid_volume == Approx(signed_volume(hollow)).epsilon(0.02));
+  CHECK(built.warnings.empty());
+
+  const TriangleMesh sphere = shapes::sphere(0.5, 12);
+  const Built right = build(sphere, 0.07), turned = build(shapes::inside_out(sphere), 0.07);
+  CHECK(turned.phi.values == right.phi.values);
+  CHECK(turned.report.surface_volume < 0);
+  CHECK(turned.report.solid_volume == right.report.solid_volume);
+  CHECK_THAT(turned.warnings, Contains("inside out"));
+  CHECK(right.warnings.empty());
+}
+
+TEST_CASE("The thinnest feature of plate, sphere, torus and box, whatever the grid", "[law]") {
+  CHECK(build(shapes::box({0, 0, 0}, {1, 1, 0.07}), 0.03).report.thinnest_feature == Approx(0.07).epsilon(0.1));
+  CHECK(build(shapes::box({0, 0, 0}, {0.3, 0.5, 0.8}), 0.03).report.thinnest_feature == Approx(0.3).epsilon(0.1));
+  CHECK(build(shapes::sphere(0.4, 12), 0.05).report.thinnest_feature == Approx(0.8).epsilon(0.1));
+  CHECK(build(shapes::torus(1.0, 0.2, 60, 24), 0.06).report.thinnest_feature == Approx(0.4).epsilon(0.1));
+  // A block on a thin fin: the fin counts.
+  const TriangleMesh fin =
+      shapes::together(shapes::box({0, 0, 0}, {1, 1, 1}), shapes::box({0.9, 0.2, 0.5}, {1.6, 0.8, 0.56}));
+  CHECK(build(fin, 0.04).report.thinnest_feature == Approx(0.06).epsilon(0.1));
+}
+
+TEST_CASE("What is no solid at this spacing is refused with a reason") {
+  const auto refusal = [](const TriangleMesh& mesh, double spacing, ErrorCode code) -> std::string {
+    try {
+      build(mesh, spacing);
+    } catch (const Error& error) {
+      CHECK(error.code() == code);
+      return error.what();
+    }
+    return "accepted";
+  };
+  const TriangleMesh sheet = triangulate({{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}, std::vector<std::int32_t>{4},
+                                         std::vector<std::int32_t>{0, 1, 2, 3});
+  CHECK_THAT(refusal(sheet, 0.1, ErrorCode::kMesh), Contains("must bound a volume"));
+  CHECK_THAT(refusal(shapes::box({0, 0, 0}, {1, 1, 0.01}), 0.2, ErrorCode::kMesh),
+             Contains("thinnest feature about 0.01 m: use a spacing of at most 0.005 m"));
+  const TriangleMesh point = triangulate({{1, 1, 1}, {1, 1, 1}, {1, 1, 1}}, {}, std::vector<std::int32_t>{0, 1, 2});
+  CHECK_THAT(refusal(point, 0.1, ErrorCode::kMesh), Contains("1 triangles, none of them with an area"));
+  const TriangleMesh box = shapes::box({0, 0, 0}, {1, 1, 1});
+  CHECK_THAT(refusal(box, 0.0, ErrorCode::kArgument), Contains("spacing = 0: must be > 0"));
+  CHECK_THAT(refusal(box, 1e-5, ErrorCode::kMemory), Contains("GB"));
+}
+
+TEST_CASE("The field is the same for any number of TBB threads", "[law]") {
+  const TriangleMesh mesh =
+      shapes::together(shapes::torus(0.8, 0.3, 120, 60), shapes::box({-0.2, -1, -0.2}, {0.2, 1, 0.2}, true));
+  std::vector<SignedDistance> fields;
+  for (const std::size_t threads : {1, 2, 3, 8}) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    fields.push_back(build(mesh, 0.06).phi);
+  }
+  for (const SignedDistance& field : fields) CHECK(field.values == fields[0].values);
+}
