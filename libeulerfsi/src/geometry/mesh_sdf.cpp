@@ -113,6 +113,15 @@ void unsigned_distance(const TriangleMesh& triangles, SignedDistance& grid) {
     grid.values[at] = static_cast<float>(distance[at] * grid.spacing);
 }
 
+// Nodes inside become negative; one that lies on the surface is 0, whatever its winding number came to.
+void apply_sign(const std::vector<float>& winding, SignedDistance& grid) {
+  const float on_surface = static_cast<float>(1e-5 * grid.spacing);
+  for (std::size_t at = 0; at < grid.values.size(); ++at) {
+    float& phi = grid.values[at];
+    phi = phi < on_surface ? 0.0f : winding[at] > kInsideWinding ? -phi : phi;
+  }
+}
+
 // An empty grid over the box plus the margin.
 SignedDistance make_grid(const Extents& box, double spacing, double margin) {
   if (!(spacing > 0.0) || !std::isfinite(spacing))
@@ -178,15 +187,16 @@ SignedDistance build_signed_distance(const TriangleMesh& mesh, double spacing, M
   std::uint64_t caps = 0;
   try {
     unsigned_distance(surface, grid);
-    const std::vector<float> winding = node_winding_numbers(tree, grid, topology.unbalanced_edges == 0);
-    if (std::none_of(winding.begin(), winding.end(), [](float w) { return w > kInsideWinding; }))
-      refuse_empty(report, spacing);
+    const bool balanced = topology.unbalanced_edges == 0;
+    const std::vector<float> winding = node_winding_numbers(tree, grid, balanced);
     // Surfaces inside the solid and holes: distances to the boundary of the solid instead of those to the mesh.
-    const SolidBoundary boundary = solid_boundary(surface, tree, grid, winding, topology.parts == 1);
+    const SolidBoundary boundary = solid_boundary(surface, tree, grid, winding, balanced, topology.parts == 1);
+    if (boundary.mesh.triangles.empty()) refuse_empty(report, spacing);
     if (boundary.differs) unsigned_distance(boundary.mesh, grid);
     caps = boundary.cap_triangles;
-    for (std::size_t at = 0; at < grid.values.size(); ++at)
-      if (winding[at] > kInsideWinding) grid.values[at] = -grid.values[at];
+    apply_sign(winding, grid);
+    if (std::none_of(grid.values.begin(), grid.values.end(), [](float phi) { return phi < 0.0f; }))
+      refuse_empty(report, spacing);
   } catch (const std::bad_alloc&) {
     throw Error(ErrorCode::kMemory, text("signed distance: not enough memory for ", grid.size[0], " x ", grid.size[1],
                                          " x ", grid.size[2], " nodes at spacing ", spacing, " m"));

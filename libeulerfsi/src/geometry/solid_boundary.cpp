@@ -15,6 +15,9 @@ namespace {
 // a jump of 1.
 constexpr double kCapJump = 0.75;
 
+// A node this close to the surface, in spacings, lies on it: its winding number is that of neither side.
+constexpr double kOnSurface = 1e-3;
+
 // Are both sides of the level 1/2 among the corners of the cell around X?
 bool cell_is_cut(const SignedDistance& grid, const std::vector<float>& winding, const Vec3d& X) {
   std::array<int, 3> cell;
@@ -67,14 +70,21 @@ bool add_bounding_pieces(const std::array<Vec3d, 3>& t, double spacing, const Bo
 
 struct Corner {
   Vec3d X;
-  double winding, distance;
+  double winding, distance;  // distance in spacings
 };
+
+bool is_inside(const Corner& corner) { return corner.winding > kInsideWinding; }
+
+// Does the edge between two corners on different sides meet a cap rather than the surface?
+bool crosses_cap(const Corner& p, const Corner& q) {
+  return std::abs(q.winding - p.winding) < kCapJump && p.distance > kOnSurface && q.distance > kOnSurface;
+}
 
 // Where the edge between two corners on different sides meets the boundary.
 Vec3d crossing(const Corner& p, const Corner& q) {
   const double jump = q.winding - p.winding, reach = p.distance + q.distance;
   double t = 0.5;
-  if (std::abs(jump) < kCapJump) {
+  if (crosses_cap(p, q)) {
     t = (kInsideWinding - p.winding) / jump;
   } else if (reach > 0.0) {
     t = p.distance / reach;
@@ -86,10 +96,10 @@ Vec3d crossing(const Corner& p, const Corner& q) {
 void add_cap(const std::array<Corner, 4>& corners, TriangleMesh& boundary, std::uint64_t& cap_triangles) {
   std::array<const Corner*, 4> in{}, out{};
   int ins = 0, outs = 0;
-  for (const Corner& c : corners) (c.winding > kInsideWinding ? in[ins++] : out[outs++]) = &c;
+  for (const Corner& c : corners) (is_inside(c) ? in[ins++] : out[outs++]) = &c;
   bool cap = false;
   for (int i = 0; i < ins; ++i)
-    for (int o = 0; o < outs; ++o) cap = cap || std::abs(in[i]->winding - out[o]->winding) < kCapJump;
+    for (int o = 0; o < outs; ++o) cap = cap || crosses_cap(*in[i], *out[o]);
   if (!cap) return;
   if (ins == 2) {
     const Vec3d a = crossing(*in[0], *out[0]), b = crossing(*in[0], *out[1]);
@@ -114,13 +124,12 @@ void add_caps(const SignedDistance& distance, const std::vector<float>& winding,
         for (int c = 0; c < 8; ++c) {
           const int x = i + (c & 1), y = j + (c >> 1 & 1), z = k + (c >> 2 & 1);
           const std::size_t at = distance.index(x, y, z);
-          corners[c] = {distance.node(x, y, z), winding[at], distance.values[at]};
-          inside += winding[at] > kInsideWinding;
+          corners[c] = {distance.node(x, y, z), winding[at], distance.values[at] / distance.spacing};
+          inside += is_inside(corners[c]);
         }
         if (inside == 0 || inside == 8) continue;
         for (const auto& t : kKuhnTetrahedra) {
           const std::array<Corner, 4> tetrahedron = {corners[t[0]], corners[t[1]], corners[t[2]], corners[t[3]]};
-          const auto is_inside = [](const Corner& c) { return c.winding > kInsideWinding; };
           const auto ins = std::count_if(tetrahedron.begin(), tetrahedron.end(), is_inside);
           if (ins != 0 && ins != 4) add_cap(tetrahedron, boundary.mesh, boundary.cap_triangles);
         }
@@ -172,7 +181,7 @@ std::vector<float> node_winding_numbers(const TriangleTree& tree, const SignedDi
 }
 
 SolidBoundary solid_boundary(const TriangleMesh& mesh, const TriangleTree& tree, const SignedDistance& distance,
-                             const std::vector<float>& winding, bool trust_cells) {
+                             const std::vector<float>& winding, bool balanced, bool trust_cells) {
   SolidBoundary boundary;
   const double step = 1e-3 * distance.spacing;
   const auto bounds = [&](const Vec3d& middle, const Vec3d& normal) {
@@ -185,7 +194,7 @@ SolidBoundary solid_boundary(const TriangleMesh& mesh, const TriangleTree& tree,
     const std::array<Vec3d, 3> corners = {mesh.points[t[0]], mesh.points[t[1]], mesh.points[t[2]]};
     if (!add_bounding_pieces(corners, distance.spacing, bounds, boundary.mesh)) boundary.differs = true;
   }
-  add_caps(distance, winding, boundary);
+  if (!balanced) add_caps(distance, winding, boundary);
   boundary.differs = boundary.differs || boundary.cap_triangles > 0;
   return boundary;
 }

@@ -25,9 +25,9 @@ struct SolidBoundary {
 
 // Boundary of the solid on the scale of the grid: triangles are cut to pieces of about one spacing and a piece stays
 // where the winding number passes 1/2 across it; caps are the level set 1/2 in the tetrahedra of the grid, away from
-// the surface. trust_cells: keep a piece without a test where the nodes around it lie on both sides (right for a mesh
-// in one part).
+// the surface, where the mesh is not balanced. trust_cells: keep a piece without a test where the nodes around it lie
+// on both sides (right for a mesh in one part).
 SolidBoundary solid_boundary(const TriangleMesh& mesh, const TriangleTree& tree, const SignedDistance& distance,
-                             const std::vector<float>& winding, bool trust_cells);
+                             const std::vector<float>& winding, bool balanced, bool trust_cells);
 
 }  // namespace efsi::geometry

@@ -1,0 +1,88 @@
+// Purpose: volume fractions and mass of a solid on the grid.
+#include <Eigen/Dense>
+#include <catch2/catch.hpp>
+
+#include "unit/solid/ball.hpp"
+
+using namespace efsi;
+using namespace efsi::test;
+
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+const material::Elastic kSoft = material::from_youngs_modulus(material::Law::kCorotational, 2e4, 0.3);
+
+}  // namespace
+
+TEST_CASE("The mass of a ball is that of a ball and does not change when it moves by parts of a cell", "[law]") {
+  constexpr double kH = 0.02, kRadius = 0.1;
+  TestSolid s = make_ball(cube_grid(18, kH), kSoft, Vec3d::Constant(0.18), kRadius);
+  const double exact = 4.0 / 3.0 * kPi * kRadius * kRadius * kRadius * s.rest.density;
+  double lowest = 1e300, highest = 0.0;
+  for (int shift = 0; shift < 12; ++shift) {
+    const Vec3d t = kH * Vec3d(shift / 12.0, 0.37 * shift / 12.0, -0.71 * shift / 12.0);
+    set_displacement(s, [&](const Vec3d&) { return t; });
+    solid::compute_mass(Parallel(1), s.rest, s.state, s.work);
+    CHECK(s.work.total_mass == Approx(exact).epsilon(3e-3));
+    CHECK(s.work.volume * s.rest.density == Approx(s.work.total_mass).epsilon(1e-5));
+    lowest = std::min(lowest, s.work.total_mass);
+    highest = std::max(highest, s.work.total_mass);
+  }
+  CHECK(highest / lowest - 1.0 < 2e-3);
+}
+
+TEST_CASE("A stretched solid keeps its mass and gains volume by det F", "[law]") {
+  TestSolid s = make_ball(cube_grid(24, 0.02), kSoft, Vec3d::Zero(), 0.1);
+  Mat3d f;
+  f << 1.3, 0.2, 0.0, 0.1, 0.9, -0.1, 0.0, 0.2, 1.1;
+  const Mat3d inverse = f.inverse();
+  const Vec3d center = Vec3d::Constant(0.24);
+  set_displacement(s, [&](const Vec3d& x) -> Vec3d { return x - inverse * (x - center); });
+  solid::compute_mass(Parallel(1), s.rest, s.state, s.work);
+  const double volume = 4.0 / 3.0 * kPi * 1e-3;
+  CHECK(s.work.total_mass == Approx(volume * s.rest.density).epsilon(5e-3));
+  CHECK(s.work.volume == Approx(volume * f.determinant()).epsilon(5e-3));
+  for (std::size_t e = 0; e < s.work.element_cell.size(); ++e)
+    CHECK(static_cast<double>(s.work.volume_ratio[static_cast<std::size_t>(s.work.element_cell[e])]) ==
+          Approx(f.determinant()).epsilon(1e-4));
+}
+
+TEST_CASE("Mass of cut cells goes to nodes that carry stiffness, and elements fill the volume on average") {
+  TestSolid s = make_ball(cube_grid(18, 0.02), kSoft, Vec3d(0.183, 0.176, 0.181), 0.1);
+  solid::compute_mass(Parallel(1), s.rest, s.state, s.work);
+  double carried = 0.0, stray = 0.0;
+  for (std::size_t n = 0; n < s.work.mass.size(); ++n)
+    (s.work.carries[n] ? carried : stray) += static_cast<double>(s.work.mass[n]);
+  CHECK(carried + stray == Approx(s.work.total_mass));
+  CHECK(stray < 2e-3 * carried);
+  const double h3 = 0.02 * 0.02 * 0.02;
+  CHECK(static_cast<double>(s.work.element_cell.size()) * h3 == Approx(s.work.volume).epsilon(0.05));
+  for (const auto c : s.work.element_cell) CHECK(s.work.fraction[static_cast<std::size_t>(c)] > solid::kElementFraction);
+}
+
+TEST_CASE("Cells without data carry neither mass nor stiffness") {
+  TestSolid s = make_ball(cube_grid(18, 0.02), kSoft, Vec3d::Constant(0.18), 0.1);
+  std::fill(s.state.valid.begin(), s.state.valid.end(), std::uint8_t{0});
+  solid::compute_mass(Parallel(1), s.rest, s.state, s.work);
+  CHECK(s.work.total_mass == 0.0);
+  CHECK(s.work.element_cell.empty());
+}
+
+TEST_CASE("A band surrounds its solid, stays in the grid and takes its data along when it moves") {
+  const grid::Grid g = cube_grid(40, 0.1);
+  const solid::Band band = solid::make_band(g, {10, 2, 30}, {15, 8, 39});
+  CHECK(band.lo == Vec3i{10 - solid::kBandMargin, 0, 30 - solid::kBandMargin});
+  CHECK(band.grid.cells == Vec3i{5 + 2 * solid::kBandMargin, 8 + solid::kBandMargin, 10 + solid::kBandMargin});
+  CHECK((band.grid.origin - g.node_position(band.lo[0], band.lo[1], band.lo[2])).norm() < 1e-12);
+  solid::SolidState state;
+  solid::move_band(state, band);
+  CHECK(std::count(state.valid.begin(), state.valid.end(), 1) == 0);
+  state.u.set(band.grid.node(6, 3, 4), Vec3(1, 2, 3));
+  state.valid[band.grid.node(6, 3, 4)] = 1;
+  const solid::Band next = solid::make_band(g, {12, 2, 28}, {17, 8, 37});
+  solid::move_band(state, next);
+  CHECK(std::count(state.valid.begin(), state.valid.end(), 1) == 1);
+  const std::size_t n = next.grid.node(6 + band.lo[0] - next.lo[0], 3, 4 + band.lo[2] - next.lo[2]);
+  CHECK(state.valid[n] == 1);
+  CHECK(state.u.at(n) == Vec3(1, 2, 3));
+}
