@@ -10,13 +10,13 @@ extern "C" {
 
 struct EfsiSim;
 
-#define EFSI_FIELD_VELOCITY 0       /* v, nodes, 3 components [m/s] */
-#define EFSI_FIELD_PRESSURE 1       /* p, cells [Pa] */
-#define EFSI_FIELD_SMOKE_DENSITY 2  /* cells */
-#define EFSI_FIELD_SMOKE_TEMPERATURE 3 /* cells [K] */
-#define EFSI_FIELD_SOLID_FRACTION 4 /* part of each cell that solids fill, cells */
+#define EFSI_FIELD_VELOCITY 0           /* v, nodes, 3 components [m/s] */
+#define EFSI_FIELD_PRESSURE 1           /* p, cells [Pa] */
+#define EFSI_FIELD_SMOKE_DENSITY 2      /* cells */
+#define EFSI_FIELD_SMOKE_TEMPERATURE 3  /* cells [K] */
+#define EFSI_FIELD_SOLID_FRACTION 4     /* part of each cell that solids fill, cells */
 #define EFSI_FIELD_SOLID_DISPLACEMENT 5 /* u of one solid, nodes of its band, 3 components [m] */
-#define EFSI_FIELD_SOLID_VELOCITY 6 /* velocity of one solid, nodes of its band, 3 components [m/s] */
+#define EFSI_FIELD_SOLID_VELOCITY 6     /* velocity of one solid, nodes of its band, 3 components [m/s] */
 
 /* Component c of node or cell (i,j,k) is data[c][i + j*stride[1] + k*stride[2]]. Valid until the next call that
  * steps, restores or destroys. A field that the scene does not use has size 0 and data NULL. */
@@ -24,9 +24,9 @@ typedef struct EfsiFieldView {
   const float* data[3];
   int32_t components;
   int32_t size[3];
-  int64_t stride[3];   /* in elements; stride[0] is 1 */
-  EfsiVec3 origin;     /* position of element (0,0,0) [m] */
-  double spacing;      /* h [m] */
+  int64_t stride[3]; /* in elements; stride[0] is 1 */
+  EfsiVec3 origin;   /* position of element (0,0,0) [m] */
+  double spacing;    /* h [m] */
   int32_t cell_centered;
   int32_t reserved;
 } EfsiFieldView;

@@ -21,14 +21,14 @@ struct EfsiSim;
 typedef struct EfsiEmitterDef {
   uint32_t struct_size;
   uint32_t magic;
-  int32_t shape;       /* EFSI_EMITTER_* */
-  int32_t mode;        /* EFSI_EMIT_* */
+  int32_t shape; /* EFSI_EMITTER_* */
+  int32_t mode;  /* EFSI_EMIT_* */
   double transform[16];
-  double density;      /* smoke density inside, dimensionless, >= 0 */
-  double temperature;  /* difference to ambient inside [K] */
-  EfsiVec3 velocity;   /* [m/s], used when has_velocity is 1 */
-  double start_time;   /* [s] */
-  double end_time;     /* [s] */
+  double density;     /* smoke density inside, dimensionless, >= 0 */
+  double temperature; /* difference to ambient inside [K] */
+  EfsiVec3 velocity;  /* [m/s], used when has_velocity is 1 */
+  double start_time;  /* [s] */
+  double end_time;    /* [s] */
   int32_t has_velocity;
   uint32_t reserved[3];
 } EfsiEmitterDef;

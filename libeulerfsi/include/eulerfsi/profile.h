@@ -9,40 +9,40 @@ extern "C" {
 #endif
 
 typedef struct EfsiStepInfo {
-  double time;                /* at the end of the step [s] */
-  double dt;                  /* of the last step [s] */
-  uint64_t steps;             /* steps that this call made */
+  double time;    /* at the end of the step [s] */
+  double dt;      /* of the last step [s] */
+  uint64_t steps; /* steps that this call made */
   uint64_t velocity_iterations;
   uint64_t pressure_iterations;
-  double velocity_residual;   /* relative, last solve */
-  double pressure_residual;   /* relative, last solve, in the norm that the preset stops on */
-  double divergence_before;   /* 2-norm of div v before the projection [1/s] */
-  double divergence_after;    /* 2-norm of div of the velocity that moves u and smoke [1/s] */
+  double velocity_residual;      /* relative, last solve */
+  double pressure_residual;      /* relative, last solve, in the norm that the preset stops on */
+  double divergence_before;      /* 2-norm of div v before the projection [1/s] */
+  double divergence_after;       /* 2-norm of div of the velocity that moves u and smoke [1/s] */
   double divergence_after_solid; /* the same, cells owned by solids only */
   double divergence_before_solid;
-  double max_speed_solid;     /* [m/s] */
-  double max_speed_fluid;     /* [m/s] */
-  double min_det_f;           /* over elements of all solids; 1 when there is none */
+  double max_speed_solid; /* [m/s] */
+  double max_speed_fluid; /* [m/s] */
+  double min_det_f;       /* over elements of all solids; 1 when there is none */
   double max_det_f;
-  uint64_t degenerate_cells;  /* cells whose F was clamped */
-  uint64_t retries;           /* steps that were rolled back and repeated with half the size */
-  uint64_t unconverged;       /* solves that stopped at their iteration limit */
+  uint64_t degenerate_cells; /* cells whose F was clamped */
+  uint64_t retries;          /* steps that were rolled back and repeated with half the size */
+  uint64_t unconverged;      /* solves that stopped at their iteration limit */
   uint64_t reserved[4];
 } EfsiStepInfo;
 
-#define EFSI_STAGE_TIME_STEP 0      /* line 1 */
-#define EFSI_STAGE_SOLID_MASS 1     /* line 3 */
-#define EFSI_STAGE_COMPUTE_G 2      /* lines 4, 8: "Compute G" */
-#define EFSI_STAGE_FLUID_FORCES 3   /* lines 7, 8: fluid mass, body forces */
-#define EFSI_STAGE_VELOCITY_SOLVE 4 /* lines 9, 11 */
-#define EFSI_STAGE_PRESSURE_SOLVE 5 /* line 10 and the final projection */
+#define EFSI_STAGE_TIME_STEP 0       /* line 1 */
+#define EFSI_STAGE_SOLID_MASS 1      /* line 3 */
+#define EFSI_STAGE_COMPUTE_G 2       /* lines 4, 8: "Compute G" */
+#define EFSI_STAGE_FLUID_FORCES 3    /* lines 7, 8: fluid mass, body forces */
+#define EFSI_STAGE_VELOCITY_SOLVE 4  /* lines 9, 11 */
+#define EFSI_STAGE_PRESSURE_SOLVE 5  /* line 10 and the final projection */
 #define EFSI_STAGE_SOLID_ADVECTION 6 /* lines 13, 18-20, with the extension */
 #define EFSI_STAGE_FLUID_ADVECTION 7 /* line 22, velocity */
-#define EFSI_STAGE_SMOKE 8          /* line 22, smoke, emitters */
-#define EFSI_STAGE_CONTACT 9        /* line 14 */
-#define EFSI_STAGE_SURFACE 10       /* embedded surface meshes */
-#define EFSI_STAGE_CHECK 11         /* state check, backup for the retry */
-#define EFSI_STAGE_OTHER 12         /* total minus all of the above */
+#define EFSI_STAGE_SMOKE 8           /* line 22, smoke, emitters */
+#define EFSI_STAGE_CONTACT 9         /* line 14 */
+#define EFSI_STAGE_SURFACE 10        /* embedded surface meshes */
+#define EFSI_STAGE_CHECK 11          /* state check, backup for the retry */
+#define EFSI_STAGE_OTHER 12          /* total minus all of the above */
 #define EFSI_STAGE_COUNT 13
 
 /* Sums since creation or the last reset. */
@@ -58,30 +58,30 @@ typedef struct EfsiProfile {
 
 /* One solid now. Integrals by cell fractions unless said. */
 typedef struct EfsiSolidDiagnostics {
-  double mass;            /* [kg] */
-  double rest_volume;     /* of the closed rest mesh [m^3] */
-  double volume_cells;    /* by cell fractions [m^3] */
-  double rest_volume_cells; /* by cell fractions at the first step [m^3] */
-  double volume_mesh;     /* enclosed by the embedded surface [m^3] */
-  EfsiVec3 center;        /* of mass [m] */
-  EfsiVec3 momentum;      /* [kg m/s] */
+  double mass;               /* [kg] */
+  double rest_volume;        /* of the closed rest mesh [m^3] */
+  double volume_cells;       /* by cell fractions [m^3] */
+  double rest_volume_cells;  /* by cell fractions at the first step [m^3] */
+  double volume_mesh;        /* enclosed by the embedded surface [m^3] */
+  EfsiVec3 center;           /* of mass [m] */
+  EfsiVec3 momentum;         /* [kg m/s] */
   EfsiVec3 angular_momentum; /* about the centre of mass [kg m^2/s] */
-  double kinetic_energy;  /* [J] */
-  double elastic_energy;  /* [J] */
-  EfsiVec3 extent_min;    /* of the embedded surface [m] */
+  double kinetic_energy;     /* [J] */
+  double elastic_energy;     /* [J] */
+  EfsiVec3 extent_min;       /* of the embedded surface [m] */
   EfsiVec3 extent_max;
   double min_det_f, max_det_f;
-  uint64_t elements;      /* cells that carry stiffness */
-  uint64_t memory_bytes;  /* of this solid's band */
+  uint64_t elements;     /* cells that carry stiffness */
+  uint64_t memory_bytes; /* of this solid's band */
   uint64_t reserved[2];
 } EfsiSolidDiagnostics;
 
 typedef struct EfsiFluidDiagnostics {
-  double kinetic_energy;  /* [J] */
-  EfsiVec3 momentum;      /* [kg m/s] */
-  double max_speed;       /* [m/s] */
-  double smoke;           /* integral of the smoke density [m^3] */
-  double max_divergence;  /* [1/s] */
+  double kinetic_energy; /* [J] */
+  EfsiVec3 momentum;     /* [kg m/s] */
+  double max_speed;      /* [m/s] */
+  double smoke;          /* integral of the smoke density [m^3] */
+  double max_divergence; /* [1/s] */
   uint64_t reserved[2];
 } EfsiFluidDiagnostics;
 

@@ -24,23 +24,23 @@ typedef struct EfsiSim EfsiSim;
 typedef struct EfsiSimulationDef {
   uint32_t struct_size;
   uint32_t magic;
-  EfsiVec3 domain_min; /* lower corner of the box [m] */
-  EfsiVec3 domain_size; /* edge lengths [m]; rounded up to whole voxels */
-  double voxel_size;   /* h [m] */
-  EfsiVec3 gravity;    /* g [m/s^2] */
-  int32_t preset;      /* EFSI_PRESET_* */
-  int32_t wall[6];     /* EFSI_WALL_* of faces -x +x -y +y -z +z */
-  int32_t ambient_fluid; /* 1: fluid fills the box outside the solids; 0: vacuum */
-  double fluid_density;  /* [kg/m^3] */
+  EfsiVec3 domain_min;          /* lower corner of the box [m] */
+  EfsiVec3 domain_size;         /* edge lengths [m]; rounded up to whole voxels */
+  double voxel_size;            /* h [m] */
+  EfsiVec3 gravity;             /* g [m/s^2] */
+  int32_t preset;               /* EFSI_PRESET_* */
+  int32_t wall[6];              /* EFSI_WALL_* of faces -x +x -y +y -z +z */
+  int32_t ambient_fluid;        /* 1: fluid fills the box outside the solids; 0: vacuum */
+  double fluid_density;         /* [kg/m^3] */
   double vorticity_confinement; /* epsilon of Fedkiw et al. 2001, dimensionless */
   double smoke_buoyancy;        /* downward acceleration per unit of smoke density [m/s^2] */
   double temperature_buoyancy;  /* upward acceleration per kelvin [m/s^2/K] */
-  double cfl_solid;   /* cells per step that a solid may move */
-  double cfl_fluid;   /* cells per step that the fluid may move */
-  double max_time_step; /* [s]; 0: the frame */
-  double velocity_tolerance; /* of Eq. 8; 0: from the preset */
-  double pressure_tolerance; /* of Eq. 12; 0: from the preset */
-  int32_t threads;      /* 0: all processors that this process may use */
+  double cfl_solid;             /* cells per step that a solid may move */
+  double cfl_fluid;             /* cells per step that the fluid may move */
+  double max_time_step;         /* [s]; 0: the frame */
+  double velocity_tolerance;    /* of Eq. 8; 0: from the preset */
+  double pressure_tolerance;    /* of Eq. 12; 0: from the preset */
+  int32_t threads;              /* 0: all processors that this process may use */
   int32_t reserved0;
   uint64_t memory_limit; /* bytes; 0: no check */
   EfsiLogCallback log;

@@ -13,9 +13,9 @@ struct EfsiSim;
 
 /* A polygon mesh as the caller holds it; nothing is copied until a function says so. */
 typedef struct EfsiMeshView {
-  const float* points;        /* x y z of point i at (char*)points + i*point_stride [m] */
+  const float* points; /* x y z of point i at (char*)points + i*point_stride [m] */
   uint64_t point_count;
-  uint64_t point_stride;      /* bytes; 0 means 12 */
+  uint64_t point_stride;             /* bytes; 0 means 12 */
   const int32_t* face_vertex_counts; /* NULL: all faces are triangles */
   uint64_t face_count;
   const int32_t* face_vertex_indices;
@@ -24,18 +24,18 @@ typedef struct EfsiMeshView {
 
 /* What was found in a mesh and what was done about it. */
 typedef struct EfsiMeshReport {
-  double surface_volume;   /* signed volume of the mesh as given [m^3] */
-  double solid_volume;     /* volume of the closed solid [m^3] */
+  double surface_volume;           /* signed volume of the mesh as given [m^3] */
+  double solid_volume;             /* volume of the closed solid [m^3] */
   EfsiVec3 extent_min, extent_max; /* [m] */
   uint64_t triangles;
-  uint64_t open_edges;     /* edges with one face */
-  uint64_t holes;          /* closed loops of open edges */
-  double largest_hole;     /* length of the longest such loop [m] */
+  uint64_t open_edges;        /* edges with one face */
+  uint64_t holes;             /* closed loops of open edges */
+  double largest_hole;        /* length of the longest such loop [m] */
   uint64_t nonmanifold_edges; /* edges with three faces and more */
-  int32_t closed;          /* 1: no open edge */
-  int32_t repaired;        /* 1: the sign came from the winding number because the mesh is not a closed solid */
-  double thinnest_feature; /* estimate of the smallest thickness of the solid [m] */
-  double closing_radius;   /* offset used to close the mesh [m]; 0: none */
+  int32_t closed;             /* 1: no open edge */
+  int32_t repaired;           /* 1: the sign came from the winding number because the mesh is not a closed solid */
+  double thinnest_feature;    /* estimate of the smallest thickness of the solid [m] */
+  double closing_radius;      /* offset used to close the mesh [m]; 0: none */
   uint64_t reserved[2];
 } EfsiMeshReport;
 
@@ -55,12 +55,12 @@ EFSI_API EfsiStatus efsi_mesh_check(const EfsiMeshView* mesh, double voxel_size,
 typedef struct EfsiSolidDef {
   uint32_t struct_size;
   uint32_t magic;
-  EfsiMeshView mesh;      /* rest shape, placed where it starts, simulation space [m]; copied */
-  double density;         /* rho [kg/m^3] */
-  double youngs_modulus;  /* E [Pa] */
-  double poissons_ratio;  /* nu */
-  double rayleigh_alpha;  /* C = alpha M + beta K, Eq. 8 [1/s] */
-  double rayleigh_beta;   /* [s] */
+  EfsiMeshView mesh;         /* rest shape, placed where it starts, simulation space [m]; copied */
+  double density;            /* rho [kg/m^3] */
+  double youngs_modulus;     /* E [Pa] */
+  double poissons_ratio;     /* nu */
+  double rayleigh_alpha;     /* C = alpha M + beta K, Eq. 8 [1/s] */
+  double rayleigh_beta;      /* [s] */
   EfsiVec3 velocity;         /* initial [m/s] */
   EfsiVec3 angular_velocity; /* initial, about the centre of volume [rad/s] */
   int32_t material;          /* EFSI_MATERIAL_* */

@@ -1,5 +1,5 @@
-// Purpose: the only place that starts threads. Loops are split into contiguous ranges whose results do not depend on the
-// split; sums are taken over fixed slabs in a fixed order, so every thread count gives the same bits.
+// Purpose: the only place that starts threads. Loops are split into contiguous ranges whose results do not depend on
+// the split; sums are taken over fixed slabs in a fixed order, so every thread count gives the same bits.
 #pragma once
 
 #include <algorithm>
@@ -23,7 +23,8 @@ class Parallel {
     });
   }
 
-  // Calls body(begin, end) on one contiguous range per thread. An exception of a body is rethrown on the caller's thread.
+  // Calls body(begin, end) on one contiguous range per thread. An exception of a body is rethrown on the caller's
+  // thread.
   template <class Body>
   void for_ranges(std::int64_t n, const Body& body) const {
     if (threads_ == 1 || n < 2) {

@@ -107,9 +107,9 @@ void extend_linear(const Parallel& parallel, const Grid& g, int layers, std::vec
       std::array<double, 8> sum{};
       for (std::size_t c = 0; c < count; ++c) {
         const Neighbour& q = box[used[c]];
-        const double weight =
-            static_cast<double>(q.weight) * (row[0] + row[1] * static_cast<double>(q.d[0]) +
-                                             row[2] * static_cast<double>(q.d[1]) + row[3] * static_cast<double>(q.d[2]));
+        const double weight = static_cast<double>(q.weight) *
+                              (row[0] + row[1] * static_cast<double>(q.d[0]) + row[2] * static_cast<double>(q.d[1]) +
+                               row[3] * static_cast<double>(q.d[2]));
         const auto source = static_cast<std::size_t>(static_cast<std::ptrdiff_t>(target) + lead[used[c]]);
         for (std::size_t f = 0; f < fields.size(); ++f) sum[f] += weight * static_cast<double>(fields[f][source]);
       }

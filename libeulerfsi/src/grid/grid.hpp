@@ -26,15 +26,16 @@ struct Grid {
            node_stride(2) * static_cast<std::size_t>(k);
   }
   std::size_t cell(int i, int j, int k) const {
-    return static_cast<std::size_t>(i) + static_cast<std::size_t>(cells[0]) *
-                                             (static_cast<std::size_t>(j) + static_cast<std::size_t>(cells[1]) *
-                                                                                static_cast<std::size_t>(k));
+    return static_cast<std::size_t>(i) +
+           static_cast<std::size_t>(cells[0]) *
+               (static_cast<std::size_t>(j) + static_cast<std::size_t>(cells[1]) * static_cast<std::size_t>(k));
   }
   // Index into a cell array with one ghost layer: i = -1 .. cells.
   std::size_t padded(int i, int j, int k) const {
     return static_cast<std::size_t>(i + 1) +
            static_cast<std::size_t>(cells[0] + 2) *
-               (static_cast<std::size_t>(j + 1) + static_cast<std::size_t>(cells[1] + 2) * static_cast<std::size_t>(k + 1));
+               (static_cast<std::size_t>(j + 1) +
+                static_cast<std::size_t>(cells[1] + 2) * static_cast<std::size_t>(k + 1));
   }
   std::size_t node_stride(int axis) const {
     return axis == 0 ? 1

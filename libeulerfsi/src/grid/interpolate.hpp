@@ -83,7 +83,7 @@ class NodeSampler {
 // Position from which the flow arrives at g after `step` = dt/h: third-order Runge-Kutta (Ralston) through a velocity
 // field frozen in time. v0: velocity at g. A negative step traces forwards.
 EFSI_INLINE Vec3 trace_rk3(const NodeSampler& sampler, const VectorField& velocity, const Vec3& g, const Vec3& v0,
-                      Real step) {
+                           Real step) {
   const Vec3 v1 = sampler.vector(velocity, g - Real(0.5) * step * v0);
   const Vec3 v2 = sampler.vector(velocity, g - Real(0.75) * step * v1);
   return g - step * (Real(2.0 / 9.0) * v0 + Real(3.0 / 9.0) * v1 + Real(4.0 / 9.0) * v2);
@@ -91,7 +91,7 @@ EFSI_INLINE Vec3 trace_rk3(const NodeSampler& sampler, const VectorField& veloci
 
 // The same by the midpoint rule: second order, one interpolation instead of two.
 EFSI_INLINE Vec3 trace_midpoint(const NodeSampler& sampler, const VectorField& velocity, const Vec3& g, const Vec3& v0,
-                           Real step) {
+                                Real step) {
   return g - step * sampler.vector(velocity, g - Real(0.5) * step * v0);
 }
 

@@ -9,8 +9,8 @@
 
 namespace efsi::grid {
 
-// distance: signed distance of the cube's centre to the plane in units of the edge, negative inside; normal: unit vector
-// to the outside. Returns the volume of { x in cube : normal . x + distance < 0 } in [0, 1].
+// distance: signed distance of the cube's centre to the plane in units of the edge, negative inside; normal: unit
+// vector to the outside. Returns the volume of { x in cube : normal . x + distance < 0 } in [0, 1].
 inline double plane_cut_fraction(double distance, const Vec3d& normal) {
   double m[3] = {std::abs(normal[0]), std::abs(normal[1]), std::abs(normal[2])};
   std::sort(m, m + 3);

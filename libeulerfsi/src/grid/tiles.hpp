@@ -16,9 +16,9 @@ class TileMask {
   TileMask() = default;
   explicit TileMask(const Vec3i& points) : points_(points) {
     for (std::size_t a = 0; a < 3; ++a) tiles_[a] = (points[a] + kTileSize - 1) / kTileSize;
-    active_.assign(static_cast<std::size_t>(tiles_[0]) * static_cast<std::size_t>(tiles_[1]) *
-                       static_cast<std::size_t>(tiles_[2]),
-                   0);
+    active_.assign(
+        static_cast<std::size_t>(tiles_[0]) * static_cast<std::size_t>(tiles_[1]) * static_cast<std::size_t>(tiles_[2]),
+        0);
   }
   std::int64_t count() const { return static_cast<std::int64_t>(active_.size()); }
   bool active(std::int64_t t) const { return active_[static_cast<std::size_t>(t)] != 0; }

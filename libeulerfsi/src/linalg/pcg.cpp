@@ -6,8 +6,8 @@
 
 namespace efsi::linalg {
 
-SolveStats pcg(const Parallel& parallel, const Operator& apply, const Operator& precondition, const std::vector<Real>& b,
-               std::vector<Real>& x, const SolveOptions& options, PcgWorkspace& work) {
+SolveStats pcg(const Parallel& parallel, const Operator& apply, const Operator& precondition,
+               const std::vector<Real>& b, std::vector<Real>& x, const SolveOptions& options, PcgWorkspace& work) {
   const std::size_t n = b.size();
   for (auto* v : {&work.r, &work.z, &work.d, &work.q, &work.r_old}) v->resize(n);
   auto& [r, z, d, q, r_old] = work;

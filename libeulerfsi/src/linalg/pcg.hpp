@@ -2,8 +2,8 @@
 // semi-definite and b in its range. It minimises the energy norm of the error.
 #pragma once
 
-#include "linalg/solve_stats.hpp"
 #include "base/parallel.hpp"
+#include "linalg/solve_stats.hpp"
 
 namespace efsi::linalg {
 
@@ -14,7 +14,7 @@ struct PcgWorkspace {
 
 // x: in start, out solution. precondition(r, z): z = B r. A result is always usable: on a negative curvature or a stall
 // the best iterate so far stays in x and `converged` is false.
-SolveStats pcg(const Parallel& parallel, const Operator& apply, const Operator& precondition, const std::vector<Real>& b,
-               std::vector<Real>& x, const SolveOptions& options, PcgWorkspace& work);
+SolveStats pcg(const Parallel& parallel, const Operator& apply, const Operator& precondition,
+               const std::vector<Real>& b, std::vector<Real>& x, const SolveOptions& options, PcgWorkspace& work);
 
 }  // namespace efsi::linalg

@@ -42,7 +42,8 @@ PrincipalResponse stable_neo_hookean(double mu, double lambda, const Vec3d& s) {
   const double rest = 0.5 * l * (1.0 - a) * (1.0 - a) - 0.5 * m * std::log(4.0);
   r.energy = 0.5 * m * (I - 3.0) + 0.5 * l * (J - a) * (J - a) - 0.5 * m * std::log(I + 1.0) - rest;
   r.stress = shear * s + l * (J - a) * dJ;
-  r.hessian = shear * Mat3d::Identity() + (2.0 * m / ((I + 1.0) * (I + 1.0))) * s * s.transpose() + l * dJ * dJ.transpose();
+  r.hessian =
+      shear * Mat3d::Identity() + (2.0 * m / ((I + 1.0) * (I + 1.0))) * s * s.transpose() + l * dJ * dJ.transpose();
   for (int p = 0; p < 3; ++p) {
     const int i = (p + 1) % 3, j = (p + 2) % 3;
     const double volumetric = l * (J - a) * s[p];  // l (J - a) d2J / ds_i ds_j

@@ -24,15 +24,16 @@ Elastic from_youngs_modulus(Law law, double youngs_modulus, double poissons_rati
 // Pair p couples the two axes other than p: 0 -> (1,2), 1 -> (2,0), 2 -> (0,1).
 struct PrincipalResponse {
   double energy = 0.0;
-  Vec3d stress = Vec3d::Zero();    // d psi / d s_i, principal first Piola-Kirchhoff stress [Pa]
-  Mat3d hessian = Mat3d::Zero();   // d2 psi / d s_i d s_j [Pa]
+  Vec3d stress = Vec3d::Zero();     // d psi / d s_i, principal first Piola-Kirchhoff stress [Pa]
+  Mat3d hessian = Mat3d::Zero();    // d2 psi / d s_i d s_j [Pa]
   Vec3d symmetric = Vec3d::Zero();  // (P_i - P_j) / (s_i - s_j)
   Vec3d skew = Vec3d::Zero();       // (P_i + P_j) / (s_i + s_j)
 };
 
 PrincipalResponse principal_response(const Elastic& material, const Vec3d& stretch);
 
-// The nearest positive semi-definite linearisation: negative moduli are set to zero (as McAdams et al. 2011 clamp theirs).
+// The nearest positive semi-definite linearisation: negative moduli are set to zero (as McAdams et al. 2011 clamp
+// theirs).
 PrincipalResponse make_definite(PrincipalResponse response);
 
 }  // namespace efsi::material

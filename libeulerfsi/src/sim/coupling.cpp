@@ -74,8 +74,8 @@ void compute_volume_source(const Parallel& parallel, const Scene& scene, const S
     for_band_cells(parallel, state.solids[l].band, [&](std::size_t c, int i, int j, int k) {
       if (solid.element[c] < 0) return;
       const double det = static_cast<double>(solid.volume_ratio[c]);
-      work.source[g.padded(i, j, k)] =
-          static_cast<Real>(std::clamp((1.0 - det) / (det * tau), -limit, limit) * static_cast<double>(solid.fraction[c]));
+      work.source[g.padded(i, j, k)] = static_cast<Real>(std::clamp((1.0 - det) / (det * tau), -limit, limit) *
+                                                         static_cast<double>(solid.fraction[c]));
     });
     fluid_cells -= static_cast<double>(solid.element_cell.size());
   }
@@ -83,8 +83,7 @@ void compute_volume_source(const Parallel& parallel, const Scene& scene, const S
   total = parallel.sum(g.cells[2], [&](std::int64_t k) {
     double sum = 0.0;
     for (int j = 0; j < g.cells[1]; ++j)
-      for (int i = 0; i < g.cells[0]; ++i)
-        sum += static_cast<double>(work.source[g.padded(i, j, static_cast<int>(k))]);
+      for (int i = 0; i < g.cells[0]; ++i) sum += static_cast<double>(work.source[g.padded(i, j, static_cast<int>(k))]);
     return sum;
   });
   const Real share = static_cast<Real>(total / fluid_cells);
@@ -266,8 +265,8 @@ void solve_pressure(const Parallel& parallel, const Scene& scene, double dt, Sta
     std::vector<std::uint8_t> owned, active;
     if (!scene.solids.empty()) owned = solid_cells(parallel, scene, state, work);
     if (!scene.params.fluid.present) active = owned;  // in vacuum p = 0 outside the solids
-    work.pressure_system.assemble(parallel, g, scene.params.walls, work.fixed, work.specific_volume,
-                                  std::move(active), std::move(owned));
+    work.pressure_system.assemble(parallel, g, scene.params.walls, work.fixed, work.specific_volume, std::move(active),
+                                  std::move(owned));
     work.uniform_ready = scene.solids.empty();
   }
   work.source.clear();
@@ -335,14 +334,14 @@ void advect_fluid(const Parallel& parallel, const Scene& scene, double dt, State
   const bool corrected = scene.params.numerics.corrected_fluid_advection;
   {
     ScopedTimer timer(profile, Stage::kSmoke);
-    const std::uint64_t tiles =
-        fluid::advect_smoke(parallel, scene.grid, corrected, dt, work.velocity, work.cell_fraction, state.fluid, work.advect);
+    const std::uint64_t tiles = fluid::advect_smoke(parallel, scene.grid, corrected, dt, work.velocity,
+                                                    work.cell_fraction, state.fluid, work.advect);
     timer.visited(512 * tiles, 6 * sizeof(Real));
   }
   ScopedTimer timer(profile, Stage::kFluidAdvection);
-  const std::uint64_t tiles =
-      fluid::advect_velocity(parallel, scene.grid, corrected, dt, work.specific_volume,
-                             static_cast<Real>(1.0 / scene.params.fluid.density), work.velocity, state.fluid, work.advect);
+  const std::uint64_t tiles = fluid::advect_velocity(parallel, scene.grid, corrected, dt, work.specific_volume,
+                                                     static_cast<Real>(1.0 / scene.params.fluid.density), work.velocity,
+                                                     state.fluid, work.advect);
   timer.visited(512 * tiles, 12 * sizeof(Real));
 }
 

@@ -43,7 +43,8 @@ void validate(const Params& p) {
     demand_positive(std::string("EfsiSimulationDef.domain_size") + axis[a], p.domain_size[a]);
     if (!std::isfinite(p.domain_min[a]))
       refuse(std::string("EfsiSimulationDef.domain_min") + axis[a], p.domain_min[a], "finite");
-    if (!std::isfinite(p.gravity[a])) refuse(std::string("EfsiSimulationDef.gravity") + axis[a], p.gravity[a], "finite");
+    if (!std::isfinite(p.gravity[a]))
+      refuse(std::string("EfsiSimulationDef.gravity") + axis[a], p.gravity[a], "finite");
     const bool lower = p.walls.lower(a) == grid::Wall::kPeriodic, upper = p.walls.upper(a) == grid::Wall::kPeriodic;
     if (lower != upper)
       refuse(std::string("EfsiSimulationDef.wall") + axis[a], static_cast<double>(p.walls.lower(a)),

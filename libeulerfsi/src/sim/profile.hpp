@@ -39,8 +39,7 @@ class ScopedTimer {
  public:
   ScopedTimer(Profile& profile, Stage stage) : profile_(profile), stage_(stage), start_(Clock::now()) {}
   ~ScopedTimer() {
-    profile_.seconds[static_cast<std::size_t>(stage_)] +=
-        std::chrono::duration<double>(Clock::now() - start_).count();
+    profile_.seconds[static_cast<std::size_t>(stage_)] += std::chrono::duration<double>(Clock::now() - start_).count();
   }
   ScopedTimer(const ScopedTimer&) = delete;
   ScopedTimer& operator=(const ScopedTimer&) = delete;

@@ -33,7 +33,8 @@ int thread_count(int requested) {
 
 void validate(const SolidDesc& d) {
   const auto positive = [](const char* field, double value) {
-    if (!(value > 0.0) || !std::isfinite(value)) refuse(std::string("EfsiSolidDef.") + field, value, "a finite number > 0");
+    if (!(value > 0.0) || !std::isfinite(value))
+      refuse(std::string("EfsiSolidDef.") + field, value, "a finite number > 0");
   };
   const auto not_negative = [](const char* field, double value) {
     if (!(value >= 0.0) || !std::isfinite(value))
@@ -91,7 +92,8 @@ std::size_t Simulation::add_solid(const SolidDesc& desc, geometry::MeshReport& r
   constexpr const char* axis[3] = {"x", "y", "z"};
   const Vec3d top = params_.domain_min + params_.domain_size;
   for (int a = 0; a < 3; ++a)
-    if (report.extent_min[a] < params_.domain_min[a] - 1e-6 * grid_.h || report.extent_max[a] > top[a] + 1e-6 * grid_.h) {
+    if (report.extent_min[a] < params_.domain_min[a] - 1e-6 * grid_.h ||
+        report.extent_max[a] > top[a] + 1e-6 * grid_.h) {
       std::ostringstream text;
       text << "EfsiSolidDef.mesh: extends from " << report.extent_min[a] << " to " << report.extent_max[a] << " in "
            << axis[a] << ", the domain from " << params_.domain_min[a] << " to " << top[a];
@@ -143,8 +145,8 @@ std::size_t Simulation::add_solid(const SolidDesc& desc, geometry::MeshReport& r
   solid::compute_mass(parallel_, rest, state, work);
   if (work.element_cell.empty()) {
     std::ostringstream text;
-    text << "EfsiSolidDef.mesh: no cell of size " << grid_.h << " m lies inside the solid; its thinnest feature is about "
-         << report.thinnest_feature << " m";
+    text << "EfsiSolidDef.mesh: no cell of size " << grid_.h
+         << " m lies inside the solid; its thinnest feature is about " << report.thinnest_feature << " m";
     throw Error(ErrorCode::kMesh, text.str());
   }
   state.rest_volume_cells = work.volume;

@@ -11,19 +11,19 @@
 namespace efsi::sim {
 
 struct Workspace {
-  grid::VectorField velocity;          // the one velocity of Eq. 11 at the nodes [m/s]
-  std::vector<std::uint8_t> fixed;     // per node: bit a: component a is fixed by a wall
-  std::vector<Real> mass;              // all matter per node [kg]
-  std::vector<Real> specific_volume;   // 1/density per node [m^3/kg]
-  std::vector<Real> cell_fraction;     // part of each cell that solids fill; empty without solids
-  std::vector<Real> source;            // wanted divergence per padded cell [1/s]; empty: none
+  grid::VectorField velocity;         // the one velocity of Eq. 11 at the nodes [m/s]
+  std::vector<std::uint8_t> fixed;    // per node: bit a: component a is fixed by a wall
+  std::vector<Real> mass;             // all matter per node [kg]
+  std::vector<Real> specific_volume;  // 1/density per node [m^3/kg]
+  std::vector<Real> cell_fraction;    // part of each cell that solids fill; empty without solids
+  std::vector<Real> source;           // wanted divergence per padded cell [1/s]; empty: none
   std::vector<solid::SolidWork> solids;
   system::VelocitySystem velocity_system;
   system::PressureSystem pressure_system;
-  std::vector<Real> f_star, v_star;    // Eq. 8 on the unknowns
+  std::vector<Real> f_star, v_star;  // Eq. 8 on the unknowns
   fluid::AdvectWorkspace advect;
-  State backup;                        // the last good state
-  bool uniform_ready = false;          // mass and pressure system of a scene without solids are built
+  State backup;                // the last good state
+  bool uniform_ready = false;  // mass and pressure system of a scene without solids are built
 };
 
 }  // namespace efsi::sim

@@ -13,7 +13,8 @@ namespace efsi::solid {
 
 enum class AdvectionScheme : std::int32_t { kMacCormack = 0, kPaper = 1 };
 
-// Lines 13, 18: takes the solid's velocity from the global field at the nodes that carry it and extends u and v outwards.
+// Lines 13, 18: takes the solid's velocity from the global field at the nodes that carry it and extends u and v
+// outwards.
 void update_velocity(const Parallel& parallel, const Grid& global, const VectorField& velocity, SolidState& state,
                      SolidWork& work);
 

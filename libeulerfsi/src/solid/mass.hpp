@@ -13,7 +13,8 @@ namespace efsi::solid {
 // A cell carries stiffness when more than this part of it is solid: on average the elements fill the solid's volume.
 inline constexpr Real kElementFraction = Real(0.5);
 
-// Reads state.u; writes fraction, volume_ratio, element, element_cell, element_corner, carries, mass, volume, total_mass.
+// Reads state.u; writes fraction, volume_ratio, element, element_cell, element_corner, carries, mass, volume,
+// total_mass.
 void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work);
 
 }  // namespace efsi::solid

@@ -22,9 +22,9 @@ struct SolidRest {
   material::Elastic elastic;
   double density = 1000.0;  // [kg/m^3]
   double rayleigh_alpha = 0.0, rayleigh_beta = 0.0;
-  geometry::SignedDistance distance;      // material space
-  geometry::TriangleMesh surface;         // as given, material space
-  double volume = 0.0;                    // of the closed rest shape [m^3]
+  geometry::SignedDistance distance;  // material space
+  geometry::TriangleMesh surface;     // as given, material space
+  double volume = 0.0;                // of the closed rest shape [m^3]
 };
 
 // A box of the global grid. Its grid has the global spacing; node (0,0,0) is global node `lo`.
@@ -47,30 +47,30 @@ struct SolidState {
 // With E = U^T (sum_a v_a grad N_a^T) U the change of Kirchhoff stress is U T U^T,
 //   T_ii = sum_j normal_ij E_jj,  (T_ij, T_ji) = 2x2 pair matrix (E_ij, E_ji).
 struct ElementPoint {
-  Real axes[9];       // U, column-major
-  Real normal[6];     // xx yy zz yz zx xy, weighted by the volume of the point [J]
-  Real pair[3][3];    // for pairs (y,z), (z,x), (x,y): [ij ij], [ij ji], [ji ji] [J]
-  Real stress[6];     // Kirchhoff stress times volume, world axes: xx yy zz yz zx xy [J]
+  Real axes[9];     // U, column-major
+  Real normal[6];   // xx yy zz yz zx xy, weighted by the volume of the point [J]
+  Real pair[3][3];  // for pairs (y,z), (z,x), (x,y): [ij ij], [ij ji], [ji ji] [J]
+  Real stress[6];   // Kirchhoff stress times volume, world axes: xx yy zz yz zx xy [J]
 };
 
 // Workspace: rebuilt every step.
 struct SolidWork {
-  std::vector<Real> fraction;          // part of the cell inside the solid, band cells
-  std::vector<Real> volume_ratio;      // det F, band cells with fraction > 0
-  std::vector<std::int32_t> element;   // band cell -> element, -1: none
+  std::vector<Real> fraction;                // part of the cell inside the solid, band cells
+  std::vector<Real> volume_ratio;            // det F, band cells with fraction > 0
+  std::vector<std::int32_t> element;         // band cell -> element, -1: none
   std::vector<std::int32_t> element_cell;    // element -> band cell
   std::vector<std::int32_t> element_corner;  // element -> band node of corner 0
-  std::vector<ElementPoint> point;     // quadrature points, points_per_element each
-  std::vector<Real> hourglass;         // stiffness of the hourglass modes per element [N/m]
+  std::vector<ElementPoint> point;           // quadrature points, points_per_element each
+  std::vector<Real> hourglass;               // stiffness of the hourglass modes per element [N/m]
   int points_per_element = 1;
-  std::vector<std::uint8_t> carries;   // band nodes: corner of an element; here the solid owns u and v
-  std::vector<Real> mass;              // of the solid per band node [kg]
-  std::vector<std::uint8_t> layer;     // band nodes: 0 data, k: k-th layer of the extension, 255: none
-  VectorField scratch_u, scratch_v;    // first sweep of the advection
+  std::vector<std::uint8_t> carries;  // band nodes: corner of an element; here the solid owns u and v
+  std::vector<Real> mass;             // of the solid per band node [kg]
+  std::vector<std::uint8_t> layer;    // band nodes: 0 data, k: k-th layer of the extension, 255: none
+  VectorField scratch_u, scratch_v;   // first sweep of the advection
   std::vector<std::uint8_t> scratch_valid;
   double min_det_f = 1.0, max_det_f = 1.0;
   std::uint64_t degenerate = 0;
-  double volume = 0.0;          // by cell fractions [m^3]
+  double volume = 0.0;  // by cell fractions [m^3]
   double total_mass = 0.0;
   double elastic_energy = 0.0;  // [J]
   double max_speed = 0.0;

@@ -35,12 +35,13 @@ EFSI_KERNEL void gradient_row(int n, const Real* p00, const Real* p10, const Rea
 struct EdgeRows {
   const Real *low0, *low1, *high0, *high1;
 };
-EFSI_KERNEL void divergence_row(int n, const EdgeRows& x, const EdgeRows& y, const EdgeRows& z, const Real* b, Real sign,
-                                Real* fx, Real* fyz, Real* out) {
+EFSI_KERNEL void divergence_row(int n, const EdgeRows& x, const EdgeRows& y, const EdgeRows& z, const Real* b,
+                                Real sign, Real* fx, Real* fyz, Real* out) {
 #pragma omp simd
   for (int i = 0; i <= n; ++i) {
     fx[i] = (x.low0[i] + x.low1[i]) + (x.high0[i] + x.high1[i]);
-    fyz[i] = ((y.low1[i] - y.low0[i]) + (y.high1[i] - y.high0[i])) + ((z.high0[i] - z.low0[i]) + (z.high1[i] - z.low1[i]));
+    fyz[i] =
+        ((y.low1[i] - y.low0[i]) + (y.high1[i] - y.high0[i])) + ((z.high0[i] - z.low0[i]) + (z.high1[i] - z.low1[i]));
   }
 #pragma omp simd
   for (int i = 0; i < n; ++i) out[i] = b[i] + sign * ((fx[i + 1] - fx[i]) + (fyz[i + 1] + fyz[i]));
@@ -50,8 +51,8 @@ void node_row(const PressureLevel& level, const Real* p, int j, int k, RowScratc
   const Grid& g = level.grid;
   const int n = g.cells[0];
   gradient_row(n, p + g.padded(-1, j - 1, k - 1), p + g.padded(-1, j, k - 1), p + g.padded(-1, j - 1, k),
-               p + g.padded(-1, j, k), level.mobility.data() + g.node(0, j, k), s.sum.data(), s.dy.data(), s.dz.data(), gx,
-               gy, gz);
+               p + g.padded(-1, j, k), level.mobility.data() + g.node(0, j, k), s.sum.data(), s.dy.data(), s.dz.data(),
+               gx, gy, gz);
   // Walls: whole rows on the y and z faces, the ends of all others.
   const std::uint8_t* fixed = level.fixed.data() + g.node(0, j, k);
   const bool face = j == 0 || k == 0 || j == g.cells[1] || k == g.cells[2];
@@ -154,9 +155,12 @@ void compute_divergence(const Parallel& parallel, const Grid& g, const VectorFie
 #pragma omp simd
       for (int i = 0; i < g.cells[0]; ++i) {
         const Real *xi = x + i, *yi = y + i, *zi = z + i;
-        const Real dx = ((xi[o[1]] - xi[o[0]]) + (xi[o[3]] - xi[o[2]])) + ((xi[o[5]] - xi[o[4]]) + (xi[o[7]] - xi[o[6]]));
-        const Real dy = ((yi[o[2]] - yi[o[0]]) + (yi[o[3]] - yi[o[1]])) + ((yi[o[6]] - yi[o[4]]) + (yi[o[7]] - yi[o[5]]));
-        const Real dz = ((zi[o[4]] - zi[o[0]]) + (zi[o[5]] - zi[o[1]])) + ((zi[o[6]] - zi[o[2]]) + (zi[o[7]] - zi[o[3]]));
+        const Real dx =
+            ((xi[o[1]] - xi[o[0]]) + (xi[o[3]] - xi[o[2]])) + ((xi[o[5]] - xi[o[4]]) + (xi[o[7]] - xi[o[6]]));
+        const Real dy =
+            ((yi[o[2]] - yi[o[0]]) + (yi[o[3]] - yi[o[1]])) + ((yi[o[6]] - yi[o[4]]) + (yi[o[7]] - yi[o[5]]));
+        const Real dz =
+            ((zi[o[4]] - zi[o[0]]) + (zi[o[5]] - zi[o[1]])) + ((zi[o[6]] - zi[o[2]]) + (zi[o[7]] - zi[o[3]]));
         out[i] = scale * (dx + dy + dz);
       }
     }

@@ -1,7 +1,7 @@
 // Purpose: the constraint gradient J of Eq. 11 and its transpose as stencils, never stored.
 // Paper: Sec. 4.2, Sec. 4.5; Eq. 11, Eq. 12.
-//   (J v)_c = h^2/4 sum over corners a of c of (+-v_x +-v_y +-v_z)_a  [m^3/s], the flux out of cell c of face-averaged v
-//   A = J W J^T, W = 1/m per node with the components that walls fix set to zero
+//   (J v)_c = h^2/4 sum over corners a of c of (+-v_x +-v_y +-v_z)_a  [m^3/s], the flux out of cell c of face-averaged
+//   v A = J W J^T, W = 1/m per node with the components that walls fix set to zero
 // A slow twin with assembled matrices is in tests/reference/.
 #pragma once
 
@@ -22,8 +22,8 @@ struct PressureLevel {
   std::vector<std::uint8_t> fixed;  // per node: bit a: component a is fixed by a wall
   // W (h^2/4)^2 per node, walls not yet applied [m^4/kg]: A = D mobility D^T with D the +-1 stencil.
   std::vector<Real> mobility;
-  std::vector<Real> inverse_diagonal;   // padded cells; 0 where a cell has no equation
-  std::vector<std::uint8_t> active;     // padded cells; empty: all cells have an equation
+  std::vector<Real> inverse_diagonal;  // padded cells; 0 where a cell has no equation
+  std::vector<std::uint8_t> active;    // padded cells; empty: all cells have an equation
 };
 
 // y = A x on padded cell arrays. Ghosts of x must be filled (fill_ghosts with 0). Ghosts of y are not written.

@@ -1,10 +1,10 @@
 #include "system/pressure_multigrid.hpp"
 
-#include "base/kernel.hpp"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
+
+#include "base/kernel.hpp"
 
 namespace efsi::system {
 namespace {
@@ -55,8 +55,7 @@ std::array<AxisTable, 3> restriction_tables(const Grid& fine, const Grid& coarse
   std::array<AxisTable, 3> tables;
   for (int a = 0; a < 3; ++a) {
     const auto s = static_cast<std::size_t>(a);
-    tables[s] =
-        restriction_table(fine.cells[s], coarse.cells[s], walls.lower(a), walls.upper(a), fine.periodic[s]);
+    tables[s] = restriction_table(fine.cells[s], coarse.cells[s], walls.lower(a), walls.upper(a), fine.periodic[s]);
   }
   return tables;
 }
@@ -189,8 +188,8 @@ void coarsen_specific_volume(const Parallel& parallel, const Grid& fine, const s
         for (int dk = -1; dk <= 1; ++dk)
           for (int dj = -1; dj <= 1; ++dj)
             for (int di = -1; di <= 1; ++di) {
-              const Real w = Real(0.125) * (di ? Real(0.5) : Real(1)) * (dj ? Real(0.5) : Real(1)) *
-                             (dk ? Real(0.5) : Real(1));
+              const Real w =
+                  Real(0.125) * (di ? Real(0.5) : Real(1)) * (dj ? Real(0.5) : Real(1)) * (dk ? Real(0.5) : Real(1));
               sum += w * f[fine.node(fold(0, 2 * i + di), fold(1, 2 * j + dj), fold(2, 2 * k + dk))];
             }
         c[coarse.node(i, j, k)] = sum;
@@ -276,8 +275,8 @@ void PressureMultigrid::apply(const Parallel& parallel, std::vector<Real>& x, st
   apply_pressure_operator(parallel, finest(), x, y);
 }
 
-void PressureMultigrid::smooth(const Parallel& parallel, Level& level, const std::vector<Real>& b,
-                               std::vector<Real>& x, int step) const {
+void PressureMultigrid::smooth(const Parallel& parallel, Level& level, const std::vector<Real>& b, std::vector<Real>& x,
+                               int step) const {
   const Real weight = smoother_weight(step);
   grid::fill_ghosts(level.op.grid, x, Real(0));
   apply_pressure_operator(parallel, level.op, x, level.residual, &b);

@@ -1,6 +1,6 @@
 // Purpose: one V-cycle of geometric multigrid as the preconditioner of the pressure equation.
-// Coarse operators are J W J^T on coarser grids with full-weighted averages of 1/density: heavy solids are inclusions of
-// low mobility, and the harmonic average keeps the number of iterations independent of the density ratio
+// Coarse operators are J W J^T on coarser grids with full-weighted averages of 1/density: heavy solids are inclusions
+// of low mobility, and the harmonic average keeps the number of iterations independent of the density ratio
 // (docs/numerics-choices.md). Coarse levels have slip walls even where the fine level is no-slip.
 #pragma once
 

@@ -95,8 +95,8 @@ DivergenceNorms PressureSystem::norms(const Parallel& parallel, const VectorFiel
   DivergenceNorms norms;
   norms.all = std::sqrt(sum_cells(parallel, grid_, [&](std::size_t c) { return value(c) * value(c); }));
   if (!solid_cell_.empty())
-    norms.solid =
-        std::sqrt(sum_cells(parallel, grid_, [&](std::size_t c) { return solid_cell_[c] ? value(c) * value(c) : 0.0; }));
+    norms.solid = std::sqrt(
+        sum_cells(parallel, grid_, [&](std::size_t c) { return solid_cell_[c] ? value(c) * value(c) : 0.0; }));
   norms.max = parallel.max(grid_.cells[2], 0.0, [&](std::int64_t k) {
     double top = 0.0;
     for (int j = 0; j < grid_.cells[1]; ++j)
@@ -108,8 +108,7 @@ DivergenceNorms PressureSystem::norms(const Parallel& parallel, const VectorFiel
 }
 
 std::size_t PressureSystem::bytes() const {
-  return (divergence_.size() + rhs_.size()) * sizeof(Real) + solid_cell_.size() +
-         multigrid_.bytes() + pcg_.bytes();
+  return (divergence_.size() + rhs_.size()) * sizeof(Real) + solid_cell_.size() + multigrid_.bytes() + pcg_.bytes();
 }
 
 }  // namespace efsi::system

@@ -1,7 +1,7 @@
 // Purpose: pressure and projection.
 // Paper: Alg. 1 lines 10, 11; Sec. 4.5, Eq. 12:  J M^-1 J^T p = J v* - b.
-// Unknown is the multiplier q [Pa s] with v = v* - M^-1 J^T q; the physical pressure is p = -q/dt, since J^T is minus the
-// gradient.
+// Unknown is the multiplier q [Pa s] with v = v* - M^-1 J^T q; the physical pressure is p = -q/dt, since J^T is minus
+// the gradient.
 #pragma once
 
 #include <vector>

@@ -1,6 +1,6 @@
 // Purpose: the semi-implicit system G of Eq. 8 on the nodes that carry solids, matrix-free.
-// Paper: Alg. 1 lines 8, 9; Sec. 4.4, Eq. 8:  (M + dt C + dt^2 K) v* = M v^n + dt (f_ext - f_int),  C = alpha M + beta K.
-// For nodes that carry no solid G is the diagonal mass matrix and v* is known at once.
+// Paper: Alg. 1 lines 8, 9; Sec. 4.4, Eq. 8:  (M + dt C + dt^2 K) v* = M v^n + dt (f_ext - f_int),  C = alpha M + beta
+// K. For nodes that carry no solid G is the diagonal mass matrix and v* is known at once.
 #pragma once
 
 #include <span>
@@ -56,17 +56,17 @@ class VelocitySystem {
   void sum_elements(const Parallel& parallel, const ElementBody& body, std::vector<Real>& out);
 
   std::vector<SolidRef> solids_;
-  std::vector<std::int32_t> element_begin_;    // first element of each solid, and the end
-  std::vector<std::int32_t> unknown_of_node_;  // global node -> unknown, -1
-  std::vector<std::size_t> node_;              // unknown -> global node
-  std::vector<std::int32_t> corner_;           // 8 unknowns per element
+  std::vector<std::int32_t> element_begin_;          // first element of each solid, and the end
+  std::vector<std::int32_t> unknown_of_node_;        // global node -> unknown, -1
+  std::vector<std::size_t> node_;                    // unknown -> global node
+  std::vector<std::int32_t> corner_;                 // 8 unknowns per element
   std::vector<std::int32_t> gather_begin_, gather_;  // unknown -> its (8 element + corner) entries
-  std::vector<Real> inertia_;                  // M + dt alpha M_s per unknown [kg]
-  std::vector<Real> node_mass_;                // M per unknown [kg]
+  std::vector<Real> inertia_;                        // M + dt alpha M_s per unknown [kg]
+  std::vector<Real> node_mass_;                      // M per unknown [kg]
   std::vector<Real> free_;
-  std::vector<Real> stiffness_factor_;         // dt^2 + dt beta per solid
+  std::vector<Real> stiffness_factor_;  // dt^2 + dt beta per solid
   std::vector<Real> inverse_diagonal_;
-  std::vector<Real> element_out_;              // 24 values per element
+  std::vector<Real> element_out_;  // 24 values per element
   double h_ = 1.0;
   linalg::PcgWorkspace pcg_;
   linalg::PcrWorkspace pcr_;

@@ -1,0 +1,126 @@
+// Purpose: the constraint stencils against assembled matrices.
+#include <catch2/catch.hpp>
+
+#include "reference/assembled_constraint.hpp"
+#include "system/divergence.hpp"
+#include "unit/system/pressure_case.hpp"
+
+using namespace efsi;
+using namespace efsi::test;
+
+namespace {
+
+constexpr double kTolerance = sizeof(Real) == 8 ? 1e-13 : 2e-6;
+
+system::PressureMultigrid built(const PressureCase& c) {
+  system::PressureMultigrid multigrid;
+  multigrid.build(Parallel(1), c.g, c.walls, c.fixed, c.specific_volume, {});
+  return multigrid;
+}
+
+Eigen::VectorXd to_vector(const PressureCase& c, const std::vector<Real>& cells) {
+  Eigen::VectorXd v(static_cast<Eigen::Index>(c.g.cell_count()));
+  for (int k = 0; k < c.g.cells[2]; ++k)
+    for (int j = 0; j < c.g.cells[1]; ++j)
+      for (int i = 0; i < c.g.cells[0]; ++i)
+        v[static_cast<Eigen::Index>(c.g.cell(i, j, k))] = static_cast<double>(cells[c.g.padded(i, j, k)]);
+  return v;
+}
+
+Eigen::VectorXd to_vector(const reference::AssembledConstraint& twin, const grid::VectorField& v) {
+  Eigen::VectorXd x = Eigen::VectorXd::Zero(twin.j.cols());
+  const grid::Grid& g = twin.g;
+  for (int k = 0; k <= g.cells[2]; ++k)
+    for (int j = 0; j <= g.cells[1]; ++j)
+      for (int i = 0; i <= g.cells[0]; ++i)
+        for (std::size_t a = 0; a < 3; ++a)
+          x[static_cast<Eigen::Index>(3 * twin.own(i, j, k) + a)] = static_cast<double>(v.c[a][g.node(i, j, k)]);
+  return x;
+}
+
+}  // namespace
+
+TEST_CASE("The matrix-free J W J^T is the assembled one, for every kind of wall") {
+  for (const PressureCase& c : pressure_cases({6, 5, 4}, 50.0)) {
+    INFO(c.name);
+    const reference::AssembledConstraint twin(c.g, c.walls, c.specific_volume);
+    const Eigen::SparseMatrix<double> a = twin.matrix();
+    const system::PressureMultigrid multigrid = built(c);
+    std::vector<Real> p = c.random_cells(31), y(p.size(), 0), b = c.random_cells(32), r(p.size(), 0);
+    multigrid.apply(Parallel(1), p, y);
+    const Eigen::VectorXd expected = a * to_vector(c, p);
+    CHECK((to_vector(c, y) - expected).norm() < kTolerance * expected.norm());
+    system::apply_pressure_operator(Parallel(1), multigrid.finest(), p, r, &b);
+    CHECK((to_vector(c, r) - (to_vector(c, b) - expected)).norm() < kTolerance * expected.norm() * 2);
+    const Eigen::VectorXd inverse = to_vector(c, multigrid.finest().inverse_diagonal);
+    for (Eigen::Index i = 0; i < inverse.size(); ++i)
+      CHECK(inverse[i] * a.coeff(i, i) == Approx(a.coeff(i, i) > 0 ? 1.0 : 0.0).epsilon(10 * kTolerance));
+  }
+}
+
+TEST_CASE("Divergence and pressure impulse are J and its transpose") {
+  for (const PressureCase& c : pressure_cases({6, 5, 4}, 1.0)) {
+    INFO(c.name);
+    const reference::AssembledConstraint twin(c.g, c.walls, c.specific_volume);
+    const grid::VectorField v = c.random_velocity(33);
+    std::vector<Real> divergence;
+    system::compute_divergence(Parallel(1), c.g, v, divergence);
+    const double h3 = c.g.h * c.g.h * c.g.h;
+    const Eigen::VectorXd flux = twin.j * to_vector(twin, v);
+    CHECK((h3 * to_vector(c, divergence) - flux).norm() < kTolerance * flux.norm());
+
+    // <J v, p> = <v, J^T p>
+    std::vector<Real> p = c.random_cells(34);
+    grid::fill_ghosts(c.g, p, Real(0));
+    double right = 0.0, size = 0.0;
+    for (int k = 0; k <= c.g.cells[2] - c.g.periodic[2]; ++k)
+      for (int j = 0; j <= c.g.cells[1] - c.g.periodic[1]; ++j)
+        for (int i = 0; i <= c.g.cells[0] - c.g.periodic[0]; ++i) {
+          const Vec3d impulse = system::pressure_impulse(c.g, p, i, j, k).cast<double>();
+          const double term = impulse.dot(v.at(c.g.node(i, j, k)).cast<double>());
+          right += term;
+          size += std::abs(term);
+        }
+    CHECK(h3 * c.dot(divergence, p) == Approx(right).margin(kTolerance * size));
+  }
+}
+
+TEST_CASE("Subtracting the pressure gradient is v - W J^T q") {
+  for (const PressureCase& c : pressure_cases({6, 5, 4}, 50.0)) {
+    INFO(c.name);
+    const reference::AssembledConstraint twin(c.g, c.walls, c.specific_volume);
+    const system::PressureMultigrid multigrid = built(c);
+    std::vector<Real> q = c.random_cells(35);
+    grid::fill_ghosts(c.g, q, Real(0));
+    grid::VectorField v = c.random_velocity(36);
+    const Eigen::VectorXd before = to_vector(twin, v);
+    const Eigen::VectorXd change = twin.w.asDiagonal() * Eigen::VectorXd(twin.j.transpose() * to_vector(c, q));
+    system::subtract_pressure_gradient(Parallel(1), multigrid.finest(), q, v);
+    CHECK((to_vector(twin, v) - (before - change)).norm() < kTolerance * (before.norm() + change.norm()));
+  }
+}
+
+TEST_CASE("A linear velocity has its divergence in every cell, a rotation none") {
+  grid::Grid g;
+  g.cells = {5, 6, 7};
+  g.h = 0.2;
+  grid::VectorField expanding, turning;
+  expanding.assign(g.node_count());
+  turning.assign(g.node_count());
+  for (int k = 0; k <= 7; ++k)
+    for (int j = 0; j <= 6; ++j)
+      for (int i = 0; i <= 5; ++i) {
+        const Vec3d x = g.node_position(i, j, k);
+        expanding.set(g.node(i, j, k), Vec3(Vec3d(2 * x[0] + x[1], -0.5 * x[1], x[2] - x[0]).cast<Real>()));
+        turning.set(g.node(i, j, k), Vec3(Vec3d(-x[1] + x[2], x[0], -x[0]).cast<Real>()));
+      }
+  std::vector<Real> a, b;
+  system::compute_divergence(Parallel(1), g, expanding, a);
+  system::compute_divergence(Parallel(1), g, turning, b);
+  for (int k = 0; k < 7; ++k)
+    for (int j = 0; j < 6; ++j)
+      for (int i = 0; i < 5; ++i) {
+        CHECK(static_cast<double>(a[g.padded(i, j, k)]) == Approx(2.5).epsilon(1e-5));
+        CHECK(std::abs(static_cast<double>(b[g.padded(i, j, k)])) < 1e-5);
+      }
+}

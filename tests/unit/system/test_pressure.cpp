@@ -1,0 +1,193 @@
+// Purpose: preconditioner, pressure solve and projection.
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "unit/system/pressure_case.hpp"
+
+using namespace efsi;
+using namespace efsi::test;
+using system::PressureSolver;
+using system::PressureSystem;
+
+namespace {
+
+constexpr bool kDouble = sizeof(Real) == 8;
+
+double distance(const grid::VectorField& a, const grid::VectorField& b) {
+  double sum = 0.0;
+  for (std::size_t c = 0; c < 3; ++c)
+    for (std::size_t n = 0; n < a.size(); ++n)
+      sum += std::pow(static_cast<double>(a.c[c][n]) - static_cast<double>(b.c[c][n]), 2);
+  return std::sqrt(sum);
+}
+
+PressureSystem assembled(const PressureCase& c, int threads = 1) {
+  PressureSystem system;
+  system.assemble(Parallel(threads), c.g, c.walls, c.fixed, c.specific_volume, {}, {});
+  return system;
+}
+
+// Twice the kinetic energy; periodic copies count twice, which does not matter here.
+double energy(const PressureCase& c, const grid::VectorField& v) {
+  double sum = 0.0;
+  for (std::size_t n = 0; n < v.size(); ++n)
+    sum += v.at(n).cast<double>().squaredNorm() / static_cast<double>(c.specific_volume[n]);
+  return sum;
+}
+
+}  // namespace
+
+TEST_CASE("The preconditioner is symmetric and positive definite, for every kind of wall and odd sizes") {
+  for (const Vec3i& cells : {Vec3i{16, 12, 14}, Vec3i{13, 15, 17}})
+    for (const PressureCase& c : pressure_cases(cells, 1000.0)) {
+      if ((c.g.periodic[0] && cells[0] % 2) || (c.g.periodic[1] && cells[1] % 2)) continue;
+      INFO(c.name << " " << cells[0]);
+      const Parallel parallel(1);
+      system::PressureMultigrid multigrid;
+      multigrid.build(parallel, c.g, c.walls, c.fixed, c.specific_volume, {});
+      for (unsigned seed = 1; seed <= 3; ++seed) {
+        const std::vector<Real> r = c.random_cells(seed), s = c.random_cells(seed + 50);
+        std::vector<Real> br(r.size(), 0), bs(r.size(), 0);
+        multigrid.precondition(parallel, r, br);
+        multigrid.precondition(parallel, s, bs);
+        const double rr = c.dot(r, br), ss = c.dot(s, bs);
+        CHECK(rr > 0.0);
+        CHECK(ss > 0.0);
+        CHECK(std::abs(c.dot(s, br) - c.dot(r, bs)) < (kDouble ? 1e-12 : 1e-5) * std::sqrt(rr * ss));
+      }
+    }
+}
+
+TEST_CASE("Projection leaves no divergence and is idempotent", "[law]") {
+  const double tolerance = kDouble ? 1e-8 : 1e-4;
+  for (const double contrast : {1.0, 1000.0})
+    for (const PressureCase& c : pressure_cases({16, 12, 14}, contrast)) {
+      INFO(c.name << ", density ratio " << contrast);
+      const Parallel parallel(1);
+      PressureSystem system = assembled(c);
+      grid::VectorField v = c.random_velocity(41);
+      const double energy_before = energy(c, v);
+      std::vector<Real> q(c.g.padded_count(), 0);
+      const double before = system.norms(parallel, v, {}).all;
+      const auto stats = system.solve(parallel, PressureSolver::kMultigridPcg, v, {}, tolerance, q);
+      CHECK(stats.converged);
+      CHECK(stats.residual <= tolerance);
+      system.project(parallel, q, v);
+      const system::DivergenceNorms after = system.norms(parallel, v, {});
+      CHECK(after.all < 2.0 * tolerance * before);
+      CHECK(after.max <= after.all * (1 + 1e-9));
+      CHECK(energy(c, v) < energy_before);
+      // What walls fix stays fixed.
+      for (std::size_t n = 0; n < v.size(); ++n)
+        for (std::size_t a = 0; a < 3; ++a)
+          if (c.fixed[n] & (1u << a)) REQUIRE(v.c[a][n] == 0);
+      // Again: the velocity of a projection stays as it is.
+      const grid::VectorField once = v;
+      std::fill(q.begin(), q.end(), Real(0));
+      system.solve(parallel, PressureSolver::kMultigridPcg, v, {}, 0.1, q);
+      system.project(parallel, q, v);
+      grid::VectorField zero;
+      zero.assign(v.size());
+      CHECK(distance(v, once) < 30.0 * tolerance * distance(once, zero));
+    }
+}
+
+TEST_CASE("Both pressure solvers give the same velocity") {
+  const double tolerance = kDouble ? 1e-7 : 1e-4;
+  for (const PressureCase& c : pressure_cases({10, 10, 10}, 20.0)) {
+    INFO(c.name);
+    const Parallel parallel(1);
+    PressureSystem system = assembled(c);
+    const grid::VectorField start = c.random_velocity(42);
+    grid::VectorField result[2] = {start, start};
+    for (int s = 0; s < 2; ++s) {
+      std::vector<Real> q(c.g.padded_count(), 0);
+      system.solve(parallel, s ? PressureSolver::kPcr : PressureSolver::kMultigridPcg, start, {}, tolerance, q);
+      system.project(parallel, q, result[s]);
+    }
+    CHECK(distance(result[0], result[1]) < 0.01 * distance(start, result[0]));
+  }
+}
+
+TEST_CASE("A wanted divergence is met; in a closed box its mean is taken off", "[law]") {
+  const double tolerance = kDouble ? 1e-8 : 1e-4;
+  for (const PressureCase& c : pressure_cases({12, 10, 14}, 10.0)) {
+    INFO(c.name);
+    const Parallel parallel(1);
+    PressureSystem system = assembled(c);
+    grid::VectorField v;
+    v.assign(c.g.node_count());
+    std::vector<Real> source(c.g.padded_count(), 0), q(c.g.padded_count(), 0), divergence;
+    source[c.g.padded(5, 5, 6)] = 1;
+    const auto stats = system.solve(parallel, PressureSolver::kMultigridPcg, v, source, tolerance, q);
+    CHECK(stats.converged);
+    system.project(parallel, q, v);
+    system::compute_divergence(parallel, c.g, v, divergence);
+    const double mean = c.walls.any_open() ? 0.0 : 1.0 / static_cast<double>(c.g.cell_count());
+    CHECK(static_cast<double>(divergence[c.g.padded(5, 5, 6)]) == Approx(1.0 - mean).margin(5 * tolerance));
+    CHECK(static_cast<double>(divergence[c.g.padded(2, 3, 4)]) == Approx(-mean).margin(5 * tolerance));
+  }
+}
+
+TEST_CASE("Cells without an equation have no pressure and are left alone") {
+  using grid::Wall;
+  constexpr Wall s = Wall::kSlip;
+  PressureCase c("vacuum", {14, 14, 14}, {s, s, s, s, s, s}, 1.0);
+  std::vector<std::uint8_t> active(c.g.padded_count(), 0);
+  for (int k = 4; k < 10; ++k)
+    for (int j = 4; j < 10; ++j)
+      for (int i = 4; i < 10; ++i) active[c.g.padded(i, j, k)] = 1;
+  std::fill(c.specific_volume.begin(), c.specific_volume.end(), Real(0));
+  for (int k = 4; k <= 10; ++k)
+    for (int j = 4; j <= 10; ++j)
+      for (int i = 4; i <= 10; ++i) c.specific_volume[c.g.node(i, j, k)] = 1;
+  const Parallel parallel(1);
+  PressureSystem system;
+  system.assemble(parallel, c.g, c.walls, c.fixed, c.specific_volume, active, active);
+  grid::VectorField v = c.random_velocity(43);
+  const grid::VectorField start = v;
+  std::vector<Real> q(c.g.padded_count(), 0), divergence;
+  const double tolerance = kDouble ? 1e-8 : 1e-4;
+  const system::DivergenceNorms before = system.norms(parallel, v, {});
+  CHECK(system.solve(parallel, PressureSolver::kMultigridPcg, v, {}, tolerance, q).converged);
+  system.project(parallel, q, v);
+  const system::DivergenceNorms after = system.norms(parallel, v, {});
+  CHECK(after.solid < 2.0 * tolerance * before.solid);
+  CHECK(after.all == Approx(after.solid));
+  for (int i = 0; i < 14; ++i)
+    if (i < 4 || i >= 10) CHECK(q[c.g.padded(i, 6, 6)] == 0);
+  CHECK(v.at(c.g.node(1, 2, 3)) == start.at(c.g.node(1, 2, 3)));
+}
+
+TEST_CASE("Multigrid needs few iterations whatever the density ratio") {
+  using grid::Wall;
+  constexpr Wall s = Wall::kSlip;
+  for (const double contrast : {1.0, 1e3, 1e-3}) {
+    PressureCase c("slip", {32, 28, 32}, {s, s, s, s, s, s}, contrast);
+    const Parallel parallel(1);
+    PressureSystem system = assembled(c);
+    const grid::VectorField v = c.random_velocity(44);
+    std::vector<Real> q(c.g.padded_count(), 0);
+    const auto stats = system.solve(parallel, PressureSolver::kMultigridPcg, v, {}, 0.015, q);
+    INFO("density ratio " << contrast << ": " << stats.iterations);
+    CHECK(stats.converged);
+    CHECK(stats.iterations <= 20);
+  }
+}
+
+TEST_CASE("The pressure solve gives the same bits for 1, 2, 3 and 8 threads", "[determinism]") {
+  const PressureCase c = pressure_cases({16, 12, 14}, 1000.0)[4];
+  const grid::VectorField start = c.random_velocity(45);
+  std::vector<Real> first;
+  for (int threads : {1, 2, 3, 8}) {
+    const Parallel parallel(threads);
+    PressureSystem system = assembled(c, threads);
+    std::vector<Real> q(c.g.padded_count(), 0);
+    grid::VectorField v = start;
+    system.solve(parallel, PressureSolver::kMultigridPcg, v, {}, 1e-3, q);
+    system.project(parallel, q, v);
+    q.insert(q.end(), v.c[0].begin(), v.c[0].end());
+    if (first.empty()) first = q;
+    CHECK(q == first);
+  }
+}

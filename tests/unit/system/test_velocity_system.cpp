@@ -1,0 +1,170 @@
+// Purpose: the semi-implicit velocity system against a matrix assembled from the elements.
+#include <Eigen/Dense>
+#include <catch2/catch.hpp>
+#include <random>
+
+#include "system/velocity_system.hpp"
+#include "unit/solid/ball.hpp"
+
+using namespace efsi;
+using namespace efsi::test;
+using system::SolidRef;
+using system::VelocitySolver;
+using system::VelocitySystem;
+
+namespace {
+
+constexpr double kTolerance = sizeof(Real) == 8 ? 1e-11 : 2e-5;
+constexpr double kDt = 0.01;
+
+// Two balls that share nodes, one of them damped, deformed a little; the first touches the floor.
+struct Scene {
+  grid::Grid g = cube_grid(14, 0.05);
+  grid::Walls walls;
+  std::vector<std::uint8_t> fixed;
+  std::vector<Real> mass;
+  TestSolid solids[2];
+  VelocitySystem system;
+
+  explicit Scene(int threads = 1) {
+    const auto soft = material::from_youngs_modulus(material::Law::kCorotational, 2e4, 0.3);
+    const auto stiff = material::from_youngs_modulus(material::Law::kStableNeoHookean, 1e5, 0.4);
+    solids[0] = make_ball(g, soft, {0.3, 0.11, 0.3}, 0.13);
+    solids[1] = make_ball(g, stiff, {0.38, 0.35, 0.35}, 0.13);
+    solids[1].rest.rayleigh_alpha = 3.0;
+    solids[1].rest.rayleigh_beta = 0.004;
+    fixed = grid::fixed_by_walls(g, walls);
+    mass.assign(g.node_count(), static_cast<Real>(g.h * g.h * g.h));
+    std::vector<SolidRef> refs;
+    for (TestSolid& s : solids) {
+      set_displacement(s, [](const Vec3d& x) { return Vec3d(0.01 * std::sin(9 * x[1]), 0.05 * x[2] * x[0], -0.03 * x[1]); });
+      compute(s, 1, threads);
+      for (std::size_t n = 0; n < mass.size(); ++n) mass[n] += s.work.mass[n];  // bands are the whole grid
+      refs.push_back({&s.rest, &s.state, &s.work});
+    }
+    system.assemble(Parallel(threads), g, fixed, refs, mass, kDt);
+  }
+  std::vector<Real> random_vector(unsigned seed) const {
+    std::mt19937 random(seed);
+    std::normal_distribution<double> normal;
+    std::vector<Real> x(3 * static_cast<std::size_t>(system.unknowns()));
+    for (Real& v : x) v = static_cast<Real>(normal(random));
+    return x;
+  }
+  // G from the stiffness of each element, walls as identity rows and columns.
+  Eigen::MatrixXd assembled() const {
+    std::vector<int> unknown(g.node_count(), -1);
+    for (std::size_t u = 0; u < system.nodes().size(); ++u) unknown[system.nodes()[u]] = static_cast<int>(u);
+    const auto size = static_cast<Eigen::Index>(3 * system.unknowns());
+    Eigen::MatrixXd m = Eigen::MatrixXd::Zero(size, size);
+    const auto corner = grid::corner_offsets(g);
+    for (const TestSolid& s : solids) {
+      const double factor = kDt * kDt + kDt * s.rest.rayleigh_beta;
+      for (std::size_t e = 0; e < s.work.element_cell.size(); ++e)
+        for (int c = 0; c < 24; ++c) {
+          Real in[24] = {}, out[24];
+          in[c] = 1;
+          solid::element_stiffness(s.work, g.h, e, in, out);
+          const auto place = [&](int i) {
+            return 3 * unknown[static_cast<std::size_t>(s.work.element_corner[e]) + corner[static_cast<std::size_t>(i / 3)]] +
+                   i % 3;
+          };
+          for (int r = 0; r < 24; ++r) m(place(r), place(c)) += factor * static_cast<double>(out[r]);
+        }
+      for (std::size_t u = 0; u < system.nodes().size(); ++u)
+        for (Eigen::Index a = 0; a < 3; ++a)
+          m(static_cast<Eigen::Index>(3 * u) + a, static_cast<Eigen::Index>(3 * u) + a) +=
+              kDt * s.rest.rayleigh_alpha * (s.work.carries[system.nodes()[u]] ? static_cast<double>(s.work.mass[system.nodes()[u]]) : 0.0);
+    }
+    for (std::size_t u = 0; u < system.nodes().size(); ++u)
+      for (unsigned a = 0; a < 3; ++a) {
+        const auto i = static_cast<Eigen::Index>(3 * u + a);
+        m(i, i) += static_cast<double>(mass[system.nodes()[u]]);
+        if (!(fixed[system.nodes()[u]] & (1u << a))) continue;
+        m.row(i).setZero();
+        m.col(i).setZero();
+        m(i, i) = 1.0;
+      }
+    return m;
+  }
+};
+
+Eigen::VectorXd to_vector(const std::vector<Real>& x) {
+  Eigen::VectorXd v(static_cast<Eigen::Index>(x.size()));
+  for (std::size_t i = 0; i < x.size(); ++i) v[static_cast<Eigen::Index>(i)] = static_cast<double>(x[i]);
+  return v;
+}
+
+}  // namespace
+
+TEST_CASE("The matrix-free G is the assembled one, symmetric and positive definite") {
+  Scene scene;
+  const Eigen::MatrixXd g = scene.assembled();
+  REQUIRE(g.rows() == 3 * scene.system.unknowns());
+  CHECK((g - g.transpose()).norm() < kTolerance * g.norm());
+  const std::vector<Real> x = scene.random_vector(51), z = scene.random_vector(52);
+  std::vector<Real> y(x.size()), w(x.size());
+  scene.system.apply(Parallel(1), x, y);
+  scene.system.apply(Parallel(1), z, w);
+  const Eigen::VectorXd expected = g * to_vector(x);
+  CHECK((to_vector(y) - expected).norm() < kTolerance * expected.norm());
+  CHECK(to_vector(x).dot(to_vector(y)) > 0.0);
+  // <G x, z> = <x, G z> on the components that walls leave free.
+  const Eigen::VectorXd f = to_vector(scene.system.free());
+  const Eigen::VectorXd xf = f.cwiseProduct(to_vector(x)), zf = f.cwiseProduct(to_vector(z));
+  CHECK(f.sum() < static_cast<double>(f.size()));
+  CHECK(zf.dot(g * xf) == Approx(xf.dot(g * zf)).epsilon(100 * kTolerance));
+}
+
+TEST_CASE("Both velocity solvers find the solution of a direct solve") {
+  Scene scene;
+  std::vector<Real> b = scene.random_vector(53);
+  for (std::size_t i = 0; i < b.size(); ++i) b[i] *= scene.system.free()[i];
+  const Eigen::VectorXd exact = scene.assembled().ldlt().solve(to_vector(b));
+  const double tolerance = sizeof(Real) == 8 ? 1e-9 : 1e-5;
+  for (const auto solver : {VelocitySolver::kPcg, VelocitySolver::kPcr}) {
+    std::vector<Real> x(b.size(), 0);
+    const auto stats = scene.system.solve(Parallel(1), solver, b, x, tolerance);
+    CHECK(stats.converged);
+    CHECK((to_vector(x) - exact).norm() < 300.0 * tolerance * exact.norm());
+  }
+}
+
+TEST_CASE("Internal forces of a solid in the open sum to zero", "[law]") {
+  Scene scene;
+  std::vector<Real> force;
+  scene.system.internal_force(Parallel(1), force);
+  Vec3d sum = Vec3d::Zero(), size = Vec3d::Zero();
+  for (std::size_t u = 0; u < force.size() / 3; ++u) {
+    const Vec3d f(force[3 * u], force[3 * u + 1], force[3 * u + 2]);
+    sum += f;
+    size += f.cwiseAbs();
+  }
+  for (int a = 0; a < 3; ++a) CHECK(std::abs(sum[a]) < kTolerance * size[a]);
+  CHECK(size.minCoeff() > 0.0);
+}
+
+TEST_CASE("Gather and scatter are inverse to each other on the unknowns") {
+  Scene scene;
+  const std::vector<Real> x = scene.random_vector(54);
+  grid::VectorField field;
+  field.assign(scene.g.node_count(), 7);
+  scene.system.scatter(Parallel(1), x, field);
+  std::vector<Real> y;
+  scene.system.gather(Parallel(1), field, y);
+  CHECK(x == y);
+  std::size_t untouched = 0;
+  for (Real v : field.c[0]) untouched += v == 7;
+  CHECK(untouched == scene.g.node_count() - static_cast<std::size_t>(scene.system.unknowns()));
+}
+
+TEST_CASE("The velocity system gives the same bits for 1, 2, 3 and 8 threads", "[determinism]") {
+  std::vector<Real> first;
+  for (int threads : {1, 2, 3, 8}) {
+    Scene scene(threads);
+    std::vector<Real> b = scene.random_vector(55), x(b.size(), 0);
+    scene.system.solve(Parallel(threads), VelocitySolver::kPcg, b, x, 1e-3);
+    if (first.empty()) first = x;
+    CHECK(x == first);
+  }
+}
