@@ -20,7 +20,7 @@ struct Numerics {
   system::VelocitySolver velocity_solver = system::VelocitySolver::kPcg;
   system::PressureSolver pressure_solver = system::PressureSolver::kMultigridPcg;
   double velocity_tolerance = 1e-3;
-  double pressure_tolerance = 0.015;
+  double pressure_tolerance = 0.018;
   int points_per_element = 1;
   solid::AdvectionScheme solid_advection = solid::AdvectionScheme::kMacCormack;
   bool corrected_fluid_advection = true;

@@ -92,18 +92,26 @@ DivergenceNorms PressureSystem::norms(const Parallel& parallel, const VectorFiel
     if (!active.empty() && !active[c]) return 0.0;
     return static_cast<double>(divergence_[c]) - (source.empty() ? 0.0 : static_cast<double>(source[c]));
   };
-  DivergenceNorms norms;
-  norms.all = std::sqrt(sum_cells(parallel, grid_, [&](std::size_t c) { return value(c) * value(c); }));
-  if (!solid_cell_.empty())
-    norms.solid = std::sqrt(
-        sum_cells(parallel, grid_, [&](std::size_t c) { return solid_cell_[c] ? value(c) * value(c) : 0.0; }));
-  norms.max = parallel.max(grid_.cells[2], 0.0, [&](std::int64_t k) {
-    double top = 0.0;
-    for (int j = 0; j < grid_.cells[1]; ++j)
-      for (int i = 0; i < grid_.cells[0]; ++i)
-        top = std::max(top, std::abs(value(grid_.padded(i, j, static_cast<int>(k)))));
-    return top;
+  std::vector<DivergenceNorms> planes(static_cast<std::size_t>(grid_.cells[2]));
+  parallel.for_each(grid_.cells[2], [&](std::int64_t k) {
+    DivergenceNorms sums;
+    for (int j = 0; j < grid_.cells[1]; ++j) {
+      const std::size_t row = grid_.padded(0, j, static_cast<int>(k));
+      for (std::size_t c = row; c < row + static_cast<std::size_t>(grid_.cells[0]); ++c) {
+        const double square = value(c) * value(c);
+        sums.all += square;
+        if (!solid_cell_.empty() && solid_cell_[c]) sums.solid += square;
+      }
+    }
+    planes[static_cast<std::size_t>(k)] = sums;
   });
+  DivergenceNorms norms;
+  for (const DivergenceNorms& sums : planes) {
+    norms.all += sums.all;
+    norms.solid += sums.solid;
+  }
+  norms.all = std::sqrt(norms.all);
+  norms.solid = std::sqrt(norms.solid);
   return norms;
 }
 

@@ -16,7 +16,6 @@ enum class PressureSolver : std::int32_t { kMultigridPcg = 0, kPcr = 1 };
 
 struct DivergenceNorms {
   double all = 0.0, solid = 0.0;  // 2-norm of div v over cells [1/s]
-  double max = 0.0;
 };
 
 class PressureSystem {

@@ -133,8 +133,6 @@ void check_solid(const std::string& file, bool closed, std::uint64_t holes) {
   CHECK_FALSE(shape.touches_border);
   CHECK(shape.steepest < 1.5);
   CHECK(shape.buried < 0.001);
-  WARN(file << " " << shape.components << " steep " << shape.steepest << " buried " << shape.buried << " v "
-            << report.solid_volume << " " << volume_by_points(*mesh));
 }
 
 }  // namespace

@@ -1,0 +1,148 @@
+// Purpose: mesh files of several formats give one polygon mesh; bad files are refused with path and reason.
+#include <catch2/catch.hpp>
+#include <cstring>
+#include <fstream>
+#include <numeric>
+
+#include "base/error.hpp"
+#include "geometry/mesh_topology.hpp"
+#include "io/mesh_reader.hpp"
+#include "unit/io/scratch.hpp"
+
+using namespace efsi;
+using namespace efsi::io;
+using Catch::Matchers::Contains;
+
+namespace {
+
+void write_text(const std::string& path, const std::string& text) { std::ofstream(path, std::ios::binary) << text; }
+
+geometry::TriangleMesh triangles_of(const PolygonMesh& mesh) {
+  std::vector<Vec3d> points;
+  for (const auto& p : mesh.points) points.emplace_back(p[0], p[1], p[2]);
+  return geometry::triangulate(points, mesh.face_vertex_counts, mesh.face_vertex_indices);
+}
+
+const char* const kCubePoints = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 0 0 1\nv 1 0 1\nv 0 1 1\nv 1 1 1\n";
+const char* const kCubeFaces = "f 1 3 4 2\nf 1 2 6 5\nf 2 4 8 6\nf 4 3 7 8\nf 3 1 5 7\nf 5 6 8 7\n";
+
+// The unit cube as a binary STL: twelve triangles with points of their own.
+std::string cube_stl() {
+  const int faces[6][4] = {{0, 2, 3, 1}, {0, 1, 5, 4}, {1, 3, 7, 5}, {3, 2, 6, 7}, {2, 0, 4, 6}, {4, 5, 7, 6}};
+  std::string bytes(80, ' ');
+  const auto append = [&](const auto& value) { bytes.append(reinterpret_cast<const char*>(&value), sizeof value); };
+  append(std::uint32_t{12});
+  for (const auto& face : faces) {
+    for (const auto& corners : {std::array<int, 3>{0, 1, 2}, std::array<int, 3>{0, 2, 3}}) {
+      for (int n = 0; n < 3; ++n) append(0.0f);
+      for (const int corner : corners)
+        for (int axis = 0; axis < 3; ++axis) append(static_cast<float>(face[corner] >> axis & 1));
+      append(std::uint16_t{0});
+    }
+  }
+  return bytes;
+}
+
+std::string base64(const std::string& bytes) {
+  const char* digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string text;
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    const auto byte = [&](std::size_t n) {
+      return i + n < bytes.size() ? static_cast<unsigned char>(bytes[i + n]) : 0u;
+    };
+    const std::uint32_t word = byte(0) << 16 | byte(1) << 8 | byte(2);
+    for (int n = 0; n < 4; ++n) text += i + n <= bytes.size() ? digits[word >> (18 - 6 * n) & 63] : '=';
+  }
+  return text;
+}
+
+// A glTF scene with the unit cube under a node moved by (10, 0, 0) whose child scales by (-2, 1, 1).
+std::string cube_gltf() {
+  const int faces[6][4] = {{0, 2, 3, 1}, {0, 1, 5, 4}, {1, 3, 7, 5}, {3, 2, 6, 7}, {2, 0, 4, 6}, {4, 5, 7, 6}};
+  std::string bytes;
+  const auto append = [&](const auto& value) { bytes.append(reinterpret_cast<const char*>(&value), sizeof value); };
+  for (int corner = 0; corner < 8; ++corner)
+    for (int axis = 0; axis < 3; ++axis) append(static_cast<float>(corner >> axis & 1));
+  for (const auto& face : faces)
+    for (const int n : {0, 1, 2, 0, 2, 3}) append(static_cast<std::uint16_t>(face[n]));
+  return R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],
+    "nodes":[{"translation":[10,0,0],"children":[1]},{"scale":[-2,1,1],"mesh":0}],
+    "meshes":[{"primitives":[{"attributes":{"POSITION":0},"indices":1}]}],
+    "accessors":[{"bufferView":0,"componentType":5126,"count":8,"type":"VEC3","min":[0,0,0],"max":[1,1,1]},
+                 {"bufferView":1,"componentType":5123,"count":36,"type":"SCALAR"}],
+    "bufferViews":[{"buffer":0,"byteOffset":0,"byteLength":96},{"buffer":0,"byteOffset":96,"byteLength":72}],
+    "buffers":[{"byteLength":168,"uri":"data:application/octet-stream;base64,)" +
+         base64(bytes) + R"("}]})";
+}
+
+std::string refusal(const std::string& path, ErrorCode code) {
+  try {
+    read_mesh(path);
+  } catch (const Error& error) {
+    CHECK(error.code() == code);
+    return error.what();
+  }
+  return "accepted";
+}
+
+}  // namespace
+
+TEST_CASE("An OBJ file keeps its polygons, joins split points and leaves lines out") {
+  const Scratch scratch;
+  write_text(scratch / "cube.obj", std::string(kCubePoints) + kCubeFaces);
+  const PolygonMesh cube = read_mesh(scratch / "cube.obj");
+  CHECK(cube.points.size() == 8);
+  CHECK(cube.face_vertex_counts == std::vector<std::int32_t>(6, 4));
+  CHECK(geometry::signed_volume(triangles_of(cube)) == Approx(1.0));
+
+  // Two objects with a common edge, a second copy of its points, and a line.
+  write_text(scratch / "two.obj",
+             "o first\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\no second\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 4 6 5\nl 1 6\n");
+  const PolygonMesh two = read_mesh(scratch / "two.obj");
+  CHECK(two.points.size() == 4);
+  CHECK(two.face_vertex_counts == std::vector<std::int32_t>{3, 3});
+}
+
+TEST_CASE("STL, PLY and glTF files give the same closed cube") {
+  const Scratch scratch;
+  write_text(scratch / "cube.stl", cube_stl());
+  write_text(scratch / "cube.ply",
+             "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\n"
+             "element face 6\nproperty list uchar int vertex_indices\nend_header\n"
+             "0 0 0\n1 0 0\n0 1 0\n1 1 0\n0 0 1\n1 0 1\n0 1 1\n1 1 1\n"
+             "4 0 2 3 1\n4 0 1 5 4\n4 1 3 7 5\n4 3 2 6 7\n4 2 0 4 6\n4 4 5 7 6\n");
+  for (const char* name : {"cube.stl", "cube.ply"}) {
+    const PolygonMesh mesh = read_mesh(scratch / name);
+    INFO(name);
+    CHECK(mesh.points.size() == 8);
+    CHECK(geometry::inspect(triangles_of(mesh)).closed);
+    CHECK(geometry::signed_volume(triangles_of(mesh)) == Approx(1.0));
+  }
+}
+
+TEST_CASE("Transforms of nodes are applied, mirrored meshes keep their outside") {
+  const Scratch scratch;
+  write_text(scratch / "cube.gltf", cube_gltf());
+  const geometry::TriangleMesh mesh = triangles_of(read_mesh(scratch / "cube.gltf"));
+  CHECK(geometry::extents(mesh).min == Vec3d(8, 0, 0));
+  CHECK(geometry::extents(mesh).max == Vec3d(10, 1, 1));
+  CHECK(geometry::signed_volume(mesh) == Approx(2.0));
+}
+
+TEST_CASE("A file that is no mesh is refused with path and reason") {
+  const Scratch scratch;
+  CHECK_THAT(refusal(scratch / "missing.obj", ErrorCode::kIo), Contains("missing.obj: cannot be read: No such file"));
+  CHECK_THAT(refusal(scratch / "", ErrorCode::kIo), Contains("is a folder"));
+  write_text(scratch / "notes.txt", "not a mesh");
+  CHECK_THAT(refusal(scratch / "notes.txt", ErrorCode::kMesh), Contains("notes.txt: not a readable mesh: "));
+  write_text(scratch / "empty.obj", "");
+  CHECK_THAT(refusal(scratch / "empty.obj", ErrorCode::kMesh), Contains("empty.obj: "));
+  write_text(scratch / "cut.stl", cube_stl().substr(0, 300));
+  CHECK_THAT(refusal(scratch / "cut.stl", ErrorCode::kMesh), Contains("cut.stl: not a readable mesh: "));
+  write_text(scratch / "points.ply",
+             "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
+             "end_header\n0 0 0\n");
+  CHECK_THAT(refusal(scratch / "points.ply", ErrorCode::kMesh), Contains("points.ply: "));
+  write_text(scratch / "nan.obj", "v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n");
+  CHECK_THAT(refusal(scratch / "nan.obj", ErrorCode::kMesh), Contains("nan.obj: "));
+}

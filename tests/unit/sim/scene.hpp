@@ -1,0 +1,79 @@
+// Purpose: small scenes for the tests of whole steps.
+#pragma once
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <memory>
+
+#include "sim/checkpoint.hpp"
+#include "sim/simulation.hpp"
+
+namespace efsi::test {
+
+// A sphere of bands of triangles, counter-clockwise seen from outside.
+inline geometry::TriangleMesh ball_mesh(const Vec3d& center, double radius, int bands = 16) {
+  constexpr double kPi = 3.14159265358979323846;
+  const int around = 2 * bands;
+  geometry::TriangleMesh mesh;
+  mesh.points.push_back(center - Vec3d(0, 0, radius));
+  for (int b = 1; b < bands; ++b)
+    for (int a = 0; a < around; ++a) {
+      const double t = kPi * b / bands, p = 2.0 * kPi * a / around;
+      mesh.points.push_back(center + radius * Vec3d(std::sin(t) * std::cos(p), std::sin(t) * std::sin(p), -std::cos(t)));
+    }
+  mesh.points.push_back(center + Vec3d(0, 0, radius));
+  const auto top = static_cast<std::int32_t>(mesh.points.size() - 1);
+  const auto at = [&](int b, int a) { return static_cast<std::int32_t>(1 + (b - 1) * around + a % around); };
+  for (int a = 0; a < around; ++a) {
+    mesh.triangles.push_back({0, at(1, a + 1), at(1, a)});
+    for (int b = 1; b + 1 < bands; ++b) {
+      mesh.triangles.push_back({at(b, a), at(b, a + 1), at(b + 1, a + 1)});
+      mesh.triangles.push_back({at(b, a), at(b + 1, a + 1), at(b + 1, a)});
+    }
+    mesh.triangles.push_back({top, at(bands - 1, a), at(bands - 1, a + 1)});
+  }
+  return mesh;
+}
+
+// A box of air at rest, cells of 0.02 m, slip walls.
+inline sim::Params box_params(const Vec3d& size, double h = 0.02) {
+  sim::Params p;
+  p.domain_size = size;
+  p.voxel_size = h;
+  p.gravity = {0, -9.8, 0};
+  p.threads = 1;
+  return p;
+}
+
+// The authors' ball: lambda 5000 Pa, mu 10000 Pa, 1000 kg/m^3.
+inline sim::SolidDesc ball_desc(const Vec3d& center, double radius = 0.1) {
+  sim::SolidDesc d;
+  d.surface = ball_mesh(center, radius);
+  d.density = 1000.0;
+  d.youngs_modulus = 1e4 * (3 * 5000.0 + 2e4) / 1.5e4;
+  d.poissons_ratio = 1.0 / 6.0;
+  return d;
+}
+
+inline std::unique_ptr<sim::Simulation> make_simulation(const sim::Params& p,
+                                                        const std::vector<sim::SolidDesc>& solids = {}) {
+  auto s = std::make_unique<sim::Simulation>(p, Log{});
+  geometry::MeshReport report;
+  for (const auto& d : solids) s->add_solid(d, report);
+  return s;
+}
+
+inline bool all_finite(const sim::State& state) {
+  const auto check = [](const std::vector<Real>& v) {
+    for (Real x : v)
+      if (!std::isfinite(x)) return false;
+    return true;
+  };
+  bool good = check(state.fluid.pressure) && check(state.fluid.smoke);
+  for (const auto& c : state.fluid.velocity.c) good = good && check(c);
+  for (const auto& s : state.solids)
+    for (std::size_t a = 0; a < 3; ++a) good = good && check(s.u.c[a]) && check(s.v.c[a]);
+  return good;
+}
+
+}  // namespace efsi::test

@@ -1,0 +1,134 @@
+// Purpose: checkpoints: round trip, damage, other scenes.
+#include <filesystem>
+#include <fstream>
+#include <random>
+
+#include "base/error.hpp"
+#include "unit/sim/scene.hpp"
+
+using namespace efsi;
+using namespace efsi::test;
+namespace fs = std::filesystem;
+
+namespace {
+
+// A file in a folder of its own, removed at the end.
+struct TemporaryFile {
+  fs::path folder, path;
+  TemporaryFile() {
+    folder = fs::temp_directory_path() / ("efsi_checkpoint_" + std::to_string(std::random_device{}()));
+    fs::create_directories(folder);
+    path = folder / "state.ckpt";
+  }
+  ~TemporaryFile() { fs::remove_all(folder); }
+  std::string name() const { return path.string(); }
+};
+
+std::unique_ptr<sim::Simulation> scene(double density = 1000.0, int threads = 1) {
+  sim::Params p = box_params({0.3, 0.3, 0.3}, 0.025);
+  p.threads = threads;
+  sim::SolidDesc d = ball_desc({0.15, 0.12, 0.15}, 0.08);
+  d.density = density;
+  d.velocity = {0.3, -2.0, 0.1};
+  auto s = make_simulation(p, {d});
+  fluid::Emitter e;
+  e.mode = fluid::Emitter::Mode::kContinuous;
+  e.end_time = 10.0;
+  e.temperature = 2.0;
+  e.from_world.topLeftCorner<3, 3>() *= 8.0;
+  e.from_world.topRightCorner<3, 1>().setConstant(-2.0);
+  s->add_emitter(e);
+  return s;
+}
+
+int refused(const std::function<void()>& body) {
+  try {
+    body();
+  } catch (const Error& error) {
+    return static_cast<int>(error.code());
+  }
+  return 0;
+}
+
+}  // namespace
+
+TEST_CASE("Restoring and going on equals the uninterrupted run bit for bit", "[determinism]") {
+  const TemporaryFile file;
+  auto whole = scene(), first = scene();
+  for (int n = 0; n < 5; ++n) whole->step(0.02);
+  for (int n = 0; n < 2; ++n) first->step(0.02);
+  sim::save_checkpoint(*first, file.name());
+  CHECK_FALSE(fs::exists(file.name() + ".tmp"));
+  auto second = scene(1000.0, 3);  // another thread count
+  sim::restore_checkpoint(*second, file.name());
+  CHECK(sim::state_hash(second->state()) == sim::state_hash(first->state()));
+  CHECK(second->state().steps == 2);
+  for (int n = 0; n < 3; ++n) second->step(0.02);
+  CHECK(sim::state_hash(second->state()) == sim::state_hash(whole->state()));
+  CHECK(second->diagnose_solid(0).rest_volume_cells == whole->diagnose_solid(0).rest_volume_cells);
+  // A simulation that has moved on can go back, too.
+  sim::restore_checkpoint(*second, file.name());
+  for (int n = 0; n < 3; ++n) second->step(0.02);
+  CHECK(sim::state_hash(second->state()) == sim::state_hash(whole->state()));
+}
+
+TEST_CASE("A damaged checkpoint is refused and changes nothing") {
+  const TemporaryFile file;
+  auto s = scene();
+  s->step(0.02);
+  sim::save_checkpoint(*s, file.name());
+  const auto size = fs::file_size(file.path);
+  auto other = scene();
+  other->step(0.01);
+  const std::uint64_t before = sim::state_hash(other->state());
+  const auto flip = [&](std::uintmax_t at) {
+    std::fstream f(file.path, std::ios::in | std::ios::out | std::ios::binary);
+    f.seekg(static_cast<std::streamoff>(at));
+    const char c = static_cast<char>(f.get());
+    f.seekp(static_cast<std::streamoff>(at));
+    f.put(static_cast<char>(c ^ 0x40));
+  };
+  const int io = static_cast<int>(ErrorCode::kIo), checkpoint = static_cast<int>(ErrorCode::kCheckpoint);
+  // Values, an array's length, the stored hash, the version.
+  for (const std::uintmax_t at : {size / 2, size - 3, std::uintmax_t{32 + 32}, std::uintmax_t{20}}) {
+    flip(at);
+    INFO("byte " << at);
+    CHECK(refused([&] { sim::restore_checkpoint(*other, file.name()); }) == io);
+    CHECK(sim::state_hash(other->state()) == before);
+    flip(at);
+  }
+  flip(2);
+  CHECK(refused([&] { sim::restore_checkpoint(*other, file.name()); }) == checkpoint);
+  flip(2);
+  sim::restore_checkpoint(*other, file.name());
+  CHECK(sim::state_hash(other->state()) == sim::state_hash(s->state()));
+  fs::resize_file(file.path, size - 100);
+  CHECK(refused([&] { sim::restore_checkpoint(*other, file.name()); }) == io);
+  fs::resize_file(file.path, 10);
+  CHECK(refused([&] { sim::restore_checkpoint(*other, file.name()); }) != 0);
+  CHECK(sim::state_hash(other->state()) == sim::state_hash(s->state()));
+}
+
+TEST_CASE("A checkpoint of another scene, a missing file and a folder that is not there are refused") {
+  const TemporaryFile file;
+  auto s = scene();
+  s->step(0.02);
+  sim::save_checkpoint(*s, file.name());
+  auto other = scene(900.0);
+  CHECK(refused([&] { sim::restore_checkpoint(*other, file.name()); }) == static_cast<int>(ErrorCode::kCheckpoint));
+  CHECK(refused([&] { sim::restore_checkpoint(*s, file.name() + "x"); }) == static_cast<int>(ErrorCode::kIo));
+  CHECK(refused([&] { sim::save_checkpoint(*s, (file.folder / "no" / "x").string()); }) ==
+        static_cast<int>(ErrorCode::kIo));
+}
+
+TEST_CASE("The scene hash covers parameters, solids and emitters, not the number of threads") {
+  const std::uint64_t hash = scene()->scene_hash();
+  CHECK(scene(1000.0, 3)->scene_hash() == hash);
+  CHECK(scene(1001.0)->scene_hash() != hash);
+  auto emitter = scene();
+  emitter->add_emitter({});
+  CHECK(emitter->scene_hash() != hash);
+  auto s = scene();
+  s->step(0.01);
+  CHECK(s->scene_hash() == hash);
+}
