@@ -7,6 +7,7 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <new>
@@ -92,15 +93,22 @@ void unsigned_distance(const TriangleMesh& triangles, SignedDistance& grid) {
     const std::size_t at = grid.index(i, j, k);
     if (nearest[at] >= 0) distance[at] = distance_to_triangle(mesh, nearest[at], openvdb::Vec3d(i, j, k));
   });
+  constexpr double kLength[] = {0.0, 1.0, 1.4142135624, 1.7320508076};
   for (int direction = 0; direction < 8; ++direction) {
     for_each_node(direction, [&](int i, int j, int k, const Vec3i& step) {
       const std::size_t at = grid.index(i, j, k);
-      for (int axis = 0; axis < 3; ++axis) {
-        if (step[axis] == 0) continue;
+      for (int way = 1; way < 8; ++way) {  // along the edges, face diagonals and diagonal of a cell
         Vec3i behind = {i, j, k};
-        behind[axis] += direction >> axis & 1 ? 1 : -1;
+        bool exists = true;
+        for (int axis = 0; axis < 3; ++axis) {
+          if ((way >> axis & 1) == 0) continue;
+          exists = exists && step[axis] > 0;
+          behind[axis] += direction >> axis & 1 ? 1 : -1;
+        }
+        if (!exists) continue;
         const std::size_t from = grid.index(behind[0], behind[1], behind[2]);
-        if (nearest[from] < 0 || nearest[from] == nearest[at] || distance[from] - 1.0 >= distance[at]) continue;
+        const double apart = kLength[std::popcount(static_cast<unsigned>(way))];
+        if (nearest[from] < 0 || nearest[from] == nearest[at] || distance[from] - apart >= distance[at]) continue;
         const double candidate = distance_to_triangle(mesh, nearest[from], openvdb::Vec3d(i, j, k));
         if (candidate >= distance[at]) continue;
         distance[at] = candidate;

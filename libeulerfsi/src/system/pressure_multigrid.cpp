@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 
 #include "base/kernel.hpp"
 
@@ -16,11 +15,13 @@ constexpr double kLargest = 2.8, kRange = 10.0;
 constexpr int kCoarsestCells = 6;        // coarsen while every axis has more cells than this
 constexpr int kCoarsestIterations = 18;  // smoothing steps on the coarsest level
 
-Real smoother_weight(int step) {
-  const double center = 0.5 * (kLargest + kLargest / kRange), radius = 0.5 * (kLargest - kLargest / kRange);
-  constexpr double kPi = 3.14159265358979323846;
-  return static_cast<Real>(1.0 / (center + radius * std::cos(kPi * (2 * (step % kDegree) + 1) / (2.0 * kDegree))));
-}
+// The roots lie at center + radius cos(pi/6, pi/2, 5 pi/6); written out, because library cosines differ between
+// machines.
+constexpr double kCenter = 0.5 * (kLargest + kLargest / kRange), kRadius = 0.5 * (kLargest - kLargest / kRange);
+constexpr double kCosine = 0.86602540378443865;
+constexpr Real kWeights[kDegree] = {static_cast<Real>(1.0 / (kCenter + kRadius * kCosine)),
+                                    static_cast<Real>(1.0 / kCenter),
+                                    static_cast<Real>(1.0 / (kCenter - kRadius * kCosine))};
 
 // Where an axis of the coarse grid reads fine cells (restriction, 1/4 3/4 3/4 1/4) with walls folded in.
 struct AxisTable {
@@ -277,7 +278,7 @@ void PressureMultigrid::apply(const Parallel& parallel, std::vector<Real>& x, st
 
 void PressureMultigrid::smooth(const Parallel& parallel, Level& level, const std::vector<Real>& b, std::vector<Real>& x,
                                int step) const {
-  const Real weight = smoother_weight(step);
+  const Real weight = kWeights[step % kDegree];
   grid::fill_ghosts(level.op.grid, x, Real(0));
   apply_pressure_operator(parallel, level.op, x, level.residual, &b);
   Real* px = x.data();
@@ -292,7 +293,7 @@ void PressureMultigrid::cycle(const Parallel& parallel, std::size_t l, const std
   Level& level = levels_[l];
   // The first smoothing step, from zero.
   {
-    const Real weight = smoother_weight(0);
+    const Real weight = kWeights[0];
     Real* px = x.data();
     const Real *pb = b.data(), *d = level.op.inverse_diagonal.data();
     parallel.for_ranges(static_cast<std::int64_t>(x.size()), [=](std::int64_t begin, std::int64_t end) {

@@ -15,8 +15,9 @@ const material::Elastic kSoft = material::from_youngs_modulus(material::Law::kCo
 }  // namespace
 
 TEST_CASE("The mass of a ball is that of a ball and does not change when it moves by parts of a cell", "[law]") {
-  constexpr double kH = 0.02, kRadius = 0.1;
-  TestSolid s = make_ball(cube_grid(18, kH), kSoft, Vec3d::Constant(0.18), kRadius);
+  // Ten cells per radius; the planes that cut the cells miss the curvature, an error of second order in the cell.
+  constexpr double kH = 0.01, kRadius = 0.1;
+  TestSolid s = make_ball(cube_grid(26, kH), kSoft, Vec3d::Constant(0.13), kRadius);
   const double exact = 4.0 / 3.0 * kPi * kRadius * kRadius * kRadius * s.rest.density;
   double lowest = 1e300, highest = 0.0;
   for (int shift = 0; shift < 12; ++shift) {
@@ -28,6 +29,7 @@ TEST_CASE("The mass of a ball is that of a ball and does not change when it move
     lowest = std::min(lowest, s.work.total_mass);
     highest = std::max(highest, s.work.total_mass);
   }
+  INFO("between " << lowest / exact << " and " << highest / exact);
   CHECK(highest / lowest - 1.0 < 2e-3);
 }
 

@@ -3,6 +3,7 @@
 #include <catch2/catch.hpp>
 #include <random>
 
+#include "grid/boundary.hpp"
 #include "system/velocity_system.hpp"
 #include "unit/solid/ball.hpp"
 
