@@ -10,14 +10,15 @@ headers=$root/libeulerfsi/include
 case "${1-}" in
   write)
     mkdir -p "$(dirname "$baseline")"
-    abidw --no-show-locs --no-corpus-path --no-comp-dir-path --headers-dir "$headers" --drop-private-types \
-      "$library" --out-file "$baseline"
+    abidw --exported-interfaces-only --no-show-locs --no-corpus-path --no-comp-dir-path --headers-dir "$headers" \
+      --drop-private-types "$library" --out-file "$baseline"
     echo "wrote $baseline"
     ;;
   check)
     [[ -f $baseline ]] || { echo "$baseline is missing; write it with: $0 write"; exit 1; }
     status=0
-    abidiff --headers-dir2 "$headers" --drop-private-types "$baseline" "$library" || status=$?
+    abidiff --exported-interfaces-only --headers-dir1 "$headers" --headers-dir2 "$headers" --drop-private-types \
+      "$baseline" "$library" || status=$?
     # bits of abidiff's exit code: 1, 2 the tool failed; 4 some change; 8 an incompatible change
     if ((status & 11)); then
       echo "the C ABI changed incompatibly (abidiff $status): raise SOVERSION, add a CHANGELOG line, write the baseline anew"

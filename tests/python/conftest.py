@@ -18,6 +18,9 @@ for folder in ("batch", "usd_plugin"):
     if str(ROOT / folder) not in sys.path:
         sys.path.insert(0, str(ROOT / folder))
 
+# Threads that wait in a loop slow each other down where tests share their processors with other work.
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+
 import eulerfsi_usd  # noqa: E402, F401 - registers the schema before the first stage is opened
 from eulerfsi import binding  # noqa: E402
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics  # noqa: E402

@@ -1,13 +1,13 @@
 // Golden state hashes: small scenes whose final state is compared bit for bit with tests/regression/golden_hashes.txt.
 // A change of results changes these lines and is named in CHANGELOG.md. With the environment variable
 // EFSI_UPDATE_GOLDEN set to a file name the hashes of this build are written there.
+#include <catch2/catch.hpp>
 #include <cstdlib>
 #include <fstream>
 #include <map>
 #include <sstream>
 #include <string>
 
-#include "catch.hpp"
 #include "sim/checkpoint.hpp"
 #include "sim/simulation.hpp"
 

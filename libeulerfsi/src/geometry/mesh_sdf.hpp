@@ -11,11 +11,13 @@ inline constexpr double kDefaultMargin = 4.0;  // grid around the extents, in sp
 
 // Signed distance to the solid that `mesh` bounds, on a grid over its extents plus `margin` spacings on every side.
 // Inside is where the generalized winding number is above 1/2, so that open, self-crossing and multi-part meshes become
-// one closed solid; distances (OpenVDB) are those to the boundary of that solid, caps over the holes included.
-// Triangles that are inside out are turned. What was repaired is one warning in `log` and in `report`, which is filled
-// in whole. The result depends on the arguments alone, not on the number of threads. Throws Error(kArgument) for a
-// spacing that is not positive, Error(kMesh) for a mesh that encloses no node of the grid, Error(kMemory) for a grid
-// that does not fit.
+// one closed solid; distances (OpenVDB) are those to the boundary of that solid, caps over the holes included, to 0.01
+// spacings within three spacings of it and to 2 % farther away. Triangles that are inside out are turned. What was
+// repaired is one warning in `log` and in `report`, which is filled in whole. The result depends on the arguments
+// alone, not on the number of threads.
+//
+// Throws Error(kArgument) for a spacing that is not positive, Error(kMesh) for a mesh that encloses no node of the
+// grid, Error(kMemory) for a grid that does not fit.
 SignedDistance build_signed_distance(const TriangleMesh& mesh, double spacing, MeshReport& report, const Log& log,
                                      double margin = kDefaultMargin);
 

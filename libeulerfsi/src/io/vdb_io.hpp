@@ -44,7 +44,7 @@ std::uint64_t write_vdb(const std::string& path, std::span<const DenseGrid> grid
 struct VdbGridSummary {
   std::string name;
   std::string type;         // "float", "vec3s"
-  std::string grid_class;   // "fog volume", "unknown"
+  std::string grid_class;   // "Fog Volume", "Other"
   std::string vector_type;  // "contravariant relative", ...
   bool half_float = false;
   std::uint64_t active_voxels = 0;

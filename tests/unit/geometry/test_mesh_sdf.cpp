@@ -2,7 +2,11 @@
 #include <tbb/global_control.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <catch2/catch.hpp>
+#include <cmath>
+#include <limits>
+#include <numbers>
 
 #include "base/error.hpp"
 #include "geometry/mesh_sdf.hpp"
@@ -74,8 +78,8 @@ TEST_CASE("Distances equal the smallest distance to any triangle, far from the s
         worst_far = std::max(worst_far, error / exact);
       }
     });
-    CHECK(worst_near < 1e-5);
-    CHECK(worst_far < 0.03);
+    CHECK(worst_near < 0.01 * built.phi.spacing);
+    CHECK(worst_far < 0.02);
     CHECK(built.warnings.empty());
     CHECK_FALSE(built.report.repaired);
   }
@@ -201,7 +205,7 @@ TEST_CASE("The field is the same for any number of TBB threads", "[law]") {
   std::vector<SignedDistance> fields;
   for (const std::size_t threads : {1, 2, 3, 8}) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-    fields.push_back(build(mesh, 0.06).phi);
+    fields.push_back(build(mesh, 0.09).phi);
   }
   for (const SignedDistance& field : fields) CHECK(field.values == fields[0].values);
 }

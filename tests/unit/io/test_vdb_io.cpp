@@ -2,9 +2,11 @@
 #include <signal.h>
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <fstream>
+#include <functional>
 #include <limits>
 #include <sstream>
 
@@ -76,7 +78,7 @@ TEST_CASE("Values, active voxels, classes and names survive the file") {
   const VdbGridSummary &density = summary.grids[first], &vel = summary.grids[1 - first];
   const auto active = std::count_if(fields.density.begin(), fields.density.end(), [](float v) { return v > 0; });
   CHECK(density.type == "float");
-  CHECK(density.grid_class == "fog volume");
+  CHECK(density.grid_class == "Fog Volume");
   CHECK(density.active_voxels == static_cast<std::uint64_t>(active));
   CHECK(density.max[0] == 1.0);
   CHECK(density.min[0] > 0.0);

@@ -2,6 +2,7 @@
 #include <Eigen/Dense>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <limits>
 #include <random>
 
 #include "linalg/pcg.hpp"
@@ -131,6 +132,15 @@ TEST_CASE("An indefinite matrix is reported, not hidden") {
     const SolveStats stats = run(system, x, {});
     CHECK_FALSE(stats.converged);
     for (Real v : x) CHECK(std::isfinite(v));
+  }
+}
+
+TEST_CASE("A right-hand side that is not a number is not taken for a zero one", "[!mayfail]") {
+  DenseSystem system(20, 10.0);
+  system.b[7] = std::numeric_limits<Real>::quiet_NaN();
+  for (auto* run : {&run_pcg, &run_pcr}) {
+    std::vector<Real> x(20, 3);
+    CHECK_FALSE(run(system, x, {}).converged);
   }
 }
 

@@ -19,7 +19,8 @@ inline geometry::TriangleMesh ball_mesh(const Vec3d& center, double radius, int 
   for (int b = 1; b < bands; ++b)
     for (int a = 0; a < around; ++a) {
       const double t = kPi * b / bands, p = 2.0 * kPi * a / around;
-      mesh.points.push_back(center + radius * Vec3d(std::sin(t) * std::cos(p), std::sin(t) * std::sin(p), -std::cos(t)));
+      mesh.points.push_back(center +
+                            radius * Vec3d(std::sin(t) * std::cos(p), std::sin(t) * std::sin(p), -std::cos(t)));
     }
   mesh.points.push_back(center + Vec3d(0, 0, radius));
   const auto top = static_cast<std::int32_t>(mesh.points.size() - 1);

@@ -1,6 +1,8 @@
 // Purpose: solids for tests, from closed forms: a ball, and a block that fills its band.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <functional>
 
 #include "grid/grid.hpp"
@@ -50,8 +52,7 @@ inline void set_displacement(TestSolid& s, const std::function<Vec3d(const Vec3d
 }
 
 // A solid at rest whose band is the whole grid.
-inline TestSolid make_solid(const grid::Grid& g, const material::Elastic& elastic,
-                            geometry::SignedDistance distance) {
+inline TestSolid make_solid(const grid::Grid& g, const material::Elastic& elastic, geometry::SignedDistance distance) {
   TestSolid s;
   s.global = g;
   s.rest.elastic = elastic;

@@ -59,7 +59,8 @@ TEST_CASE("Mass of cut cells goes to nodes that carry stiffness, and elements fi
   CHECK(stray < 2e-3 * carried);
   const double h3 = 0.02 * 0.02 * 0.02;
   CHECK(static_cast<double>(s.work.element_cell.size()) * h3 == Approx(s.work.volume).epsilon(0.05));
-  for (const auto c : s.work.element_cell) CHECK(s.work.fraction[static_cast<std::size_t>(c)] > solid::kElementFraction);
+  for (const auto c : s.work.element_cell)
+    CHECK(s.work.fraction[static_cast<std::size_t>(c)] > solid::kElementFraction);
 }
 
 TEST_CASE("Cells without data carry neither mass nor stiffness") {

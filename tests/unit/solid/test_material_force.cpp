@@ -24,7 +24,9 @@ std::function<Vec3d(const Vec3d&)> affine(const Mat3d& f, const Vec3d& t) {
   return [inverse, t](const Vec3d& x) -> Vec3d { return x - inverse * (x - t); };
 }
 
-Mat3d rotation(double angle, const Vec3d& axis) { return Eigen::AngleAxisd(angle, axis.normalized()).toRotationMatrix(); }
+Mat3d rotation(double angle, const Vec3d& axis) {
+  return Eigen::AngleAxisd(angle, axis.normalized()).toRotationMatrix();
+}
 
 // A stretched, turned block with random corners on top of it.
 TestSolid deformed_block(material::Law law, const Vec3d& stretch, double noise, int points, unsigned seed) {
@@ -33,9 +35,8 @@ TestSolid deformed_block(material::Law law, const Vec3d& stretch, double noise, 
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> offset(-noise * kH, noise * kH);
   const auto u = affine(f, {0.02, -0.01, 0.03});
-  set_displacement(s, [&](const Vec3d& x) -> Vec3d {
-    return u(x) + Vec3d(offset(random), offset(random), offset(random));
-  });
+  set_displacement(
+      s, [&](const Vec3d& x) -> Vec3d { return u(x) + Vec3d(offset(random), offset(random), offset(random)); });
   compute(s, points);
   return s;
 }
@@ -117,8 +118,7 @@ TEST_CASE("The energy of the elements is that of their twins") {
           for (std::size_t a = 0; a < 8; ++a) {
             const auto& c = grid::kCorner[a];
             x[a] = s.state.band.grid.node_position(i + c[0], j + c[1], k + c[2]);
-            twin.material[a] =
-                x[a] - s.state.u.at(s.state.band.grid.node(i + c[0], j + c[1], k + c[2])).cast<double>();
+            twin.material[a] = x[a] - s.state.u.at(s.state.band.grid.node(i + c[0], j + c[1], k + c[2])).cast<double>();
           }
           total += twin.energy(x);
         }
@@ -284,9 +284,9 @@ TEST_CASE("Patch test: an affine map gives one stress and no force inside", "[la
         }
         for (std::size_t q = 0; q < static_cast<std::size_t>(points); ++q)
           for (int c = 0; c < 6; ++c)
-            REQUIRE(static_cast<double>(s.work.point[e * static_cast<std::size_t>(points) + q].stress[c]) ==
-                    Approx(static_cast<double>(s.work.point[0].stress[c]))
-                        .margin(1e-4 * s.rest.elastic.mu * kH * kH * kH));
+            REQUIRE(
+                static_cast<double>(s.work.point[e * static_cast<std::size_t>(points) + q].stress[c]) ==
+                Approx(static_cast<double>(s.work.point[0].stress[c])).margin(1e-4 * s.rest.elastic.mu * kH * kH * kH));
       }
       CHECK(largest > 0.01 * s.rest.elastic.mu * kH * kH);
       for (int k = 1; k < 4; ++k)
@@ -325,7 +325,8 @@ TEST_CASE("Collapsed and inverted elements are counted and stay finite") {
 TEST_CASE("Material of a solid gives the same bits for 1, 2, 3 and 8 threads", "[determinism]") {
   const auto run = [](int threads) {
     TestSolid s = make_ball(cube_grid(16, kH), elastic(material::Law::kCorotational), Vec3d::Constant(0.4), 0.22);
-    set_displacement(s, [](const Vec3d& x) { return Vec3d(0.02 * std::sin(9 * x[1]), 0.01 * x[2], 0.03 * x[0] * x[1]); });
+    set_displacement(s,
+                     [](const Vec3d& x) { return Vec3d(0.02 * std::sin(9 * x[1]), 0.01 * x[2], 0.03 * x[0] * x[1]); });
     compute(s, 1, threads);
     return s;
   };

@@ -17,7 +17,8 @@ struct PressureCase {
   std::vector<Real> specific_volume;  // 1 outside, 1/contrast in a ball; the same at periodic copies
   std::vector<std::uint8_t> fixed;
 
-  PressureCase(std::string text, Vec3i cells, std::array<grid::Wall, 6> faces, double contrast) : name(std::move(text)) {
+  PressureCase(std::string text, Vec3i cells, std::array<grid::Wall, 6> faces, double contrast)
+      : name(std::move(text)) {
     g.cells = cells;
     g.h = 0.1;
     walls.face = faces;

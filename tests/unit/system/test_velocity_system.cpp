@@ -38,7 +38,8 @@ struct Scene {
     mass.assign(g.node_count(), static_cast<Real>(g.h * g.h * g.h));
     std::vector<SolidRef> refs;
     for (TestSolid& s : solids) {
-      set_displacement(s, [](const Vec3d& x) { return Vec3d(0.01 * std::sin(9 * x[1]), 0.05 * x[2] * x[0], -0.03 * x[1]); });
+      set_displacement(
+          s, [](const Vec3d& x) { return Vec3d(0.01 * std::sin(9 * x[1]), 0.05 * x[2] * x[0], -0.03 * x[1]); });
       compute(s, 1, threads);
       for (std::size_t n = 0; n < mass.size(); ++n) mass[n] += s.work.mass[n];  // bands are the whole grid
       refs.push_back({&s.rest, &s.state, &s.work});
@@ -67,7 +68,8 @@ struct Scene {
           in[c] = 1;
           solid::element_stiffness(s.work, g.h, e, in, out);
           const auto place = [&](int i) {
-            return 3 * unknown[static_cast<std::size_t>(s.work.element_corner[e]) + corner[static_cast<std::size_t>(i / 3)]] +
+            return 3 * unknown[static_cast<std::size_t>(s.work.element_corner[e]) +
+                               corner[static_cast<std::size_t>(i / 3)]] +
                    i % 3;
           };
           for (int r = 0; r < 24; ++r) m(place(r), place(c)) += factor * static_cast<double>(out[r]);
@@ -75,7 +77,8 @@ struct Scene {
       for (std::size_t u = 0; u < system.nodes().size(); ++u)
         for (Eigen::Index a = 0; a < 3; ++a)
           m(static_cast<Eigen::Index>(3 * u) + a, static_cast<Eigen::Index>(3 * u) + a) +=
-              kDt * s.rest.rayleigh_alpha * (s.work.carries[system.nodes()[u]] ? static_cast<double>(s.work.mass[system.nodes()[u]]) : 0.0);
+              kDt * s.rest.rayleigh_alpha *
+              (s.work.carries[system.nodes()[u]] ? static_cast<double>(s.work.mass[system.nodes()[u]]) : 0.0);
     }
     for (std::size_t u = 0; u < system.nodes().size(); ++u)
       for (unsigned a = 0; a < 3; ++a) {

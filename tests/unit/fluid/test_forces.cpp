@@ -1,0 +1,153 @@
+// Purpose: emitters, buoyancy and vorticity confinement.
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "fluid/forces.hpp"
+
+using namespace efsi;
+using namespace efsi::fluid;
+
+namespace {
+
+struct Scene {
+  Grid g;
+  FluidParams params;
+  FluidState state;
+  VectorField velocity;
+  std::vector<Real> specific_volume;
+  Scene() {
+    g.cells = {10, 10, 10};
+    g.h = 0.1;
+    state.smoke.assign(g.cell_count(), 0);
+    state.temperature.assign(g.cell_count(), 0);
+    velocity.assign(g.node_count());
+    specific_volume.assign(g.node_count(), 1);
+  }
+  std::uint64_t push(double dt) {
+    return add_body_forces(Parallel(1), g, params, state, {0, -9.8, 0}, dt, specific_volume, velocity);
+  }
+};
+
+// An emitter whose shape has the given centre and edges (or diameters).
+Emitter emitter(Emitter::Shape shape, const Vec3d& center, const Vec3d& size) {
+  Emitter e;
+  e.shape = shape;
+  e.from_world.topLeftCorner<3, 3>() = size.cwiseInverse().asDiagonal();
+  e.from_world.topRightCorner<3, 1>() = -center.cwiseQuotient(size);
+  return e;
+}
+
+}  // namespace
+
+TEST_CASE("Emitters fill the cells whose centres they contain") {
+  Scene s;
+  Emitter box = emitter(Emitter::Shape::kBox, {0.3, 0.5, 0.5}, {0.4, 0.2, 0.6});
+  CHECK(box.contains({0.49, 0.59, 0.79}));
+  CHECK_FALSE(box.contains({0.51, 0.5, 0.5}));
+  CHECK_FALSE(box.contains({0.3, 0.61, 0.5}));
+  Emitter ball = emitter(Emitter::Shape::kSphere, {0.7, 0.5, 0.5}, {0.4, 0.4, 0.4});
+  CHECK(ball.contains({0.89, 0.5, 0.5}));
+  CHECK_FALSE(ball.contains({0.89, 0.59, 0.5}));
+  box.density = 0.5;
+  ball.density = 2.0;
+  ball.temperature = 30.0;
+  apply_emitters(Parallel(1), s.g, {box, ball}, 0.0, s.state, s.velocity);
+  int in_box = 0, in_ball = 0;
+  for (int k = 0; k < 10; ++k)
+    for (int j = 0; j < 10; ++j)
+      for (int i = 0; i < 10; ++i) {
+        const Vec3d x = s.g.cell_center(i, j, k);
+        const double expected = ball.contains(x) ? 2.0 : (box.contains(x) ? 0.5 : 0.0);  // the later one wins
+        CHECK(static_cast<double>(s.state.smoke[s.g.cell(i, j, k)]) == expected);
+        CHECK(static_cast<double>(s.state.temperature[s.g.cell(i, j, k)]) == (ball.contains(x) ? 30.0 : 0.0));
+        in_box += expected == 0.5;
+        in_ball += expected == 2.0;
+      }
+  CHECK(in_box == 4 * 2 * 6);
+  CHECK(in_ball == 32);  // 4/3 pi 2^3 = 33.5 cells
+  for (const auto& c : s.velocity.c)
+    for (Real v : c) CHECK(v == 0);
+}
+
+TEST_CASE("Initial emitters act once, continuous ones in their interval, with a velocity when they have one") {
+  Scene s;
+  Emitter once = emitter(Emitter::Shape::kBox, {0.5, 0.5, 0.5}, {0.2, 0.2, 0.2});
+  Emitter jet = once;
+  jet.mode = Emitter::Mode::kContinuous;
+  jet.start_time = 1.0;
+  jet.end_time = 2.0;
+  jet.has_velocity = true;
+  jet.velocity = {1, 2, 3};
+  const std::size_t c = s.g.cell(5, 5, 5), n = s.g.node(5, 5, 5);
+  const auto smoke_at = [&](const Emitter& e, double time) {
+    s.state.smoke.assign(s.g.cell_count(), 0);
+    s.velocity.assign(s.g.node_count());
+    apply_emitters(Parallel(1), s.g, {e}, time, s.state, s.velocity);
+    return s.state.smoke[c] > 0;
+  };
+  CHECK(smoke_at(once, 0.0));
+  CHECK(s.velocity.at(n) == Vec3(0, 0, 0));
+  CHECK_FALSE(smoke_at(once, 0.01));
+  CHECK_FALSE(smoke_at(jet, 0.99));
+  CHECK(smoke_at(jet, 1.0));
+  CHECK(s.velocity.at(n) == Vec3(1, 2, 3));
+  CHECK(s.velocity.at(s.g.node(8, 8, 8)) == Vec3(0, 0, 0));
+  CHECK(smoke_at(jet, 1.5));
+  CHECK_FALSE(smoke_at(jet, 2.0));
+}
+
+TEST_CASE("Buoyancy: smoke sinks, heat rises, in proportion", "[law]") {
+  Scene s;
+  std::fill(s.state.smoke.begin(), s.state.smoke.end(), Real(0.5));
+  std::fill(s.state.temperature.begin(), s.state.temperature.end(), Real(20));
+  CHECK(s.push(0.1) == 0);  // both switched off
+  s.params.smoke_buoyancy = 3.0;
+  CHECK(s.push(0.1) > 0);
+  CHECK(static_cast<double>(s.velocity.c[1][s.g.node(5, 5, 5)]) == Approx(-0.1 * 3.0 * 0.5));
+  s.velocity.assign(s.g.node_count());
+  s.params.smoke_buoyancy = 0.0;
+  s.params.temperature_buoyancy = 0.2;
+  s.push(0.1);
+  CHECK(static_cast<double>(s.velocity.c[1][s.g.node(5, 5, 5)]) == Approx(0.1 * 0.2 * 20.0));
+  CHECK(s.velocity.c[0][s.g.node(5, 5, 5)] == 0);
+  // Nodes of a solid are left alone.
+  s.velocity.assign(s.g.node_count());
+  s.specific_volume[s.g.node(5, 5, 5)] = Real(0.001);
+  s.push(0.1);
+  CHECK(s.velocity.c[1][s.g.node(5, 5, 5)] == 0);
+}
+
+TEST_CASE("Vorticity confinement spins a vortex up and leaves a rigid turn alone") {
+  Scene s;
+  s.params.vorticity_confinement = 2.0;
+  const auto set = [&](const auto& speed) {
+    for (int k = 0; k <= 10; ++k)
+      for (int j = 0; j <= 10; ++j)
+        for (int i = 0; i <= 10; ++i) {
+          const Vec3d x = s.g.node_position(i, j, k) - Vec3d::Constant(0.5);
+          const double r = std::hypot(x[0], x[1]);
+          s.velocity.set(s.g.node(i, j, k), Vec3(Vec3d(-x[1], x[0], 0).cast<Real>() * static_cast<Real>(speed(r))));
+        }
+  };
+  const auto circulation = [&] {
+    double sum = 0.0;
+    for (int j = 3; j <= 7; ++j)
+      for (int i = 3; i <= 7; ++i) {
+        const Vec3d x = s.g.node_position(i, j, 5) - Vec3d::Constant(0.5),
+                    v = s.velocity.at(s.g.node(i, j, 5)).cast<double>();
+        sum += x[0] * v[1] - x[1] * v[0];
+      }
+    return sum;
+  };
+  set([](double r) { return std::exp(-r * r / 0.05); });
+  const double before = circulation();
+  s.push(0.05);
+  CHECK(circulation() > before);
+  CHECK(circulation() < 2.0 * before);
+  set([](double) { return 1.0; });
+  const VectorField turning = s.velocity;
+  s.push(0.05);
+  for (std::size_t a = 0; a < 3; ++a)
+    for (std::size_t n = 0; n < turning.size(); ++n)
+      REQUIRE(std::abs(s.velocity.c[a][n] - turning.c[a][n]) < Real(1e-4));
+}
