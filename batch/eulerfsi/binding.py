@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import os
 from ctypes import (
     POINTER,
     Structure,
@@ -339,6 +340,8 @@ def library() -> ctypes.CDLL:
             f"the shared library was not found; build it or set EULERFSI_LIBRARY. Looked at:\n  {places}"
         )
     try:
+        # Threads that spin while they wait stall each other on a busy machine; read when the OpenMP runtime is loaded.
+        os.environ.setdefault("OMP_WAIT_POLICY", "passive")
         lib = ctypes.CDLL(str(found))
     except OSError as error:
         raise EulerFsiError(f"{found}: cannot be loaded: {error}") from error

@@ -193,6 +193,7 @@ SignedDistance build_signed_distance(const TriangleMesh& mesh, double spacing, M
 
   SignedDistance grid = make_grid(extents(surface), spacing, margin);
   std::uint64_t caps = 0;
+  bool as_given = false;  // the mesh is the boundary of the solid
   try {
     unsigned_distance(surface, grid);
     const bool balanced = topology.unbalanced_edges == 0;
@@ -200,6 +201,7 @@ SignedDistance build_signed_distance(const TriangleMesh& mesh, double spacing, M
     // Surfaces inside the solid and holes: distances to the boundary of the solid instead of those to the mesh.
     const SolidBoundary boundary = solid_boundary(surface, tree, grid, winding, balanced, topology.parts == 1);
     if (boundary.mesh.triangles.empty()) refuse_empty(report, spacing);
+    as_given = report.closed && !boundary.differs;
     if (boundary.differs) unsigned_distance(boundary.mesh, grid);
     caps = boundary.cap_triangles;
     apply_sign(winding, grid);
@@ -209,7 +211,8 @@ SignedDistance build_signed_distance(const TriangleMesh& mesh, double spacing, M
     throw Error(ErrorCode::kMemory, text("signed distance: not enough memory for ", grid.size[0], " x ", grid.size[1],
                                          " x ", grid.size[2], " nodes at spacing ", spacing, " m"));
   }
-  report.solid_volume = grid.volume();
+  // A closed mesh knows its volume better than the grid does.
+  report.solid_volume = as_given ? std::abs(report.surface_volume) : grid.volume();
   warn_about_repairs(report, turned, caps, topology.parts, log);
   return grid;
 }

@@ -5,6 +5,11 @@
 #include "linalg/reduce.hpp"
 
 namespace efsi::linalg {
+namespace {
+
+constexpr int kBestInterval = 8;  // iterations
+
+}  // namespace
 
 SolveStats pcg(const Parallel& parallel, const Operator& apply, const Operator& precondition,
                const std::vector<Real>& b, std::vector<Real>& x, const SolveOptions& options, PcgWorkspace& work) {
@@ -14,8 +19,14 @@ SolveStats pcg(const Parallel& parallel, const Operator& apply, const Operator& 
 
   SolveStats stats;
   const double b_norm = norm(parallel, b);
-  if (!(b_norm > 0.0)) {
+  if (b_norm == 0.0) {
     x.assign(n, 0);
+    return stats;
+  }
+  if (!std::isfinite(b_norm)) {
+    x.assign(n, 0);
+    stats.residual = b_norm;
+    stats.converged = false;
     return stats;
   }
   const auto done = [&] {
@@ -28,6 +39,10 @@ SolveStats pcg(const Parallel& parallel, const Operator& apply, const Operator& 
   r = b;
   add_scaled(parallel, r, -1.0, q);
   if (done()) return stats;
+  // The best iterate so far, looked at now and then: b may lie outside the range of A.
+  std::vector<Real>& best = work.best;
+  best = x;
+  double best_residual = stats.residual;
   precondition(r, z);
   d = z;
   double rz = dot(parallel, r, z);
@@ -41,12 +56,20 @@ SolveStats pcg(const Parallel& parallel, const Operator& apply, const Operator& 
     add_scaled(parallel, r, -alpha, q);
     ++stats.iterations;
     if (done()) return stats;
+    if (stats.iterations % kBestInterval == 0 && stats.residual < best_residual) {
+      best = x;
+      best_residual = stats.residual;
+    }
     precondition(r, z);
     const double rz_new = dot(parallel, r, z);
     const double beta = (rz_new - dot(parallel, r_old, z)) / rz;  // Polak-Ribiere
     if (!(rz_new > 0.0) || !std::isfinite(beta)) break;
     scale_add(parallel, d, beta, z);
     rz = rz_new;
+  }
+  if (!(stats.residual <= best_residual)) {
+    x = best;
+    stats.residual = best_residual;
   }
   stats.converged = false;
   return stats;

@@ -14,8 +14,14 @@ SolveStats pcr(const Parallel& parallel, const Operator& apply, const std::vecto
 
   SolveStats stats;
   const double b_norm = norm(parallel, b);
-  if (!(b_norm > 0.0)) {
+  if (b_norm == 0.0) {
     x.assign(n, 0);
+    return stats;
+  }
+  if (!std::isfinite(b_norm)) {
+    x.assign(n, 0);
+    stats.residual = b_norm;
+    stats.converged = false;
     return stats;
   }
   apply(x, az);

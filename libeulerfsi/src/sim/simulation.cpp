@@ -52,10 +52,18 @@ void validate(const SolidDesc& d) {
   }
 }
 
-bool finite(const std::vector<Real>& values) {
-  for (Real v : values)
-    if (!std::isfinite(v)) return false;
-  return true;
+bool finite(const Parallel& parallel, const std::vector<Real>& values) {
+  constexpr std::int64_t kChunk = 65536;
+  const auto n = static_cast<std::int64_t>(values.size());
+  return parallel.sum((n + kChunk - 1) / kChunk, [&](std::int64_t chunk) {
+    for (std::int64_t i = chunk * kChunk; i < std::min(n, (chunk + 1) * kChunk); ++i)
+      if (!std::isfinite(values[static_cast<std::size_t>(i)])) return 1.0;
+    return 0.0;
+  }) == 0.0;
+}
+
+bool finite(const Parallel& parallel, const grid::VectorField& field) {
+  return finite(parallel, field.c[0]) && finite(parallel, field.c[1]) && finite(parallel, field.c[2]);
 }
 
 }  // namespace
@@ -232,11 +240,11 @@ StepInfo Simulation::checked_step(double remaining) {
     {
       ScopedTimer timer(profile_, Stage::kCheck);
       reason.clear();
-      if (!std::isfinite(state_.fluid_speed) || !std::isfinite(state_.solid_speed) || !finite(state_.fluid.pressure))
-        reason = "a value is not finite";
+      if (!finite(parallel_, state_.fluid.velocity) || !finite(parallel_, state_.fluid.pressure))
+        reason = "a value of the fluid is not finite";
       for (std::size_t l = 0; l < solids_.size() && reason.empty(); ++l) {
         if (work_.solids[l].element_cell.empty()) reason = "solid " + std::to_string(l + 1) + " has vanished";
-        if (!finite(state_.solids[l].u.c[0]) || !finite(state_.solids[l].v.c[1]))
+        if (!finite(parallel_, state_.solids[l].u) || !finite(parallel_, state_.solids[l].v))
           reason = "solid " + std::to_string(l + 1) + ": a value is not finite";
         if (work_.solids[l].max_speed * info.dt > kRetryTravel * grid_.h)
           reason = "solid " + std::to_string(l + 1) + " moved more than " + std::to_string(kRetryTravel) + " cells";
