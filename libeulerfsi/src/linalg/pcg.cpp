@@ -14,8 +14,8 @@ constexpr int kBestInterval = 8;  // iterations
 SolveStats pcg(const Parallel& parallel, const Operator& apply, const Operator& precondition,
                const std::vector<Real>& b, std::vector<Real>& x, const SolveOptions& options, PcgWorkspace& work) {
   const std::size_t n = b.size();
-  for (auto* v : {&work.r, &work.z, &work.d, &work.q, &work.r_old}) v->resize(n);
-  auto& [r, z, d, q, r_old] = work;
+  for (auto* v : {&work.r, &work.z, &work.d, &work.q, &work.r_old, &work.best}) v->resize(n);
+  auto& [r, z, d, q, r_old, best] = work;
 
   SolveStats stats;
   const double b_norm = norm(parallel, b);
@@ -40,7 +40,6 @@ SolveStats pcg(const Parallel& parallel, const Operator& apply, const Operator& 
   add_scaled(parallel, r, -1.0, q);
   if (done()) return stats;
   // The best iterate so far, looked at now and then: b may lie outside the range of A.
-  std::vector<Real>& best = work.best;
   best = x;
   double best_residual = stats.residual;
   precondition(r, z);
