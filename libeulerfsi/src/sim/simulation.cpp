@@ -242,6 +242,8 @@ StepInfo Simulation::checked_step(double remaining) {
       reason.clear();
       if (!finite(parallel_, state_.fluid.velocity) || !finite(parallel_, state_.fluid.pressure))
         reason = "a value of the fluid is not finite";
+      if (!std::isfinite(info.velocity_residual) || !std::isfinite(info.pressure_residual))
+        reason = "a solve met values that are not finite";
       for (std::size_t l = 0; l < solids_.size() && reason.empty(); ++l) {
         if (work_.solids[l].element_cell.empty()) reason = "solid " + std::to_string(l + 1) + " has vanished";
         if (!finite(parallel_, state_.solids[l].u) || !finite(parallel_, state_.solids[l].v))
