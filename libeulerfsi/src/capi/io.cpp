@@ -84,6 +84,8 @@ EfsiStatus efsi_vdb_write(EfsiSim* sim, const char* path, const EfsiVdbDef* def,
     options.index_to_world = index_to_world(grid, def->transform);
     options.half_float = def->half_float != 0;
     options.threshold = def->density_threshold;
+    options.creator = "eulerfsi " + std::to_string(EFSI_VERSION_MAJOR) + '.' + std::to_string(EFSI_VERSION_MINOR) +
+                      '.' + std::to_string(EFSI_VERSION_PATCH);
 
     std::vector<DenseGrid> grids = {describe("density", grid, fluid.smoke, "")};
     std::array<std::vector<float>, 3> velocity;
