@@ -16,6 +16,7 @@ from pathlib import Path
 
 from . import __version__, binding, errors, paths, progress
 from .errors import EulerFsiError, UsageError
+from .say import say
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -92,23 +93,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return run[options.command](options)
     except errors.Cancelled as error:
-        print(f"{error}; continue with --resume", file=sys.stderr)
+        say(f"{error}; continue with --resume", sys.stderr)
         return error.exit_code
     except EulerFsiError as error:
         for line in str(error).splitlines():
-            print(f"error: {line}", file=sys.stderr)
+            say(f"error: {line}", sys.stderr)
         return error.exit_code
     except KeyboardInterrupt:
         return errors.EXIT_SIGINT
-    except BrokenPipeError:
-        sys.stderr.close()
-        return errors.EXIT_IO
     except OSError as error:
-        print(f"error: {error.filename or ''}: {error.strerror}", file=sys.stderr)
+        say(f"error: {error.filename or ''}: {error.strerror}", sys.stderr)
         return errors.EXIT_IO
     except Exception:
         traceback.print_exc()
-        print("error: internal; please report this with the lines above", file=sys.stderr)
+        say("error: internal; please report this with the lines above", sys.stderr)
         return errors.EXIT_INTERNAL
 
 
@@ -130,26 +128,27 @@ def _simulate(options: argparse.Namespace) -> int:
     result = simulate(options.scene, wanted)
     if options.progress != "json":
         if result.nothing_to_do:
-            print("all frames are there already")
-        print(f"cache:   {result.folder}")
-        print(
-            f"open:    {result.root} (in Blender: File > Import > Universal Scene Description; usdview; Houdini; ...)"
+            say("all frames are there already", sys.stdout)
+        say(f"cache:   {result.folder}", sys.stdout)
+        say(
+            f"open:    {result.root} (in Blender: File > Import > Universal Scene Description; usdview; Houdini; ...)",
+            sys.stdout,
         )
-        print(f"preview: {result.preview}")
+        say(f"preview: {result.preview}", sys.stdout)
     return errors.EXIT_OK
 
 
 def _validate(options: argparse.Namespace) -> int:
     from .report import validate
 
-    print("\n".join(validate(options.scene, options.frames, options.settings, options.threads)))
+    say("\n".join(validate(options.scene, options.frames, options.settings, options.threads)), sys.stdout)
     return errors.EXIT_OK
 
 
 def _info(options: argparse.Namespace) -> int:
     from .report import info
 
-    print("\n".join(info(options.path)))
+    say("\n".join(info(options.path)), sys.stdout)
     return errors.EXIT_OK
 
 
@@ -157,11 +156,12 @@ def _new(options: argparse.Namespace) -> int:
     from .new_scene import new_scene
 
     chosen = new_scene(options.scene, options.solid, options.smoke)
-    print(
+    say(
         f"{options.scene}: {len(options.solid)} solid(s), voxel size {chosen['voxel_size']:g} m, "
-        f"{chosen['cells']:,.0f} cells, Young's modulus up to {chosen['youngs_modulus']:g} Pa"
+        f"{chosen['cells']:,.0f} cells, Young's modulus up to {chosen['youngs_modulus']:g} Pa\n"
+        f"next: eulerfsi simulate {options.scene}",
+        sys.stdout,
     )
-    print(f"next: eulerfsi simulate {options.scene}")
     return errors.EXIT_OK
 
 

@@ -7,6 +7,8 @@ import sys
 from pathlib import Path
 from typing import TextIO
 
+from .say import say
+
 
 class Log:
     """Keeps messages until `open` names the file, so that nothing is written for a scene that is refused."""
@@ -39,7 +41,7 @@ class Log:
         self._write("warning", text)
         if text not in self._warned:
             self._warned.add(text)
-            print(f"warning: {text}", file=self._err, flush=True)
+            say(f"warning: {text}", self._err)
 
     def error(self, text: str) -> None:
         """A message for the file; the command line prints the error itself."""

@@ -9,6 +9,7 @@ from typing import Any, TextIO
 from tqdm import tqdm
 
 from .frames import FrameRange
+from .say import say
 
 MODES = ("auto", "plain", "json", "none")
 
@@ -69,7 +70,5 @@ class Progress:
         self._print(json.dumps(event))
 
     def _print(self, line: str) -> None:
-        try:
-            print(line, file=self.out, flush=True)
-        except BrokenPipeError:  # whoever listened is gone; the run goes on
+        if not say(line, self.out):
             self.mode = "none"
