@@ -33,6 +33,15 @@ EFSI_INLINE Vec3 keep_inside(const Grid& g, Vec3 x) {
   return x;
 }
 
+// Whether keep_inside has cut a trace that began at x: nothing is known of what comes from beyond a wall.
+EFSI_INLINE bool cut_by_wall(const Grid& g, const Vec3& x, const Vec3& end) {
+  for (int a = 0; a < 3; ++a) {
+    const auto s = static_cast<std::size_t>(a);
+    if (!g.periodic[s] && end[a] != x[a] && (end[a] <= 0 || end[a] >= static_cast<Real>(g.cells[s]))) return true;
+  }
+  return false;
+}
+
 // Where the flow leads from x, given where it came from: x + step v(x + step/2 v) with the midpoint velocity ahead
 // mirrored from the one behind, 2 v(x) - v(x - step/2 v), which keeps the order of the midpoint rule.
 EFSI_INLINE Vec3 opposite(const Vec3& from, const Vec3& v, Real step) { return from + Real(2) * step * v; }
@@ -124,7 +133,12 @@ std::uint64_t advect_velocity(const Parallel& parallel, const Grid& g, bool corr
         return;
       }
       const Vec3 v = velocity.at(n), from = work.result.at(n);
+      const Vec3 x(static_cast<Real>(i), static_cast<Real>(j), static_cast<Real>(k));
       const Vec3 to = keep_inside(g, opposite(from, v, step));
+      if (cut_by_wall(g, x, from) || cut_by_wall(g, x, to)) {
+        work.result.set(n, work.first.at(n));
+        return;
+      }
       Vec3 w = work.first.at(n) + Real(0.5) * (v - sampler.vector(work.first, to));
       const Trilinear source = sampler.stencil(from);
       for (int a = 0; a < 3; ++a) {  // no new extremes

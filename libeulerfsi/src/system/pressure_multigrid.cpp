@@ -67,12 +67,6 @@ EFSI_KERNEL void add_row(int n, Real w, const Real* source, Real* target) {
   for (int i = 0; i < n; ++i) target[i] += w * source[i];
 }
 
-// x += weight d r
-EFSI_KERNEL void smooth_row(std::int64_t n, Real weight, const Real* d, const Real* r, Real* x) {
-#pragma omp simd
-  for (std::int64_t i = 0; i < n; ++i) x[i] += weight * d[i] * r[i];
-}
-
 void restrict_residual(const Parallel& parallel, const PressureLevel& fine, const std::vector<Real>& r,
                        const PressureLevel& coarse, std::vector<Real>& b) {
   const Grid &gf = fine.grid, &gc = coarse.grid;
@@ -181,19 +175,21 @@ void coarsen_specific_volume(const Parallel& parallel, const Grid& fine, const s
     if (index < 0) return -index;
     return std::min(index, n);
   };
-  parallel.for_each(coarse.cells[2] + 1, [&](std::int64_t kk) {
-    const int k = static_cast<int>(kk);
-    for (int j = 0; j <= coarse.cells[1]; ++j)
-      for (int i = 0; i <= coarse.cells[0]; ++i) {
-        Real sum = 0;
+  const auto row = static_cast<std::size_t>(fine.cells[0] + 1);
+  parallel.for_ranges(coarse.cells[2] + 1, [&](std::int64_t begin, std::int64_t end) {
+    std::vector<Real> sum(row);
+    for (int k = static_cast<int>(begin); k < static_cast<int>(end); ++k)
+      for (int j = 0; j <= coarse.cells[1]; ++j) {
+        std::fill(sum.begin(), sum.end(), Real(0));
         for (int dk = -1; dk <= 1; ++dk)
-          for (int dj = -1; dj <= 1; ++dj)
-            for (int di = -1; di <= 1; ++di) {
-              const Real w =
-                  Real(0.125) * (di ? Real(0.5) : Real(1)) * (dj ? Real(0.5) : Real(1)) * (dk ? Real(0.5) : Real(1));
-              sum += w * f[fine.node(fold(0, 2 * i + di), fold(1, 2 * j + dj), fold(2, 2 * k + dk))];
-            }
-        c[coarse.node(i, j, k)] = sum;
+          for (int dj = -1; dj <= 1; ++dj) {
+            const Real w = Real(0.125) * (dk ? Real(0.5) : Real(1)) * (dj ? Real(0.5) : Real(1));
+            add_row(static_cast<int>(row), w, f.data() + fine.node(0, fold(1, 2 * j + dj), fold(2, 2 * k + dk)),
+                    sum.data());
+          }
+        Real* out = c.data() + coarse.node(0, j, k);
+        const auto at = [&](int i) { return sum[static_cast<std::size_t>(fold(0, i))]; };
+        for (int i = 0; i <= coarse.cells[0]; ++i) out[i] = at(2 * i) + Real(0.5) * (at(2 * i - 1) + at(2 * i + 1));
       }
   });
 }
@@ -202,18 +198,21 @@ void coarsen_specific_volume(const Parallel& parallel, const Grid& fine, const s
 void set_mobility(const Parallel& parallel, const std::vector<Real>& specific_volume, PressureLevel& level) {
   const Grid& g = level.grid;
   level.mobility.resize(g.node_count());
-  const double scale = g.h / 2.0;
+  const auto cells = [&](std::size_t axis, int index) {  // adjacent along one axis
+    return g.periodic[axis] || (index > 0 && index < g.cells[axis]) ? 2.0 : 1.0;
+  };
   parallel.for_each(g.cells[2] + 1, [&](std::int64_t kk) {
-    const int k = static_cast<int>(kk);
-    for (int j = 0; j <= g.cells[1]; ++j)
-      for (int i = 0; i <= g.cells[0]; ++i) {
-        const int index[3] = {i, j, k};
-        double cells = 1.0;
-        for (std::size_t a = 0; a < 3; ++a)
-          cells *= g.periodic[a] || (index[a] > 0 && index[a] < g.cells[a]) ? 2.0 : 1.0;
-        level.mobility[g.node(i, j, k)] =
-            static_cast<Real>(scale / cells * static_cast<double>(specific_volume[g.node(i, j, k)]));
-      }
+    const int k = static_cast<int>(kk), n = g.cells[0];
+    for (int j = 0; j <= g.cells[1]; ++j) {
+      const double scale = g.h / 2.0 / (cells(1, j) * cells(2, k));
+      const Real inner = static_cast<Real>(scale / 2.0), end = static_cast<Real>(scale / cells(0, 0));
+      const Real* volume = specific_volume.data() + g.node(0, j, k);
+      Real* out = level.mobility.data() + g.node(0, j, k);
+#pragma omp simd
+      for (int i = 1; i < n; ++i) out[i] = inner * volume[i];
+      out[0] = end * volume[0];
+      out[n] = end * volume[n];
+    }
   });
 }
 
@@ -276,16 +275,10 @@ void PressureMultigrid::apply(const Parallel& parallel, std::vector<Real>& x, st
   apply_pressure_operator(parallel, finest(), x, y);
 }
 
-void PressureMultigrid::smooth(const Parallel& parallel, Level& level, const std::vector<Real>& b, std::vector<Real>& x,
-                               int step) const {
-  const Real weight = kWeights[step % kDegree];
-  grid::fill_ghosts(level.op.grid, x, Real(0));
-  apply_pressure_operator(parallel, level.op, x, level.residual, &b);
-  Real* px = x.data();
-  const Real *r = level.residual.data(), *d = level.op.inverse_diagonal.data();
-  parallel.for_ranges(static_cast<std::int64_t>(x.size()), [=](std::int64_t begin, std::int64_t end) {
-    smooth_row(end - begin, weight, d + begin, r + begin, px + begin);
-  });
+void PressureMultigrid::smooth(const Parallel& parallel, const PressureLevel& level, const std::vector<Real>& b,
+                               std::vector<Real>& x, int step) const {
+  grid::fill_ghosts(level.grid, x, Real(0));
+  smooth_pressure(parallel, level, b, kWeights[step % kDegree], x);
 }
 
 void PressureMultigrid::cycle(const Parallel& parallel, std::size_t l, const std::vector<Real>& b,
@@ -302,17 +295,17 @@ void PressureMultigrid::cycle(const Parallel& parallel, std::size_t l, const std
     });
   }
   if (l + 1 == levels_.size()) {
-    for (int it = 1; it < kCoarsestIterations; ++it) smooth(parallel, level, b, x, it);
+    for (int it = 1; it < kCoarsestIterations; ++it) smooth(parallel, level.op, b, x, it);
     return;
   }
-  for (int i = 1; i < kDegree; ++i) smooth(parallel, level, b, x, i);
+  for (int i = 1; i < kDegree; ++i) smooth(parallel, level.op, b, x, i);
   Level& coarse = levels_[l + 1];
   grid::fill_ghosts(level.op.grid, x, Real(0));
   apply_pressure_operator(parallel, level.op, x, level.residual, &b);
   restrict_residual(parallel, level.op, level.residual, coarse.op, coarse.b);
   cycle(parallel, l + 1, coarse.b, coarse.x);
   prolong_and_add(parallel, coarse.op, coarse.x, level.op, x);
-  for (int i = kDegree - 1; i >= 0; --i) smooth(parallel, level, b, x, i);
+  for (int i = kDegree - 1; i >= 0; --i) smooth(parallel, level.op, b, x, i);
 }
 
 void PressureMultigrid::precondition(const Parallel& parallel, const std::vector<Real>& r, std::vector<Real>& z) {
