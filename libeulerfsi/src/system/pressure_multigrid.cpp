@@ -11,7 +11,7 @@ namespace {
 // Chebyshev smoothing of degree 3 as three Jacobi steps with the weights of its roots. The symbol of D^-1 A reaches 8/3
 // for uniform density; the polynomial is small on [kLargest/kRange, kLargest].
 constexpr int kDegree = 3;
-constexpr double kLargest = 2.8, kRange = 10.0;
+constexpr double kLargest = 2.8, kRange = 16.0;
 constexpr int kCoarsestCells = 6;        // coarsen while every axis has more cells than this
 constexpr int kCoarsestIterations = 18;  // smoothing steps on the coarsest level
 

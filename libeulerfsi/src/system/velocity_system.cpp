@@ -6,6 +6,11 @@
 #include "solid/material_force.hpp"
 
 namespace efsi::system {
+namespace {
+
+constexpr std::size_t kLanes = solid::kBlock;
+
+}  // namespace
 
 void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, const std::vector<std::uint8_t>& fixed,
                               std::span<const SolidRef> solids, const std::vector<Real>& mass, double dt) {
@@ -53,8 +58,14 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
     inertia_[i] = static_cast<Real>(static_cast<double>(node_mass_[i]) + damping[i]);
   }
 
-  // Elements and the lists by which unknowns gather from them.
-  corner_.resize(static_cast<std::size_t>(element_begin_.back()) * 8);
+  // Elements in blocks, and the lists by which unknowns gather from them.
+  block_begin_.assign(1, 0);
+  stiffness_.resize(solids_.size());
+  for (std::size_t l = 0; l < solids_.size(); ++l) {
+    solid::pack_blocks(parallel, *solids_[l].work, stiffness_[l]);
+    block_begin_.push_back(block_begin_.back() + stiffness_[l].count());
+  }
+  corner_.assign(block_begin_.back() * 8 * kLanes, -1);
   for (std::size_t l = 0; l < solids_.size(); ++l) {
     const SolidRef& s = solids_[l];
     const Grid& g = s.state->band.grid;
@@ -62,26 +73,35 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
     parallel.for_each(static_cast<std::int64_t>(s.work->element_cell.size()), [&](std::int64_t e) {
       const auto c = static_cast<int>(s.work->element_cell[static_cast<std::size_t>(e)]);
       const int i = c % g.cells[0], j = c / g.cells[0] % g.cells[1], k = c / (g.cells[0] * g.cells[1]);
+      const auto element = static_cast<std::size_t>(e);
+      const std::size_t block = block_begin_[l] + element / kLanes, lane = element % kLanes;
       for (std::size_t a = 0; a < 8; ++a)
-        corner_[(static_cast<std::size_t>(element_begin_[l]) + static_cast<std::size_t>(e)) * 8 + a] =
-            unknown_of_node_[global.node(i + lo[0] + grid::kCorner[a][0], j + lo[1] + grid::kCorner[a][1],
-                                         k + lo[2] + grid::kCorner[a][2])];
+        corner_[(block * 8 + a) * kLanes + lane] = unknown_of_node_[global.node(
+            i + lo[0] + grid::kCorner[a][0], j + lo[1] + grid::kCorner[a][1], k + lo[2] + grid::kCorner[a][2])];
     });
   }
   gather_begin_.assign(node_.size() + 1, 0);
-  for (std::int32_t u : corner_) ++gather_begin_[static_cast<std::size_t>(u) + 1];
+  for (std::int32_t u : corner_)
+    if (u >= 0) ++gather_begin_[static_cast<std::size_t>(u) + 1];
   for (std::size_t i = 0; i < node_.size(); ++i) gather_begin_[i + 1] += gather_begin_[i];
-  gather_.resize(corner_.size());
+  gather_.resize(static_cast<std::size_t>(gather_begin_.back()));
   std::vector<std::int32_t> fill(gather_begin_.begin(), gather_begin_.end() - 1);
-  for (std::size_t c = 0; c < corner_.size(); ++c)
-    gather_[static_cast<std::size_t>(fill[static_cast<std::size_t>(corner_[c])]++)] = static_cast<std::int32_t>(c);
+  for (std::size_t c = 0; c < corner_.size(); ++c) {
+    if (corner_[c] < 0) {
+      corner_[c] = 0;  // a free lane: without stiffness, and nobody gathers from it
+      continue;
+    }
+    const std::size_t row = c / kLanes, lane = c % kLanes;  // corner c lies at rows 3 row + component
+    gather_[static_cast<std::size_t>(fill[static_cast<std::size_t>(corner_[c])]++)] =
+        static_cast<std::int32_t>(3 * row * kLanes + lane);
+  }
   element_out_.resize(corner_.size() * 3);
 
   // Jacobi preconditioner.
   std::vector<Real> diagonal;
   sum_elements(
       parallel,
-      [&](std::size_t l, std::size_t e, std::size_t, Real* out) {
+      [&](std::size_t l, std::size_t e, Real* out) {
         solid::element_stiffness_diagonal(*solids_[l].work, h_, e, out);
         for (int i = 0; i < 24; ++i) out[i] *= stiffness_factor_[l];
       },
@@ -93,43 +113,50 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
   }
 }
 
-// out = sum over elements of body(solid, element of the solid, element, 24 values).
-template <class ElementBody>
-void VelocitySystem::sum_elements(const Parallel& parallel, const ElementBody& body, std::vector<Real>& out) {
-  for (std::size_t l = 0; l < solids_.size(); ++l) {
-    const auto begin = static_cast<std::size_t>(element_begin_[l]);
-    parallel.for_each(element_begin_[l + 1] - element_begin_[l], [&](std::int64_t e) {
-      const std::size_t all = begin + static_cast<std::size_t>(e);
-      body(l, static_cast<std::size_t>(e), all, element_out_.data() + all * 24);
-    });
-  }
+// element_out_ -> sums per unknown, in the order of the elements.
+void VelocitySystem::gather_elements(const Parallel& parallel, std::vector<Real>& out) {
   out.resize(node_.size() * 3);
   parallel.for_each(unknowns(), [&](std::int64_t u) {
     const auto i = static_cast<std::size_t>(u);
     Real sum[3] = {0, 0, 0};
     for (std::int32_t t = gather_begin_[i]; t < gather_begin_[i + 1]; ++t) {
-      const Real* entry = element_out_.data() + static_cast<std::size_t>(gather_[static_cast<std::size_t>(t)]) * 3;
-      for (int a = 0; a < 3; ++a) sum[a] += entry[a];
+      const Real* entry = element_out_.data() + gather_[static_cast<std::size_t>(t)];
+      for (std::size_t a = 0; a < 3; ++a) sum[a] += entry[a * kLanes];
     }
     for (std::size_t a = 0; a < 3; ++a) out[3 * i + a] = sum[a];
   });
 }
 
+// out = sum over elements of body(solid, element of the solid, 24 values).
+template <class ElementBody>
+void VelocitySystem::sum_elements(const Parallel& parallel, const ElementBody& body, std::vector<Real>& out) {
+  for (std::size_t l = 0; l < solids_.size(); ++l)
+    parallel.for_each(element_begin_[l + 1] - element_begin_[l], [&](std::int64_t element) {
+      const auto e = static_cast<std::size_t>(element);
+      Real values[24];
+      body(l, e, values);
+      Real* lane = element_out_.data() + (block_begin_[l] + e / kLanes) * 24 * kLanes + e % kLanes;
+      for (std::size_t i = 0; i < 24; ++i) lane[i * kLanes] = values[i];
+    });
+  gather_elements(parallel, out);
+}
+
 void VelocitySystem::apply(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y) {
-  sum_elements(
-      parallel,
-      [&](std::size_t l, std::size_t e, std::size_t all, Real* out) {
-        Real local[24];
-        const std::int32_t* corner = corner_.data() + all * 8;
-        for (std::size_t a = 0; a < 8; ++a)
-          for (std::size_t i = 0; i < 3; ++i) {
-            const std::size_t u = 3 * static_cast<std::size_t>(corner[a]) + i;
-            local[3 * a + i] = x[u] * free_[u];
-          }
-        solid::element_stiffness(*solids_[l].work, h_, e, local, out);
-        for (int i = 0; i < 24; ++i) out[i] *= stiffness_factor_[l];
-      },
-      y);
+  masked_.resize(x.size());
+  linalg::multiply(parallel, masked_, free_, x);
+  for (std::size_t l = 0; l < solids_.size(); ++l)
+    parallel.for_each(static_cast<std::int64_t>(stiffness_[l].count()), [&](std::int64_t local) {
+      const std::size_t block = block_begin_[l] + static_cast<std::size_t>(local);
+      Real in[24][kLanes];
+      for (std::size_t a = 0; a < 8; ++a)
+        for (std::size_t lane = 0; lane < kLanes; ++lane) {
+          const Real* value = &masked_[3 * static_cast<std::size_t>(corner_[(block * 8 + a) * kLanes + lane])];
+          for (std::size_t i = 0; i < 3; ++i) in[3 * a + i][lane] = value[i];
+        }
+      solid::block_stiffness(stiffness_[l], static_cast<std::size_t>(local), h_, stiffness_factor_[l], in,
+                             element_out_.data() + block * 24 * kLanes);
+    });
+  gather_elements(parallel, y);
   parallel.for_each(unknowns(), [&](std::int64_t u) {
     for (std::size_t i = 3 * static_cast<std::size_t>(u); i < 3 * static_cast<std::size_t>(u) + 3; ++i)
       y[i] = free_[i] > 0 ? y[i] + inertia_[static_cast<std::size_t>(u)] * x[i] : x[i];
@@ -139,7 +166,7 @@ void VelocitySystem::apply(const Parallel& parallel, const std::vector<Real>& x,
 void VelocitySystem::internal_force(const Parallel& parallel, std::vector<Real>& force) {
   sum_elements(
       parallel,
-      [&](std::size_t l, std::size_t e, std::size_t, Real* out) {
+      [&](std::size_t l, std::size_t e, Real* out) {
         solid::element_force(*solids_[l].state, *solids_[l].work, e, out);
       },
       force);
@@ -173,7 +200,11 @@ void VelocitySystem::scatter(const Parallel& parallel, const std::vector<Real>& 
 }
 
 std::size_t VelocitySystem::bytes() const {
-  return (inertia_.size() + node_mass_.size() + free_.size() + inverse_diagonal_.size() + element_out_.size()) *
+  std::size_t blocks = 0;
+  for (const solid::StiffnessBlocks& b : stiffness_) blocks += b.bytes();
+  return blocks +
+         (inertia_.size() + node_mass_.size() + free_.size() + inverse_diagonal_.size() + element_out_.size() +
+          masked_.size()) *
              sizeof(Real) +
          (unknown_of_node_.size() + corner_.size() + gather_begin_.size() + gather_.size()) * sizeof(std::int32_t) +
          node_.size() * sizeof(std::size_t) + pcg_.bytes();

@@ -11,6 +11,7 @@
 #include "linalg/pcg.hpp"
 #include "linalg/pcr.hpp"
 #include "solid/solid.hpp"
+#include "solid/stiffness_block.hpp"
 
 namespace efsi::system {
 
@@ -52,6 +53,7 @@ class VelocitySystem {
   std::size_t bytes() const;
 
  private:
+  void gather_elements(const Parallel& parallel, std::vector<Real>& out);
   template <class ElementBody>
   void sum_elements(const Parallel& parallel, const ElementBody& body, std::vector<Real>& out);
 
@@ -59,14 +61,17 @@ class VelocitySystem {
   std::vector<std::int32_t> element_begin_;          // first element of each solid, and the end
   std::vector<std::int32_t> unknown_of_node_;        // global node -> unknown, -1
   std::vector<std::size_t> node_;                    // unknown -> global node
-  std::vector<std::int32_t> corner_;                 // 8 unknowns per element
-  std::vector<std::int32_t> gather_begin_, gather_;  // unknown -> its (8 element + corner) entries
+  std::vector<solid::StiffnessBlocks> stiffness_;    // per solid
+  std::vector<std::size_t> block_begin_;             // first block of each solid, and the end
+  std::vector<std::int32_t> corner_;                 // unknowns: block, corner, lane
+  std::vector<std::int32_t> gather_begin_, gather_;  // unknown -> where its entries of element_out_ are
   std::vector<Real> inertia_;                        // M + dt alpha M_s per unknown [kg]
   std::vector<Real> node_mass_;                      // M per unknown [kg]
   std::vector<Real> free_;
   std::vector<Real> stiffness_factor_;  // dt^2 + dt beta per solid
   std::vector<Real> inverse_diagonal_;
-  std::vector<Real> element_out_;  // 24 values per element
+  std::vector<Real> element_out_;  // block, 24 values, lane
+  std::vector<Real> masked_;
   double h_ = 1.0;
   linalg::PcgWorkspace pcg_;
   linalg::PcrWorkspace pcr_;

@@ -1,0 +1,141 @@
+#include "solid/stiffness_block.hpp"
+
+#include "base/kernel.hpp"
+#include "base/parallel.hpp"
+#include "solid/hexahedron.hpp"
+
+namespace efsi::solid {
+namespace {
+
+struct Gradients {
+  Real g[8][8][3];  // point, corner, axis: h grad N
+  explicit Gradients(int points) {
+    for (std::size_t q = 0; q < static_cast<std::size_t>(points); ++q) {
+      const ShapeGradients& source = points == 1 ? center_gradients() : gauss_gradients()[q];
+      for (std::size_t a = 0; a < 8; ++a)
+        for (int i = 0; i < 3; ++i) g[q][a][i] = static_cast<Real>(source[a][i]);
+    }
+  }
+};
+
+const Gradients& gradients_of(int points) {
+  static const Gradients one(1), eight(8);
+  return points == 1 ? one : eight;
+}
+
+using Lanes = Real[kBlock];
+
+// out += x y, lane by lane
+EFSI_INLINE void add_product(const Real* x, const Real* y, Real* out) {
+#pragma omp simd
+  for (int l = 0; l < kBlock; ++l) out[l] += x[l] * y[l];
+}
+EFSI_INLINE void add_scaled(Real s, const Real* x, Real* out) {
+#pragma omp simd
+  for (int l = 0; l < kBlock; ++l) out[l] += s * x[l];
+}
+EFSI_INLINE void clear(Real* out, int rows) {
+#pragma omp simd
+  for (int i = 0; i < rows * kBlock; ++i) out[i] = 0;
+}
+
+// out += B^T (U T(U^T (B x) U) U^T), B = grad N / h, at one quadrature point.
+EFSI_KERNEL void add_point(const PointBlock& p, const Real (*grad)[3], Real inverse_h, const Lanes* x, Lanes* out) {
+  Lanes e[9], half[9], t[9];  // (i, j) at i + 3 j
+  clear(e[0], 9);
+  for (int a = 0; a < 8; ++a)
+    for (int j = 0; j < 3; ++j)
+      for (int i = 0; i < 3; ++i) add_scaled(grad[a][j] * inverse_h, x[3 * a + i], e[i + 3 * j]);
+  // e -> U^T e U
+  clear(half[0], 9);
+  for (int j = 0; j < 3; ++j)
+    for (int m = 0; m < 3; ++m)
+      for (int i = 0; i < 3; ++i) add_product(e[i + 3 * m], p.axes[m + 3 * j], half[i + 3 * j]);
+  clear(e[0], 9);
+  for (int j = 0; j < 3; ++j)
+    for (int m = 0; m < 3; ++m)
+      for (int i = 0; i < 3; ++i) add_product(p.axes[m + 3 * i], half[m + 3 * j], e[i + 3 * j]);
+  // t = T(e)
+  clear(t[0], 9);
+  constexpr int kNormal[3][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}}, kFirst[3] = {1, 2, 0}, kSecond[3] = {2, 0, 1};
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) add_product(p.normal[kNormal[i][j]], e[4 * j], t[4 * i]);
+  for (int q = 0; q < 3; ++q) {
+    const int ij = kFirst[q] + 3 * kSecond[q], ji = kSecond[q] + 3 * kFirst[q];
+    add_product(p.pair[3 * q], e[ij], t[ij]);
+    add_product(p.pair[3 * q + 1], e[ji], t[ij]);
+    add_product(p.pair[3 * q + 1], e[ij], t[ji]);
+    add_product(p.pair[3 * q + 2], e[ji], t[ji]);
+  }
+  // t -> U t U^T
+  clear(half[0], 9);
+  for (int j = 0; j < 3; ++j)
+    for (int m = 0; m < 3; ++m)
+      for (int i = 0; i < 3; ++i) add_product(t[i + 3 * m], p.axes[j + 3 * m], half[i + 3 * j]);
+  clear(t[0], 9);
+  for (int j = 0; j < 3; ++j)
+    for (int m = 0; m < 3; ++m)
+      for (int i = 0; i < 3; ++i) add_product(p.axes[i + 3 * m], half[m + 3 * j], t[i + 3 * j]);
+  for (int a = 0; a < 8; ++a)
+    for (int j = 0; j < 3; ++j)
+      for (int i = 0; i < 3; ++i) add_scaled(grad[a][j] * inverse_h, t[i + 3 * j], out[3 * a + i]);
+}
+
+EFSI_KERNEL void add_hourglass(const Real* stiffness, const Lanes* x, Lanes* out) {
+  Lanes k, amplitude;
+  clear(k, 1);
+  add_scaled(static_cast<Real>(kHourglassNorm * kHourglassNorm), stiffness, k);
+  for (const auto& sign : kHourglassSign)
+    for (int i = 0; i < 3; ++i) {
+      Lanes sum;
+      clear(sum, 1);
+      for (int a = 0; a < 8; ++a) add_scaled(static_cast<Real>(sign[a]), x[3 * a + i], sum);
+      clear(amplitude, 1);
+      add_product(sum, k, amplitude);
+      for (int a = 0; a < 8; ++a) add_scaled(static_cast<Real>(sign[a]), amplitude, out[3 * a + i]);
+    }
+}
+
+EFSI_KERNEL void scale(Real factor, Real* out) {
+#pragma omp simd
+  for (int i = 0; i < 24 * kBlock; ++i) out[i] *= factor;
+}
+
+}  // namespace
+
+void pack_blocks(const Parallel& parallel, const SolidWork& work, StiffnessBlocks& blocks) {
+  const std::size_t elements = work.element_cell.size(), lanes = kBlock;
+  const auto points = static_cast<std::size_t>(work.points_per_element);
+  const std::size_t count = (elements + lanes - 1) / lanes;
+  blocks.points = work.points_per_element;
+  blocks.point.resize(count * points);
+  blocks.hourglass.resize(count * lanes);
+  parallel.for_each(static_cast<std::int64_t>(count), [&](std::int64_t block) {
+    const auto b = static_cast<std::size_t>(block);
+    for (std::size_t l = 0; l < lanes; ++l) {
+      const std::size_t e = b * lanes + l;
+      blocks.hourglass[e] = e < elements ? work.hourglass[e] : Real(0);
+      for (std::size_t q = 0; q < points; ++q) {
+        PointBlock& out = blocks.point[b * points + q];
+        const ElementPoint in = e < elements ? work.point[e * points + q] : ElementPoint{};
+        for (int i = 0; i < 9; ++i) out.axes[i][l] = in.axes[i];
+        for (int i = 0; i < 6; ++i) out.normal[i][l] = in.normal[i];
+        for (int i = 0; i < 9; ++i) out.pair[i][l] = in.pair[i / 3][i % 3];
+      }
+    }
+  });
+}
+
+void block_stiffness(const StiffnessBlocks& blocks, std::size_t block, double h, Real factor,
+                     const Real (&x)[24][kBlock], Real* out) {
+  auto* rows = reinterpret_cast<Lanes*>(out);
+  std::fill(out, out + 24 * kBlock, Real(0));
+  const Gradients& table = gradients_of(blocks.points);
+  const auto points = static_cast<std::size_t>(blocks.points);
+  for (std::size_t q = 0; q < points; ++q)
+    add_point(blocks.point[block * points + q], table.g[q], static_cast<Real>(1.0 / h), x, rows);
+  if (blocks.points == 1) add_hourglass(&blocks.hourglass[block * static_cast<std::size_t>(kBlock)], x, rows);
+  scale(factor, out);
+}
+
+}  // namespace efsi::solid
