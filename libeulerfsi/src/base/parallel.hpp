@@ -23,6 +23,10 @@ class Parallel {
     });
   }
 
+  // The ranges that for_ranges makes of [0, n).
+  int ranges(std::int64_t n) const { return static_cast<int>(std::clamp<std::int64_t>(n, 1, threads_)); }
+  std::int64_t range_begin(std::int64_t n, std::int64_t range) const { return n * range / ranges(n); }
+
   // Calls body(begin, end) on one contiguous range per thread. An exception of a body is rethrown on the caller's
   // thread.
   template <class Body>
@@ -31,12 +35,12 @@ class Parallel {
       body(std::int64_t{0}, n);
       return;
     }
-    std::vector<std::exception_ptr> errors(static_cast<std::size_t>(threads_));
-#pragma omp parallel for num_threads(threads_) schedule(static, 1)
-    for (int t = 0; t < threads_; ++t) {
+    const int count = ranges(n);
+    std::vector<std::exception_ptr> errors(static_cast<std::size_t>(count));
+#pragma omp parallel for num_threads(count) schedule(static, 1)
+    for (int t = 0; t < count; ++t) {
       try {
-        const std::int64_t begin = n * t / threads_, end = n * (t + 1) / threads_;
-        if (begin < end) body(begin, end);
+        body(range_begin(n, t), range_begin(n, t + 1));
       } catch (...) {
         errors[static_cast<std::size_t>(t)] = std::current_exception();
       }

@@ -14,8 +14,8 @@ constexpr int kBestInterval = 8;  // iterations
 SolveStats pcg(const Parallel& parallel, const Operator& apply, const Operator& precondition,
                const std::vector<Real>& b, std::vector<Real>& x, const SolveOptions& options, PcgWorkspace& work) {
   const std::size_t n = b.size();
-  for (auto* v : {&work.r, &work.z, &work.d, &work.q, &work.r_old, &work.best}) v->resize(n);
-  auto& [r, z, d, q, r_old, best] = work;
+  for (auto* v : {&work.r, &work.z, &work.d, &work.q, &work.best}) v->resize(n);
+  auto& [r, z, d, q, best] = work;
 
   SolveStats stats;
   const double b_norm = norm(parallel, b);
@@ -29,16 +29,18 @@ SolveStats pcg(const Parallel& parallel, const Operator& apply, const Operator& 
     stats.converged = false;
     return stats;
   }
-  const auto done = [&] {
-    stats.residual = norm(parallel, r) / b_norm;
+  const auto done = [&](double r_norm) {
+    stats.residual = r_norm / b_norm;
     return stats.residual <= options.tolerance && (!options.also || options.also(r));
   };
 
   // r = b - A x
-  apply(x, q);
   r = b;
-  add_scaled(parallel, r, -1.0, q);
-  if (done()) return stats;
+  if (dot(parallel, x, x) > 0.0) {
+    apply(x, q);
+    add_scaled(parallel, r, -1.0, q);
+  }
+  if (done(norm(parallel, r))) return stats;
   // The best iterate so far, looked at now and then: b may lie outside the range of A.
   best = x;
   double best_residual = stats.residual;
@@ -50,18 +52,16 @@ SolveStats pcg(const Parallel& parallel, const Operator& apply, const Operator& 
     const double dq = dot(parallel, d, q);
     if (!(dq > 0.0) || !std::isfinite(dq)) break;
     const double alpha = rz / dq;
-    add_scaled(parallel, x, alpha, d);
-    r_old = r;
-    add_scaled(parallel, r, -alpha, q);
+    const double r_square = advance(parallel, alpha, d, q, x, r);
     ++stats.iterations;
-    if (done()) return stats;
+    if (done(std::sqrt(r_square))) return stats;
     if (stats.iterations % kBestInterval == 0 && stats.residual < best_residual) {
       best = x;
       best_residual = stats.residual;
     }
     precondition(r, z);
     const double rz_new = dot(parallel, r, z);
-    const double beta = (rz_new - dot(parallel, r_old, z)) / rz;  // Polak-Ribiere
+    const double beta = -alpha * dot(parallel, q, z) / rz;  // Polak-Ribiere: the residual has changed by -alpha q
     if (!(rz_new > 0.0) || !std::isfinite(beta)) break;
     scale_add(parallel, d, beta, z);
     rz = rz_new;

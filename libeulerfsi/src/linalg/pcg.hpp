@@ -8,10 +8,8 @@
 namespace efsi::linalg {
 
 struct PcgWorkspace {
-  std::vector<Real> r, z, d, q, r_old, best;
-  std::size_t bytes() const {
-    return (r.size() + z.size() + d.size() + q.size() + r_old.size() + best.size()) * sizeof(Real);
-  }
+  std::vector<Real> r, z, d, q, best;
+  std::size_t bytes() const { return (r.size() + z.size() + d.size() + q.size() + best.size()) * sizeof(Real); }
 };
 
 // x: in start, out solution. precondition(r, z): z = B r. A result is always usable: on a negative curvature or a stall

@@ -11,22 +11,45 @@ namespace efsi::linalg {
 
 inline constexpr std::int64_t kReduceChunk = 4096;
 
+// One chunk of a dot product: four fixed lanes.
+inline double dot_chunk(const Real* a, const Real* b, std::int64_t begin, std::int64_t end) {
+  double lane[4] = {0, 0, 0, 0};
+  std::int64_t i = begin;
+  for (; i + 4 <= end; i += 4)
+    for (int l = 0; l < 4; ++l) lane[l] += static_cast<double>(a[i + l]) * static_cast<double>(b[i + l]);
+  for (; i < end; ++i) lane[0] += static_cast<double>(a[i]) * static_cast<double>(b[i]);
+  return (lane[0] + lane[1]) + (lane[2] + lane[3]);
+}
+
 inline double dot(const Parallel& parallel, const std::vector<Real>& a, const std::vector<Real>& b) {
   const auto n = static_cast<std::int64_t>(a.size());
   const Real* pa = a.data();
   const Real* pb = b.data();
   return parallel.sum((n + kReduceChunk - 1) / kReduceChunk, [=](std::int64_t chunk) {
     const std::int64_t begin = chunk * kReduceChunk, end = std::min(n, begin + kReduceChunk);
-    double lane[4] = {0, 0, 0, 0};  // four fixed lanes
-    std::int64_t i = begin;
-    for (; i + 4 <= end; i += 4)
-      for (int l = 0; l < 4; ++l) lane[l] += static_cast<double>(pa[i + l]) * static_cast<double>(pb[i + l]);
-    for (; i < end; ++i) lane[0] += static_cast<double>(pa[i]) * static_cast<double>(pb[i]);
-    return (lane[0] + lane[1]) + (lane[2] + lane[3]);
+    return dot_chunk(pa, pb, begin, end);
   });
 }
 
 inline double norm(const Parallel& parallel, const std::vector<Real>& a) { return std::sqrt(dot(parallel, a, a)); }
+
+// x += s d, r -= s q; returns |r|^2, summed as dot does.
+inline double advance(const Parallel& parallel, double s, const std::vector<Real>& d, const std::vector<Real>& q,
+                      std::vector<Real>& x, std::vector<Real>& r) {
+  const auto n = static_cast<std::int64_t>(x.size());
+  const Real *pd = d.data(), *pq = q.data();
+  Real *px = x.data(), *pr = r.data();
+  const Real factor = static_cast<Real>(s);
+  return parallel.sum((n + kReduceChunk - 1) / kReduceChunk, [=](std::int64_t chunk) {
+    const std::int64_t begin = chunk * kReduceChunk, end = std::min(n, begin + kReduceChunk);
+#pragma omp simd
+    for (std::int64_t i = begin; i < end; ++i) {
+      px[i] += factor * pd[i];
+      pr[i] -= factor * pq[i];
+    }
+    return dot_chunk(pr, pr, begin, end);
+  });
+}
 
 // y += s x
 inline void add_scaled(const Parallel& parallel, std::vector<Real>& y, double s, const std::vector<Real>& x) {

@@ -1,15 +1,17 @@
 #include "system/divergence.hpp"
 
+#include <algorithm>
+
 #include "base/kernel.hpp"
 
 namespace efsi::system {
 namespace {
 
-// -D^T p for a row of nodes (all i at one j, k), scaled by the mobility: g = mobility (p_high - p_low).
+// Rows of -D^T p, scaled by the mobility: g = mobility (p_high - p_low), and of its divergence.
 struct RowScratch {
-  std::vector<Real> sum, dy, dz;
-  explicit RowScratch(int cells_x) {
-    for (auto* v : {&sum, &dy, &dz}) v->resize(static_cast<std::size_t>(cells_x + 2));
+  std::vector<Real> sum, dy, dz, fx, fyz, out, zero;
+  explicit RowScratch(const Grid& g) {
+    for (auto* v : {&sum, &dy, &dz, &fx, &fyz, &out, &zero}) v->resize(static_cast<std::size_t>(g.cells[0] + 2));
   }
 };
 
@@ -66,47 +68,95 @@ void node_row(const PressureLevel& level, const Real* p, int j, int k, RowScratc
 // The three components of g on one plane of nodes.
 struct NodePlane {
   std::vector<Real> x, y, z;
-  explicit NodePlane(std::size_t n) : x(n), y(n), z(n) {}
+  explicit NodePlane(const Grid& g) {
+    for (auto* v : {&x, &y, &z}) v->resize(static_cast<std::size_t>((g.cells[0] + 1) * (g.cells[1] + 1)));
+  }
 };
+
+void fill_plane(const PressureLevel& level, const Real* p, int k, RowScratch& scratch, NodePlane& plane) {
+  const auto row = static_cast<std::size_t>(level.grid.cells[0] + 1);
+  for (int j = 0; j <= level.grid.cells[1]; ++j) {
+    const std::size_t at = row * static_cast<std::size_t>(j);
+    node_row(level, p, j, k, scratch, &plane.x[at], &plane.y[at], &plane.z[at]);
+  }
+}
+
+// b + sign D g for one plane of cells between two planes of nodes; consume(first padded cell of a row, values).
+template <class Consume>
+void cell_plane(const PressureLevel& level, int k, const NodePlane& low, const NodePlane& high, const Real* b,
+                Real sign, RowScratch& s, const Consume& consume) {
+  const Grid& g = level.grid;
+  const auto row = static_cast<std::size_t>(g.cells[0] + 1);
+  for (int j = 0; j < g.cells[1]; ++j) {
+    const std::size_t j0 = row * static_cast<std::size_t>(j), j1 = j0 + row;
+    const auto edges = [&](const std::vector<Real>& lower, const std::vector<Real>& upper) {
+      return EdgeRows{&lower[j0], &lower[j1], &upper[j0], &upper[j1]};
+    };
+    const std::size_t cells = g.padded(0, j, k);
+    divergence_row(g.cells[0], edges(low.x, high.x), edges(low.y, high.y), edges(low.z, high.z),
+                   b ? b + cells : s.zero.data(), sign, s.fx.data(), s.fyz.data(), s.out.data());
+    consume(cells, s.out.data());
+  }
+}
+
+// x += weight d r along a row
+EFSI_KERNEL void smooth_row(int n, Real weight, const Real* d, const Real* r, Real* x) {
+#pragma omp simd
+  for (int i = 0; i < n; ++i) x[i] += weight * d[i] * r[i];
+}
 
 }  // namespace
 
 void apply_pressure_operator(const Parallel& parallel, const PressureLevel& level, const std::vector<Real>& x,
                              std::vector<Real>& y, const std::vector<Real>* b) {
   const Grid& g = level.grid;
-  const int nx = g.cells[0], ny = g.cells[1];
-  const auto row = static_cast<std::size_t>(nx + 1);
+  const auto nx = static_cast<std::size_t>(g.cells[0]);
   parallel.for_ranges(g.cells[2], [&](std::int64_t begin, std::int64_t end) {
-    RowScratch scratch(nx);
-    NodePlane low(row * static_cast<std::size_t>(ny + 1)), high(row * static_cast<std::size_t>(ny + 1));
-    std::vector<Real> fx(row), fyz(row);
-    const std::vector<Real> zero(row, 0);
-    const auto fill_plane = [&](NodePlane& plane, int k) {
-      for (int j = 0; j <= ny; ++j) {
-        const std::size_t at = row * static_cast<std::size_t>(j);
-        node_row(level, x.data(), j, k, scratch, plane.x.data() + at, plane.y.data() + at, plane.z.data() + at);
-      }
-    };
-    fill_plane(low, static_cast<int>(begin));
+    RowScratch scratch(g);
+    NodePlane low(g), high(g);
+    fill_plane(level, x.data(), static_cast<int>(begin), scratch, low);
     for (int k = static_cast<int>(begin); k < static_cast<int>(end); ++k) {
-      fill_plane(high, k + 1);
-      for (int j = 0; j < ny; ++j) {
-        const std::size_t j0 = row * static_cast<std::size_t>(j), j1 = j0 + row;
-        const auto edges = [&](const std::vector<Real>& lower, const std::vector<Real>& upper) {
-          return EdgeRows{&lower[j0], &lower[j1], &upper[j0], &upper[j1]};
-        };
-        const std::size_t out = g.padded(0, j, k);
-        Real* py = y.data() + out;
-        // A x = -D g; b - A x = b + D g.
-        divergence_row(nx, edges(low.x, high.x), edges(low.y, high.y), edges(low.z, high.z),
-                       b ? b->data() + out : zero.data(), b ? Real(1) : Real(-1), fx.data(), fyz.data(), py);
-        if (!level.active.empty()) {
-          const std::uint8_t* active = level.active.data() + out;
-          for (int i = 0; i < nx; ++i)
-            if (!active[i]) py[i] = 0;
-        }
-      }
+      fill_plane(level, x.data(), k + 1, scratch, high);
+      // A x = -D g; b - A x = b + D g.
+      cell_plane(level, k, low, high, b ? b->data() : nullptr, b ? Real(1) : Real(-1), scratch,
+                 [&](std::size_t cells, const Real* values) {
+                   Real* out = y.data() + cells;
+                   if (level.active.empty()) {
+                     std::copy(values, values + nx, out);
+                     return;
+                   }
+                   const std::uint8_t* active = level.active.data() + cells;
+                   for (std::size_t i = 0; i < nx; ++i) out[i] = active[i] ? values[i] : Real(0);
+                 });
       std::swap(low, high);
+    }
+  });
+}
+
+void smooth_pressure(const Parallel& parallel, const PressureLevel& level, const std::vector<Real>& b, Real weight,
+                     std::vector<Real>& x) {
+  const Grid& g = level.grid;
+  // Cells may be overwritten as soon as the nodes above them are known; where two threads meet, the nodes come first.
+  const int ranges = parallel.ranges(g.cells[2]);
+  std::vector<NodePlane> seam(static_cast<std::size_t>(ranges + 1), NodePlane(g));
+  parallel.for_each(ranges + 1, [&](std::int64_t t) {
+    RowScratch scratch(g);
+    fill_plane(level, x.data(), static_cast<int>(parallel.range_begin(g.cells[2], t)), scratch,
+               seam[static_cast<std::size_t>(t)]);
+  });
+  parallel.for_each(ranges, [&](std::int64_t t) {
+    RowScratch scratch(g);
+    const NodePlane& low = seam[static_cast<std::size_t>(t)];
+    const int begin = static_cast<int>(parallel.range_begin(g.cells[2], t));
+    const int end = static_cast<int>(parallel.range_begin(g.cells[2], t + 1));
+    NodePlane current = low, next(g);
+    for (int k = begin; k < end; ++k) {
+      if (k + 1 < end) fill_plane(level, x.data(), k + 1, scratch, next);
+      const NodePlane& high = k + 1 < end ? next : seam[static_cast<std::size_t>(t) + 1];
+      cell_plane(level, k, current, high, b.data(), Real(1), scratch, [&](std::size_t cells, const Real* residual) {
+        smooth_row(g.cells[0], weight, level.inverse_diagonal.data() + cells, residual, x.data() + cells);
+      });
+      std::swap(current, next);
     }
   });
 }
@@ -183,7 +233,7 @@ void subtract_pressure_gradient(const Parallel& parallel, const PressureLevel& l
   const auto nx = static_cast<std::size_t>(g.cells[0] + 1);
   const Real scale = static_cast<Real>(4.0 / (g.h * g.h));  // mobility holds (h^2/4)^2, a velocity needs h^2/4
   parallel.for_ranges(g.cells[2] + 1, [&](std::int64_t begin, std::int64_t end) {
-    RowScratch scratch(g.cells[0]);
+    RowScratch scratch(g);
     std::vector<Real> gx(nx), gy(nx), gz(nx);
     for (int k = static_cast<int>(begin); k < static_cast<int>(end); ++k)
       for (int j = 0; j <= g.cells[1]; ++j) {

@@ -31,6 +31,10 @@ struct PressureLevel {
 void apply_pressure_operator(const Parallel& parallel, const PressureLevel& level, const std::vector<Real>& x,
                              std::vector<Real>& y, const std::vector<Real>* b = nullptr);
 
+// x += weight D^-1 (b - A x), one Jacobi step in place. Ghosts of x must be filled.
+void smooth_pressure(const Parallel& parallel, const PressureLevel& level, const std::vector<Real>& b, Real weight,
+                     std::vector<Real>& x);
+
 // Diagonal of A -> inverse_diagonal.
 void compute_pressure_diagonal(const Parallel& parallel, PressureLevel& level);
 

@@ -67,12 +67,6 @@ EFSI_KERNEL void add_row(int n, Real w, const Real* source, Real* target) {
   for (int i = 0; i < n; ++i) target[i] += w * source[i];
 }
 
-// x += weight d r
-EFSI_KERNEL void smooth_row(std::int64_t n, Real weight, const Real* d, const Real* r, Real* x) {
-#pragma omp simd
-  for (std::int64_t i = 0; i < n; ++i) x[i] += weight * d[i] * r[i];
-}
-
 void restrict_residual(const Parallel& parallel, const PressureLevel& fine, const std::vector<Real>& r,
                        const PressureLevel& coarse, std::vector<Real>& b) {
   const Grid &gf = fine.grid, &gc = coarse.grid;
@@ -276,16 +270,10 @@ void PressureMultigrid::apply(const Parallel& parallel, std::vector<Real>& x, st
   apply_pressure_operator(parallel, finest(), x, y);
 }
 
-void PressureMultigrid::smooth(const Parallel& parallel, Level& level, const std::vector<Real>& b, std::vector<Real>& x,
-                               int step) const {
-  const Real weight = kWeights[step % kDegree];
-  grid::fill_ghosts(level.op.grid, x, Real(0));
-  apply_pressure_operator(parallel, level.op, x, level.residual, &b);
-  Real* px = x.data();
-  const Real *r = level.residual.data(), *d = level.op.inverse_diagonal.data();
-  parallel.for_ranges(static_cast<std::int64_t>(x.size()), [=](std::int64_t begin, std::int64_t end) {
-    smooth_row(end - begin, weight, d + begin, r + begin, px + begin);
-  });
+void PressureMultigrid::smooth(const Parallel& parallel, const PressureLevel& level, const std::vector<Real>& b,
+                               std::vector<Real>& x, int step) const {
+  grid::fill_ghosts(level.grid, x, Real(0));
+  smooth_pressure(parallel, level, b, kWeights[step % kDegree], x);
 }
 
 void PressureMultigrid::cycle(const Parallel& parallel, std::size_t l, const std::vector<Real>& b,
@@ -302,17 +290,17 @@ void PressureMultigrid::cycle(const Parallel& parallel, std::size_t l, const std
     });
   }
   if (l + 1 == levels_.size()) {
-    for (int it = 1; it < kCoarsestIterations; ++it) smooth(parallel, level, b, x, it);
+    for (int it = 1; it < kCoarsestIterations; ++it) smooth(parallel, level.op, b, x, it);
     return;
   }
-  for (int i = 1; i < kDegree; ++i) smooth(parallel, level, b, x, i);
+  for (int i = 1; i < kDegree; ++i) smooth(parallel, level.op, b, x, i);
   Level& coarse = levels_[l + 1];
   grid::fill_ghosts(level.op.grid, x, Real(0));
   apply_pressure_operator(parallel, level.op, x, level.residual, &b);
   restrict_residual(parallel, level.op, level.residual, coarse.op, coarse.b);
   cycle(parallel, l + 1, coarse.b, coarse.x);
   prolong_and_add(parallel, coarse.op, coarse.x, level.op, x);
-  for (int i = kDegree - 1; i >= 0; --i) smooth(parallel, level, b, x, i);
+  for (int i = kDegree - 1; i >= 0; --i) smooth(parallel, level.op, b, x, i);
 }
 
 void PressureMultigrid::precondition(const Parallel& parallel, const std::vector<Real>& r, std::vector<Real>& z) {

@@ -29,7 +29,8 @@ class PressureMultigrid {
     std::vector<Real> x, b, residual;  // padded cells
   };
   void cycle(const Parallel& parallel, std::size_t l, const std::vector<Real>& b, std::vector<Real>& x);
-  void smooth(const Parallel& parallel, Level& level, const std::vector<Real>& b, std::vector<Real>& x, int step) const;
+  void smooth(const Parallel& parallel, const PressureLevel& level, const std::vector<Real>& b, std::vector<Real>& x,
+              int step) const;
   std::vector<Level> levels_;
 };
 
