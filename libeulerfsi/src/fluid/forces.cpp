@@ -2,64 +2,117 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "base/kernel.hpp"
 
 namespace efsi::fluid {
 namespace {
 
-// Curl at a node by central differences, one-sided at the walls, times 2h inside.
-Vec3 curl(const Grid& g, const VectorField& v, int i, int j, int k, std::size_t n) {
-  const std::size_t stride[3] = {1, g.node_stride(1), g.node_stride(2)};
-  const int index[3] = {i, j, k};
-  std::size_t low[3], high[3];
-  Real scale[3];
-  for (std::size_t a = 0; a < 3; ++a) {
-    const bool first = index[a] == 0, last = index[a] == g.cells[a];
-    low[a] = first ? n : n - stride[a];
-    high[a] = last ? n : n + stride[a];
-    scale[a] = first || last ? Real(2) : Real(1);
-  }
-  const auto d = [&](std::size_t component, std::size_t axis) {
-    const Real* f = v.c[component].data();
-    return scale[axis] * (f[high[axis]] - f[low[axis]]);
+// Vorticity and its magnitude on a few planes of nodes.
+struct VorticityPlane {
+  std::vector<Real> x, y, z, magnitude;
+  explicit VorticityPlane(std::size_t n) : x(n), y(n), z(n), magnitude(n) {}
+};
+
+// A component's rows below and above a row along y and z, and the row itself.
+struct Rows {
+  const Real *row, *y_low, *y_high, *z_low, *z_high;
+};
+
+// Curl by central differences, one-sided at the walls; scale: 1/2h, twice that at a wall.
+EFSI_KERNEL void vorticity_row(int n, Real scale, Real scale_y, Real scale_z, const Rows& u, const Rows& v,
+                               const Rows& w, Real* x, Real* y, Real* z, Real* magnitude) {
+  const auto at = [&](int i, int low, int high, Real scale_x) {
+    x[i] = scale_y * (w.y_high[i] - w.y_low[i]) - scale_z * (v.z_high[i] - v.z_low[i]);
+    y[i] = scale_z * (u.z_high[i] - u.z_low[i]) - scale_x * (w.row[high] - w.row[low]);
+    z[i] = scale_x * (v.row[high] - v.row[low]) - scale_y * (u.y_high[i] - u.y_low[i]);
   };
-  return {d(2, 1) - d(1, 2), d(0, 2) - d(2, 0), d(1, 0) - d(0, 1)};
+  at(0, 0, 1, 2 * scale);
+  at(n - 1, n - 2, n - 1, 2 * scale);
+#pragma omp simd
+  for (int i = 1; i < n - 1; ++i) {
+    x[i] = scale_y * (w.y_high[i] - w.y_low[i]) - scale_z * (v.z_high[i] - v.z_low[i]);
+    y[i] = scale_z * (u.z_high[i] - u.z_low[i]) - scale * (w.row[i + 1] - w.row[i - 1]);
+    z[i] = scale * (v.row[i + 1] - v.row[i - 1]) - scale_y * (u.y_high[i] - u.y_low[i]);
+  }
+#pragma omp simd
+  for (int i = 0; i < n; ++i) magnitude[i] = std::sqrt(x[i] * x[i] + y[i] * y[i] + z[i] * z[i]);
 }
 
-// f = epsilon h (N x omega), N the direction in which |omega| grows.
-void add_confinement(const Parallel& parallel, const Grid& g, double epsilon, double dt,
-                     const std::vector<Real>& specific_volume, Real fluid_volume, VectorField& velocity) {
-  std::vector<Real> magnitude(g.node_count());
-  VectorField vorticity;
-  vorticity.assign(g.node_count());
-  const Real inverse = static_cast<Real>(0.5 / g.h);
-  parallel.for_each(g.cells[2] + 1, [&](std::int64_t kk) {
-    const int k = static_cast<int>(kk);
-    for (int j = 0; j <= g.cells[1]; ++j)
-      for (int i = 0; i <= g.cells[0]; ++i) {
-        const std::size_t n = g.node(i, j, k);
-        const Vec3 w = inverse * curl(g, velocity, i, j, k, n);
-        vorticity.set(n, w);
-        magnitude[n] = w.norm();
-      }
-  });
-  const std::size_t stride[3] = {1, g.node_stride(1), g.node_stride(2)};
+void vorticity_plane(const Grid& g, const VectorField& velocity, int k, VorticityPlane& plane) {
+  const Real scale = static_cast<Real>(0.5 / g.h);
+  const int top_y = g.cells[1], top_z = g.cells[2];
+  for (int j = 0; j <= top_y; ++j) {
+    const auto rows = [&](std::size_t a) {
+      const auto row = [&](int jj, int kk) { return velocity.c[a].data() + g.node(0, jj, kk); };
+      return Rows{row(j, k), row(std::max(0, j - 1), k), row(std::min(top_y, j + 1), k), row(j, std::max(0, k - 1)),
+                  row(j, std::min(top_z, k + 1))};
+    };
+    const std::size_t r = g.node(0, j, 0);
+    vorticity_row(g.cells[0] + 1, scale, j == 0 || j == top_y ? 2 * scale : scale,
+                  k == 0 || k == top_z ? 2 * scale : scale, rows(0), rows(1), rows(2), plane.x.data() + r,
+                  plane.y.data() + r, plane.z.data() + r, plane.magnitude.data() + r);
+  }
+}
+
+// out = in + kick where there is matter; s: specific volume. out may be in.
+EFSI_KERNEL void push_row(int n, Real kick, const Real* s, const Real* in, Real* out) {
+#pragma omp simd
+  for (int i = 0; i < n; ++i) out[i] = in[i] + (s[i] > 0 ? kick : Real(0));
+}
+
+// v += kick (N x omega) at interior nodes of a row, N the direction in which |omega| grows; only where the node and its
+// 6 neighbours are all fluid. m: magnitude, s: specific volume, w: vorticity.
+EFSI_KERNEL void confine_row(int n, Real kick, Real fluid_volume, const Rows& m, const Rows& s, const Real* w_x,
+                             const Real* w_y, const Real* w_z, Real* v_x, Real* v_y, Real* v_z) {
+#pragma omp simd
+  for (int i = 1; i < n - 1; ++i) {
+    const Real gx = m.row[i + 1] - m.row[i - 1], gy = m.y_high[i] - m.y_low[i], gz = m.z_high[i] - m.z_low[i];
+    const Real length = std::sqrt(gx * gx + gy * gy + gz * gz);
+    const bool fluid = (s.row[i] == fluid_volume) & (s.row[i - 1] == fluid_volume) & (s.row[i + 1] == fluid_volume) &
+                       (s.y_low[i] == fluid_volume) & (s.y_high[i] == fluid_volume) & (s.z_low[i] == fluid_volume) &
+                       (s.z_high[i] == fluid_volume);
+    const bool acts = fluid & (length > Real(1e-6));
+    const Real factor = kick / (acts ? length : Real(1));
+    const Real f_x = factor * (gy * w_z[i] - gz * w_y[i]), f_y = factor * (gz * w_x[i] - gx * w_z[i]),
+               f_z = factor * (gx * w_y[i] - gy * w_x[i]);
+    v_x[i] += acts ? f_x : Real(0);
+    v_y[i] += acts ? f_y : Real(0);
+    v_z[i] += acts ? f_z : Real(0);
+  }
+}
+
+// out = in + push + confinement f = epsilon h (N x omega). The vorticity lives on three planes that pass through the
+// grid.
+void add_confinement(const Parallel& parallel, const Grid& g, double epsilon, double dt, const Vec3& push,
+                     const std::vector<Real>& specific_volume, Real fluid_volume, const VectorField& in,
+                     VectorField& out) {
   const Real kick = static_cast<Real>(epsilon * g.h * dt);
-  parallel.for_each(std::max(0, g.cells[2] - 1), [&](std::int64_t kk) {
-    const int k = static_cast<int>(kk) + 1;
-    for (int j = 1; j < g.cells[1]; ++j)
-      for (int i = 1; i < g.cells[0]; ++i) {
-        const std::size_t n = g.node(i, j, k);
-        bool fluid = specific_volume[n] == fluid_volume;
-        Vec3 gradient;
-        for (int a = 0; a < 3; ++a) {
-          const std::size_t s = stride[a];
-          fluid = fluid && specific_volume[n - s] == fluid_volume && specific_volume[n + s] == fluid_volume;
-          gradient[a] = magnitude[n + s] - magnitude[n - s];
-        }
-        const Real length = gradient.norm();
-        if (!fluid || !(length > Real(1e-6))) continue;
-        velocity.set(n, velocity.at(n) + (kick / length) * gradient.cross(vorticity.at(n)));
+  const std::size_t row = g.node_stride(1), plane = g.node_stride(2);
+  const int count = g.cells[0] + 1;
+  parallel.for_ranges(g.cells[2] + 1, [&](std::int64_t begin, std::int64_t end) {
+    std::array<VorticityPlane, 3> window{VorticityPlane(plane), VorticityPlane(plane), VorticityPlane(plane)};
+    const auto vorticity = [&](int k) -> VorticityPlane& { return window[static_cast<std::size_t>(k % 3)]; };
+    const int first = static_cast<int>(begin), last = static_cast<int>(end) - 1;
+    for (int k = std::max(0, first - 1); k <= first; ++k) vorticity_plane(g, in, k, vorticity(k));
+    for (int k = first; k <= last; ++k) {
+      if (k < g.cells[2]) vorticity_plane(g, in, k + 1, vorticity(k + 1));
+      for (int j = 0; j <= g.cells[1]; ++j) {
+        const std::size_t n = g.node(0, j, k), r = g.node(0, j, 0);
+        const Real* s = specific_volume.data() + n;
+        for (std::size_t a = 0; a < 3; ++a)
+          push_row(count, push[static_cast<Eigen::Index>(a)], s, in.c[a].data() + n, out.c[a].data() + n);
+        if (k == 0 || j == 0 || k == g.cells[2] || j == g.cells[1]) continue;
+        const VorticityPlane& here = vorticity(k);
+        const Real* m = here.magnitude.data() + r;
+        confine_row(count, kick, fluid_volume,
+                    {m, m - row, m + row, vorticity(k - 1).magnitude.data() + r, vorticity(k + 1).magnitude.data() + r},
+                    {s, s - row, s + row, s - plane, s + plane}, here.x.data() + r, here.y.data() + r,
+                    here.z.data() + r, out.c[0].data() + n, out.c[1].data() + n, out.c[2].data() + n);
       }
+    }
   });
 }
 
@@ -75,15 +128,28 @@ Real mean_of_cells(const Grid& g, const std::vector<Real>& cells, int i, int j, 
 
 }  // namespace
 
-std::uint64_t add_body_forces(const Parallel& parallel, const Grid& g, const FluidParams& params,
-                              const FluidState& state, const Vec3d& gravity, double dt,
-                              const std::vector<Real>& specific_volume, VectorField& velocity) {
+std::uint64_t add_body_forces(const Parallel& parallel, const Grid& g, const FluidParams& params, FluidState& state,
+                              const Vec3d& gravity, double dt, const std::vector<Real>& specific_volume,
+                              VectorField& velocity) {
   std::uint64_t visited = 0;
   const Real fluid_volume = static_cast<Real>(1.0 / params.density);
-  if (params.vorticity_confinement > 0.0) {
-    add_confinement(parallel, g, params.vorticity_confinement, dt, specific_volume, fluid_volume, velocity);
+  const Vec3 push = (dt * gravity).cast<Real>();
+  if (params.present && params.vorticity_confinement > 0.0) {
+    for (auto& component : state.velocity.c) component.resize(g.node_count());
+    add_confinement(parallel, g, params.vorticity_confinement, dt, push, specific_volume, fluid_volume, velocity,
+                    state.velocity);
+    std::swap(velocity.c, state.velocity.c);
     visited += g.node_count();
+  } else if (!push.isZero(0)) {
+    parallel.for_each(static_cast<std::int64_t>(g.cells[1] + 1) * (g.cells[2] + 1), [&](std::int64_t row) {
+      const std::size_t n = static_cast<std::size_t>(row) * g.node_stride(1);
+      for (std::size_t a = 0; a < 3; ++a) {
+        Real* v = velocity.c[a].data() + n;
+        push_row(g.cells[0] + 1, push[static_cast<Eigen::Index>(a)], specific_volume.data() + n, v, v);
+      }
+    });
   }
+  if (!params.present) return visited;
   const bool by_smoke = params.smoke_buoyancy != 0.0 && !state.smoke.empty();
   const bool by_heat = params.temperature_buoyancy != 0.0 && !state.temperature.empty();
   if ((by_smoke || by_heat) && gravity.norm() > 0.0) {

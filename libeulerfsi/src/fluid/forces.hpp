@@ -7,11 +7,12 @@
 
 namespace efsi::fluid {
 
-// velocity += dt (buoyancy + confinement) at nodes whose specific volume equals the fluid's; gravity is not included.
-// Returns the number of nodes visited.
-std::uint64_t add_body_forces(const Parallel& parallel, const Grid& g, const FluidParams& params,
-                              const FluidState& state, const Vec3d& gravity, double dt,
-                              const std::vector<Real>& specific_volume, VectorField& velocity);
+// velocity += dt gravity where there is matter (specific volume > 0); += dt (buoyancy + confinement) at nodes whose
+// specific volume equals the fluid's. state: smoke and temperature are read; its velocity, which `velocity` stands for
+// during a step, is scratch. Returns the number of nodes visited.
+std::uint64_t add_body_forces(const Parallel& parallel, const Grid& g, const FluidParams& params, FluidState& state,
+                              const Vec3d& gravity, double dt, const std::vector<Real>& specific_volume,
+                              VectorField& velocity);
 
 // Applies the emitters that are on in [time, time + dt). The initial ones act when time is 0.
 void apply_emitters(const Parallel& parallel, const Grid& g, const std::vector<Emitter>& emitters, double time,

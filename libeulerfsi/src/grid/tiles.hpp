@@ -37,6 +37,24 @@ class TileMask {
       end[a] = std::min(points_[a], begin[a] + kTileSize);
     }
   }
+  // Calls body(j, k, begin, end, active) for runs [begin, end) of points along x of one activity; rows of tiles in
+  // parallel.
+  template <class Body>
+  void for_runs(const Parallel& parallel, const Body& body) const {
+    parallel.for_each(std::int64_t{1} * tiles_[1] * tiles_[2], [&](std::int64_t row) {
+      const std::int64_t first = row * tiles_[0];
+      Vec3i begin, end;
+      range(first, begin, end);
+      for (int k = begin[2]; k < end[2]; ++k)
+        for (int j = begin[1]; j < end[1]; ++j)
+          for (int t = 0; t < tiles_[0];) {
+            const int start = t;
+            const bool on = active(first + start);
+            while (t < tiles_[0] && active(first + t) == on) ++t;
+            body(j, k, start * kTileSize, std::min(points_[0], t * kTileSize), on);
+          }
+    });
+  }
   // Every neighbour of an active tile becomes active (periodic neighbours included).
   void dilate(const std::array<bool, 3>& periodic) {
     for (int axis = 0; axis < 3; ++axis) {

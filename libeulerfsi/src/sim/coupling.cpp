@@ -33,12 +33,11 @@ void for_band_cells(const Parallel& parallel, const solid::Band& band, const Bod
   });
 }
 
-template <class Body>
-void for_grid_nodes(const Parallel& parallel, const Grid& g, const Body& body) {
-  parallel.for_each(g.cells[2] + 1, [&](std::int64_t kk) {
-    const int k = static_cast<int>(kk);
-    for (int j = 0; j <= g.cells[1]; ++j)
-      for (int i = 0; i <= g.cells[0]; ++i) body(g.node(i, j, k), i, j, k);
+// Gives a field n values.
+void fill(const Parallel& parallel, std::vector<Real>& field, std::size_t n, Real value) {
+  field.resize(n);
+  parallel.for_ranges(static_cast<std::int64_t>(n), [&](std::int64_t begin, std::int64_t end) {
+    std::fill(&field[0] + begin, &field[0] + end, value);
   });
 }
 
@@ -97,25 +96,42 @@ void compute_volume_source(const Parallel& parallel, const Scene& scene, const S
   });
 }
 
+// Calls body(node, i, j, k) for the nodes on the faces of the box.
+template <class Body>
+void for_face_nodes(const Parallel& parallel, const Grid& g, const Body& body) {
+  parallel.for_each(g.cells[2] + 1, [&](std::int64_t kk) {
+    const int k = static_cast<int>(kk);
+    for (int j = 0; j <= g.cells[1]; ++j) {
+      const bool face = k == 0 || j == 0 || k == g.cells[2] || j == g.cells[1];
+      for (int i = 0; i <= g.cells[0]; i += face ? 1 : g.cells[0]) body(g.node(i, j, k), i, j, k);
+    }
+  });
+}
+
 // Which components walls fix: by the faces, less where a solid slides.
 void find_fixed_components(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work) {
   const Grid& g = scene.grid;
-  work.fixed = grid::fixed_by_walls(g, scene.params.walls);
-  for (std::size_t l = 0; l < scene.solids.size(); ++l)
-    for_band_nodes(parallel, state.solids[l].band, [&](std::size_t local, int i, int j, int k) {
-      const std::size_t n = g.node(i, j, k);
+  work.fixed.resize(g.node_count(), 0);
+  for_face_nodes(parallel, g, [&](std::size_t n, int i, int j, int k) {
+    work.fixed[n] = static_cast<std::uint8_t>(grid::fixed_components(g, scene.params.walls, i, j, k));
+  });
+  for (std::size_t l = 0; l < scene.solids.size(); ++l) {
+    const solid::Band& band = state.solids[l].band;
+    for_face_nodes(parallel, band.grid, [&](std::size_t local, int i, int j, int k) {
+      const int gi = i + band.lo[0], gj = j + band.lo[1], gk = k + band.lo[2];
+      const std::size_t n = g.node(gi, gj, gk);
       if (work.fixed[n] && work.solids[l].carries[local])
-        work.fixed[n] = grid::fixed_for_solid(g, scene.params.walls, i, j, k);
+        work.fixed[n] = grid::fixed_for_solid(g, scene.params.walls, gi, gj, gk);
     });
+  }
 }
 
+// Walls fix nodes on the faces only.
 void enforce_walls(const Parallel& parallel, const Grid& g, const std::vector<std::uint8_t>& fixed,
                    grid::VectorField& velocity) {
-  parallel.for_each(static_cast<std::int64_t>(g.node_count()), [&](std::int64_t n) {
-    const auto s = static_cast<std::size_t>(n);
-    if (!fixed[s]) return;
+  for_face_nodes(parallel, g, [&](std::size_t n, int, int, int) {
     for (std::size_t a = 0; a < 3; ++a)
-      if (fixed[s] & (1u << a)) velocity.c[a][s] = 0;
+      if (fixed[n] & (1u << a)) velocity.c[a][n] = 0;
   });
 }
 
@@ -132,7 +148,7 @@ void combine_masses(const Parallel& parallel, const Scene& scene, const State& s
 
   // The fluid fills what the solids leave free.
   if (solids) {
-    work.cell_fraction.assign(g.cell_count(), 0);
+    fill(parallel, work.cell_fraction, g.cell_count(), Real(0));
     for (std::size_t l = 0; l < scene.solids.size(); ++l)
       for_band_cells(parallel, state.solids[l].band, [&](std::size_t c, int i, int j, int k) {
         Real& fraction = work.cell_fraction[g.cell(i, j, k)];
@@ -140,8 +156,17 @@ void combine_masses(const Parallel& parallel, const Scene& scene, const State& s
       });
   }
   work.mass.resize(g.node_count());
-  for_grid_nodes(parallel, g, [&](std::size_t n, int i, int j, int k) {
-    work.mass[n] = static_cast<Real>(static_cast<double>(fluid_density) * h3 / 8.0 * adjacent_cells(g, i, j, k));
+  const auto full_mass = [&](int i, int j, int k) {
+    return static_cast<Real>(static_cast<double>(fluid_density) * h3 / 8.0 * adjacent_cells(g, i, j, k));
+  };
+  parallel.for_each(g.cells[2] + 1, [&](std::int64_t kk) {
+    const int k = static_cast<int>(kk), last = g.cells[0];
+    for (int j = 0; j <= g.cells[1]; ++j) {
+      Real* row = work.mass.data() + g.node(0, j, k);
+      row[0] = full_mass(0, j, k);
+      std::fill(row + 1, row + last, full_mass(1, j, k));
+      row[last] = full_mass(last, j, k);
+    }
   });
   if (solids) {
     // Around the solids: the fluid's share of each of the 8 cells.
@@ -171,10 +196,12 @@ void combine_masses(const Parallel& parallel, const Scene& scene, const State& s
   }
 }
 
-void combine_velocities(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work) {
+void combine_velocities(const Parallel& parallel, const Scene& scene, State& state, Workspace& work) {
   const Grid& g = scene.grid;
-  work.velocity.c = state.fluid.velocity.c;
-  if (!scene.params.fluid.present) work.velocity.assign(g.node_count());
+  if (scene.params.fluid.present)
+    std::swap(work.velocity.c, state.fluid.velocity.c);  // the advection gives it back
+  else
+    for (auto& component : work.velocity.c) fill(parallel, component, g.node_count(), Real(0));
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     const solid::SolidState& solid = state.solids[l];
     for_band_nodes(parallel, solid.band, [&](std::size_t local, int i, int j, int k) {
@@ -190,7 +217,7 @@ void combine_velocities(const Parallel& parallel, const Scene& scene, const Stat
   if (scene.solids.empty() && work.uniform_ready) return;
   const double h3 = g.h * g.h * g.h;
   const Real fluid_volume = scene.params.fluid.present ? static_cast<Real>(1.0 / scene.params.fluid.density) : Real(0);
-  work.specific_volume.assign(g.node_count(), fluid_volume);
+  fill(parallel, work.specific_volume, g.node_count(), fluid_volume);
   for (std::size_t l = 0; l < scene.solids.size(); ++l)
     for_band_nodes(parallel, state.solids[l].band, [&](std::size_t, int i, int j, int k) {
       const std::size_t n = g.node(i, j, k);
@@ -206,17 +233,11 @@ void combine_velocities(const Parallel& parallel, const Scene& scene, const Stat
 void add_external_forces(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
                          ScopedTimer& timer) {
   const Grid& g = scene.grid;
-  if (scene.params.fluid.present) {
+  if (scene.params.fluid.present)
     fluid::apply_emitters(parallel, g, scene.emitters, state.time, state.fluid, work.velocity);
-    const std::uint64_t visited = fluid::add_body_forces(parallel, g, scene.params.fluid, state.fluid,
-                                                         scene.params.gravity, dt, work.specific_volume, work.velocity);
-    timer.visited(visited, 4 * sizeof(Real));
-  }
-  const Vec3 kick = (dt * scene.params.gravity).cast<Real>();
-  for_grid_nodes(parallel, g, [&](std::size_t n, int, int, int) {
-    if (!(work.mass[n] > 0)) return;
-    for (std::size_t a = 0; a < 3; ++a) work.velocity.c[a][n] += kick[static_cast<Eigen::Index>(a)];
-  });
+  const std::uint64_t visited = fluid::add_body_forces(parallel, g, scene.params.fluid, state.fluid,
+                                                       scene.params.gravity, dt, work.specific_volume, work.velocity);
+  timer.visited(visited, 4 * sizeof(Real));
   enforce_walls(parallel, g, work.fixed, work.velocity);
 }
 
@@ -335,15 +356,19 @@ void advect_fluid(const Parallel& parallel, const Scene& scene, double dt, State
   if (!scene.params.fluid.present) return;
   const bool corrected = scene.params.numerics.corrected_fluid_advection;
   {
+    ScopedTimer timer(profile, Stage::kFluidAdvection);
+    fluid::set_flow(parallel, scene.grid, work.velocity, work.advect);
+  }
+  {
     ScopedTimer timer(profile, Stage::kSmoke);
-    const std::uint64_t tiles = fluid::advect_smoke(parallel, scene.grid, corrected, dt, work.velocity,
-                                                    work.cell_fraction, state.fluid, work.advect);
+    const std::uint64_t tiles =
+        fluid::advect_smoke(parallel, scene.grid, corrected, dt, work.cell_fraction, state.fluid, work.advect);
     timer.visited(512 * tiles, 6 * sizeof(Real));
   }
   ScopedTimer timer(profile, Stage::kFluidAdvection);
-  const std::uint64_t tiles = fluid::advect_velocity(parallel, scene.grid, corrected, dt, work.specific_volume,
-                                                     static_cast<Real>(1.0 / scene.params.fluid.density), work.velocity,
-                                                     state.fluid, work.advect);
+  const std::uint64_t tiles =
+      fluid::advect_velocity(parallel, scene.grid, corrected, dt, work.specific_volume,
+                             static_cast<Real>(1.0 / scene.params.fluid.density), state.fluid, work.advect);
   timer.visited(512 * tiles, 12 * sizeof(Real));
 }
 

@@ -9,8 +9,9 @@ namespace efsi::sim {
 // Line 7: mass of all matter per node, 1/density, part of the cells that is solid, constraint source.
 void combine_masses(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work,
                     ScopedTimer& timer);
-// v = sum_l m_l v_l / sum_l m_l over the solids and the fluid.
-void combine_velocities(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work);
+// v = sum_l m_l v_l / sum_l m_l over the solids and the fluid. Takes the fluid's velocity out of the state until its
+// advection.
+void combine_velocities(const Parallel& parallel, const Scene& scene, State& state, Workspace& work);
 // v += dt f_ext / m, emitters, walls.
 void add_external_forces(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
                          ScopedTimer& timer);

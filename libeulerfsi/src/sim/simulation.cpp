@@ -411,8 +411,7 @@ std::uint64_t Simulation::memory_bytes() const {
                       reals(work_.mass) + reals(work_.specific_volume) + reals(work_.cell_fraction) +
                       reals(work_.source) + work_.velocity_system.bytes() + work_.pressure_system.bytes();
   for (const auto& solid : work_.solids) sum += solid.bytes();
-  for (const auto* v : {&work_.advect.first, &work_.advect.result}) sum += 3 * v->size() * sizeof(Real);
-  return sum + reals(work_.advect.scalar_first) + reals(work_.advect.scalar_result) + reals(work_.advect.scalar_source);
+  return sum + work_.advect.bytes() + work_.solid_scratch.bytes();
 }
 
 void Simulation::set_velocity(const float* values) {

@@ -18,6 +18,7 @@ struct Workspace {
   std::vector<Real> cell_fraction;    // part of each cell that solids fill; empty without solids
   std::vector<Real> source;           // wanted divergence per padded cell [1/s]; empty: none
   std::vector<solid::SolidWork> solids;
+  solid::AdvectScratch solid_scratch;
   system::VelocitySystem velocity_system;
   system::PressureSystem pressure_system;
   std::vector<Real> f_star, v_star;  // Eq. 8 on the unknowns

@@ -2,35 +2,34 @@
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 
 #include "grid/extrapolate.hpp"
-#include "grid/interpolate.hpp"
 
 namespace efsi::solid {
 
-using grid::NodeSampler;
-using grid::Trilinear;
+using grid::PackedField;
+using grid::PackedSampler;
+using grid::Quad;
 
 void update_velocity(const Parallel& parallel, const Grid& global, const VectorField& velocity, SolidState& state,
                      SolidWork& work) {
   const Grid& g = state.band.grid;
   const Vec3i& lo = state.band.lo;
   work.layer.assign(g.node_count(), grid::kNoLayer);
-  parallel.for_each(g.cells[2] + 1, [&](std::int64_t kk) {
+  work.max_speed = parallel.max(g.cells[2] + 1, 0.0, [&](std::int64_t kk) {
     const int k = static_cast<int>(kk);
-    for (int j = 0; j <= g.cells[1]; ++j)
-      for (int i = 0; i <= g.cells[0]; ++i) {
-        const std::size_t n = g.node(i, j, k);
-        if (!work.carries[n]) continue;
-        work.layer[n] = 0;
-        state.v.set(n, velocity.at(global.node(i + lo[0], j + lo[1], k + lo[2])));
-      }
-  });
-  work.max_speed = parallel.max(g.cells[2] + 1, 0.0, [&](std::int64_t k) {
     Real top = 0;
-    for (std::size_t n = static_cast<std::size_t>(k) * g.node_stride(2);
-         n < (static_cast<std::size_t>(k) + 1) * g.node_stride(2); ++n)
-      if (work.layer[n] == 0) top = std::max(top, state.v.at(n).cwiseAbs().maxCoeff());
+    for (int j = 0; j <= g.cells[1]; ++j) {
+      const std::size_t row = g.node(0, j, k), from = global.node(lo[0], j + lo[1], k + lo[2]);
+      for (std::size_t i = 0; i <= static_cast<std::size_t>(g.cells[0]); ++i) {
+        if (!work.carries[row + i]) continue;
+        work.layer[row + i] = 0;
+        const Vec3 v = velocity.at(from + i);
+        state.v.set(row + i, v);
+        top = std::max(top, v.cwiseAbs().maxCoeff());
+      }
+    }
     return static_cast<double>(top);
   });
   std::array<Real*, 6> fields;
@@ -43,143 +42,152 @@ void update_velocity(const Parallel& parallel, const Grid& global, const VectorF
 
 namespace {
 
-// The value of a field at a position, when all corners around it hold data.
-struct Sampler {
-  NodeSampler nodes;
-  explicit Sampler(const Grid& g) : nodes(g) {}
-  bool valid(const Trilinear& t, const std::vector<std::uint8_t>& layer, std::uint8_t limit) const {
-    for (std::size_t offset : nodes.corners())
-      if (layer[t.base + offset] > limit) return false;
-    return true;
-  }
+// A row of band nodes; node: index of its first.
+struct Row {
+  int j, k, count;
+  std::size_t node;
 };
 
-// Lowest and highest of a field's 8 values around a position.
-std::pair<Real, Real> bounds(const NodeSampler& nodes, const Trilinear& t, const std::vector<Real>& field) {
-  Real low = field[t.base + nodes.corners()[0]], high = low;
-  for (std::size_t offset : nodes.corners()) {
-    low = std::min(low, field[t.base + offset]);
-    high = std::max(high, field[t.base + offset]);
+EFSI_INLINE Quad position(const Row& row, int i) {
+  return Quad{static_cast<Real>(i), static_cast<Real>(row.j), static_cast<Real>(row.k), 0};
+}
+
+// The marks of the 8 nodes around a place, two per number: combined by | or &.
+struct CornerMarks {
+  std::uint16_t any, all;
+};
+EFSI_INLINE CornerMarks corner_marks(const Vec3i& n, const std::uint8_t* mark, std::size_t node) {
+  const std::size_t row = static_cast<std::size_t>(n[0]), slab = row * static_cast<std::size_t>(n[1]);
+  std::uint16_t pair[4];
+  for (std::size_t e = 0; e < 4; ++e) std::memcpy(pair + e, mark + node + (e & 1) * row + (e >> 1) * slab, 2);
+  return {static_cast<std::uint16_t>(pair[0] | pair[1] | pair[2] | pair[3]),
+          static_cast<std::uint16_t>(pair[0] & pair[1] & pair[2] & pair[3])};
+}
+
+// First sweep: f1(x) = f(x_d). reached: 1 where all around x_d there is data.
+EFSI_KERNEL void carry_row(const PackedSampler& nodes, const Vec3i& points, const Row& row, bool paper, Real step,
+                           const std::uint8_t* layer, const PackedField& u, const PackedField& v, PackedField& first_u,
+                           PackedField& first_v, std::uint8_t* reached) {
+  const PackedSampler sampler = nodes;
+  for (int i = 0; i < row.count; ++i) {
+    const std::size_t n = row.node + static_cast<std::size_t>(i);
+    reached[n] = 0;
+    if (layer[n] == grid::kNoLayer) continue;
+    const Quad x = position(row, i), v0 = grid::load_quad(v.at(n));
+    const Quad from = paper ? sampler.trace_midpoint(v, x, v0, step) : sampler.trace_rk3(v, x, v0, step);
+    const PackedSampler::Place at = sampler.place(sampler.keep_inside(from));
+    static_assert(kExtensionLayers < 0x80 && grid::kNoLayer >= 0x80);
+    if (corner_marks(points, layer, at.node).any & 0x8080) continue;
+    grid::store_quad(first_u.at(n), sampler.value(u, at));
+    grid::store_quad(first_v.at(n), sampler.value(v, at));
+    reached[n] = 1;
   }
-  return {low, high};
+}
+
+// Second sweep, forwards: the error of going there and back, half of it is taken off. u also takes what x has moved.
+EFSI_KERNEL void correct_row(const PackedSampler& nodes, const Vec3i& points, const Row& row, Real step, Real h,
+                             const std::uint8_t* layer, const std::uint8_t* reached, const AdvectScratch& scratch,
+                             SolidState& state) {
+  const PackedSampler sampler = nodes;
+  const PackedField &u = scratch.packed_u, &v = scratch.packed_v, &first_u = scratch.first_u,
+                    &first_v = scratch.first_v;
+  for (int i = 0; i < row.count; ++i) {
+    const std::size_t n = row.node + static_cast<std::size_t>(i);
+    Quad u_new = {0, 0, 0, 0}, v_new = u_new;
+    if (reached[n]) {
+      const Quad x = position(row, i), v0 = grid::load_quad(v.at(n));
+      const Quad from = sampler.keep_inside(sampler.trace_rk3(v, x, v0, step));
+      const Quad to = sampler.keep_inside(sampler.trace_rk3(v, x, v0, -step));
+      u_new = grid::load_quad(first_u.at(n));
+      v_new = grid::load_quad(first_v.at(n));
+      const PackedSampler::Place ahead = sampler.place(to);
+      if (corner_marks(points, reached, ahead.node).all == 0x0101) {
+        u_new = u_new + Real(0.5) * (grid::load_quad(u.at(n)) - sampler.value(first_u, ahead));
+        v_new = v_new + Real(0.5) * (v0 - sampler.value(first_v, ahead));
+        if (layer[n] != 0) {  // no new extremes outside the data
+          const PackedSampler::Place behind = sampler.place(from);
+          u_new = sampler.limit(u, behind, u_new);
+          v_new = sampler.limit(v, behind, v_new);
+        }
+      }
+      u_new = u_new + h * (x - from);
+    }
+    for (std::size_t a = 0; a < 3; ++a) {
+      state.u.c[a][n] = u_new[a];
+      state.v.c[a][n] = v_new[a];
+    }
+  }
 }
 
 }  // namespace
 
-void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, SolidState& state, SolidWork& work) {
+void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, SolidState& state, const SolidWork& work,
+            AdvectScratch& scratch) {
   const Grid& g = state.band.grid;
-  const Sampler sampler(g);
+  const PackedSampler sampler(g);
   const Real step = static_cast<Real>(dt / g.h);
-  const Real h = static_cast<Real>(g.h);
   const bool paper = scheme == AdvectionScheme::kPaper;
-  Vec3 top;
-  for (int a = 0; a < 3; ++a) top[a] = static_cast<Real>(g.cells[static_cast<std::size_t>(a)]);
-
   const std::size_t count = g.node_count();
-  VectorField& first_u = work.scratch_u;
-  VectorField& first_v = work.scratch_v;
-  first_u.assign(count);
-  first_v.assign(count);
-  std::vector<std::uint8_t> reached(count, 0);  // first sweep reached data
-  const auto clamp = [&](const Vec3& x) -> Vec3 { return x.cwiseMax(Real(0)).cwiseMin(top); };
-  const auto trace = [&](const Vec3& x, const Vec3& v, Real s) -> Vec3 {
-    return clamp(grid::trace_rk3(sampler.nodes, state.v, x, v, s));
-  };
-
-  VectorField moved;  // paper: u + dt v at the nodes (line 19)
-  if (paper) {
-    moved = state.u;
-    for (std::size_t a = 0; a < 3; ++a)
-      for (std::size_t n = 0; n < count; ++n) moved.c[a][n] += static_cast<Real>(dt) * state.v.c[a][n];
-  }
-
-  const auto for_nodes = [&](const auto& body) {
+  for (PackedField* field : {&scratch.packed_u, &scratch.packed_v, &scratch.first_u, &scratch.first_v})
+    field->resize(count);
+  state.valid.resize(count);
+  const auto for_rows = [&](const auto& body) {
     parallel.for_each(g.cells[2] + 1, [&](std::int64_t k) {
       for (int j = 0; j <= g.cells[1]; ++j)
-        for (int i = 0; i <= g.cells[0]; ++i) body(i, j, static_cast<int>(k), g.node(i, j, static_cast<int>(k)));
+        body(Row{j, static_cast<int>(k), g.cells[0] + 1, g.node(0, j, static_cast<int>(k))});
     });
   };
-  const auto position = [](int i, int j, int k) {
-    return Vec3(static_cast<Real>(i), static_cast<Real>(j), static_cast<Real>(k));
-  };
-
-  // First sweep: f1(x) = f(x_d).
-  for_nodes([&](int i, int j, int k, std::size_t n) {
-    if (work.layer[n] == grid::kNoLayer) return;
-    const Vec3 x = position(i, j, k), v = state.v.at(n);
-    Vec3 from;
-    if (paper) {
-      const Vec3 middle = sampler.nodes.vector(state.v, x - Real(0.5) * step * v);
-      from = clamp(x - step * middle);
-    } else {
-      from = trace(x, v, step);
+  const Real lead = paper ? static_cast<Real>(dt) : Real(0);  // paper: u + dt v at the nodes (line 19)
+  for_rows([&](const Row& row) {
+    for (std::size_t n = row.node; n < row.node + static_cast<std::size_t>(row.count); ++n) {
+      const Quad u = {state.u.c[0][n], state.u.c[1][n], state.u.c[2][n], 0};
+      const Quad v = {state.v.c[0][n], state.v.c[1][n], state.v.c[2][n], 0};
+      grid::store_quad(scratch.packed_u.at(n), u + lead * v);
+      grid::store_quad(scratch.packed_v.at(n), v);
     }
-    const Trilinear t = sampler.nodes.stencil(from);
-    if (!sampler.valid(t, work.layer, kExtensionLayers)) return;
-    first_u.set(n, sampler.nodes.value(t, paper ? moved : state.u));
-    first_v.set(n, sampler.nodes.value(t, state.v));
-    reached[n] = 1;
   });
-  if (paper) {
-    state.u = first_u;
-    state.v = first_v;
-    state.valid = std::move(reached);
+  for_rows([&](const Row& row) {
+    carry_row(sampler, g.nodes(), row, paper, step, work.layer.data(), scratch.packed_u, scratch.packed_v,
+              scratch.first_u, scratch.first_v, state.valid.data());
+  });
+  if (!paper) {
+    for_rows([&](const Row& row) {
+      correct_row(sampler, g.nodes(), row, step, static_cast<Real>(g.h), work.layer.data(), state.valid.data(), scratch,
+                  state);
+    });
     return;
   }
-
-  // Second sweep, forwards: the error of going there and back, half of it is taken off.
-  VectorField u_new = first_u, v_new = first_v;
-  for_nodes([&](int i, int j, int k, std::size_t n) {
-    if (!reached[n]) return;
-    const Vec3 x = position(i, j, k), v = state.v.at(n);
-    const Vec3 from = trace(x, v, step), to = trace(x, v, -step);
-    const Vec3 travelled = h * (x - from);
-    const Trilinear ahead = sampler.nodes.stencil(to);
-    bool all = true;
-    for (std::size_t offset : sampler.nodes.corners()) all = all && reached[ahead.base + offset];
-    if (all) {
-      const Vec3 u_back = sampler.nodes.value(ahead, first_u), v_back = sampler.nodes.value(ahead, first_v);
-      Vec3 u = first_u.at(n) + Real(0.5) * (state.u.at(n) - u_back);
-      Vec3 w = first_v.at(n) + Real(0.5) * (state.v.at(n) - v_back);
-      if (work.layer[n] != 0) {  // no new extremes outside the data
-        const Trilinear behind = sampler.nodes.stencil(from);
-        for (int a = 0; a < 3; ++a) {
-          const auto s = static_cast<std::size_t>(a);
-          const auto [u_low, u_high] = bounds(sampler.nodes, behind, state.u.c[s]);
-          const auto [v_low, v_high] = bounds(sampler.nodes, behind, state.v.c[s]);
-          u[a] = std::clamp(u[a], u_low, u_high);
-          w[a] = std::clamp(w[a], v_low, v_high);
-        }
+  for_rows([&](const Row& row) {
+    for (std::size_t n = row.node; n < row.node + static_cast<std::size_t>(row.count); ++n)
+      for (std::size_t a = 0; a < 3; ++a) {
+        state.u.c[a][n] = state.valid[n] ? scratch.first_u.at(n)[a] : Real(0);
+        state.v.c[a][n] = state.valid[n] ? scratch.first_v.at(n)[a] : Real(0);
       }
-      u_new.set(n, u + travelled);
-      v_new.set(n, w);
-    } else {
-      u_new.set(n, first_u.at(n) + travelled);
-    }
   });
-  state.u = std::move(u_new);
-  state.v = std::move(v_new);
-  state.valid = std::move(reached);
 }
 
 void follow_solid(const Grid& global, const SolidRest& rest, SolidState& state) {
   const Grid& g = state.band.grid;
   Vec3i lo = {global.cells[0], global.cells[1], global.cells[2]}, hi = {0, 0, 0};
   bool any = false;
+  const auto inside = [&](int i, int j, int k) {
+    const std::size_t n = g.node(i, j, k);
+    return state.valid[n] && !(rest.distance.sample(g.node_position(i, j, k) - state.u.at(n).cast<double>()) > g.h);
+  };
   for (int k = 0; k <= g.cells[2]; ++k)
-    for (int j = 0; j <= g.cells[1]; ++j)
-      for (int i = 0; i <= g.cells[0]; ++i) {
-        const std::size_t n = g.node(i, j, k);
-        if (!state.valid[n]) continue;
-        const Vec3d material = g.node_position(i, j, k) - state.u.at(n).cast<double>();
-        if (rest.distance.sample(material) > g.h) continue;
-        any = true;
-        const int index[3] = {i + state.band.lo[0], j + state.band.lo[1], k + state.band.lo[2]};
-        for (std::size_t a = 0; a < 3; ++a) {
-          lo[a] = std::min(lo[a], index[a]);
-          hi[a] = std::max(hi[a], index[a]);
-        }
+    for (int j = 0; j <= g.cells[1]; ++j) {
+      // The ends of each row are enough.
+      int first = 0, last = g.cells[0];
+      while (first <= last && !inside(first, j, k)) ++first;
+      if (first > last) continue;
+      while (!inside(last, j, k)) --last;
+      any = true;
+      const int low[3] = {first, j, k}, high[3] = {last, j, k};
+      for (std::size_t a = 0; a < 3; ++a) {
+        lo[a] = std::min(lo[a], low[a] + state.band.lo[a]);
+        hi[a] = std::max(hi[a], high[a] + state.band.lo[a]);
       }
+    }
   if (!any) return;
   const Band band = make_band(global, lo, hi);
   if (band.lo != state.band.lo || band.grid.cells != state.band.grid.cells) move_band(state, band);

@@ -19,7 +19,8 @@ void update_velocity(const Parallel& parallel, const Grid& global, const VectorF
                      SolidWork& work);
 
 // Lines 19, 20 for u, and the transport of v by the same trace. Marks the nodes that hold data afterwards.
-void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, SolidState& state, SolidWork& work);
+void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, SolidState& state, const SolidWork& work,
+            AdvectScratch& scratch);
 
 // Re-centres the band around the nodes that hold data and are inside the solid.
 void follow_solid(const Grid& global, const SolidRest& rest, SolidState& state);

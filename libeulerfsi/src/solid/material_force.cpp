@@ -44,9 +44,9 @@ ElementPoint linearise(const material::Elastic& elastic, const Deformation& d, d
   for (int p = 0; p < 3; ++p) {
     const double si = s[kPairFirst[p]], sj = s[kPairSecond[p]];
     const double mean = 0.5 * (r.symmetric[p] + r.skew[p]), cross = 0.5 * (r.symmetric[p] - r.skew[p]);
-    point.pair[p][0] = static_cast<Real>(dv0 * mean * sj * sj);
-    point.pair[p][1] = static_cast<Real>(dv0 * cross * si * sj);
-    point.pair[p][2] = static_cast<Real>(dv0 * mean * si * si);
+    point.pair[3 * p] = static_cast<Real>(dv0 * mean * sj * sj);
+    point.pair[3 * p + 1] = static_cast<Real>(dv0 * cross * si * sj);
+    point.pair[3 * p + 2] = static_cast<Real>(dv0 * mean * si * si);
   }
   const Mat3d tau = d.axes * (r.stress.cwiseProduct(s) * dv0).asDiagonal() * d.axes.transpose();
   point.stress[0] = static_cast<Real>(tau(0, 0));
@@ -66,8 +66,8 @@ Mat3 stress_change(const ElementPoint& p, const Mat3& e) {
   t(2, 2) = p.normal[4] * e(0, 0) + p.normal[3] * e(1, 1) + p.normal[2] * e(2, 2);
   for (int q = 0; q < 3; ++q) {
     const int i = kPairFirst[q], j = kPairSecond[q];
-    t(i, j) = p.pair[q][0] * e(i, j) + p.pair[q][1] * e(j, i);
-    t(j, i) = p.pair[q][1] * e(i, j) + p.pair[q][2] * e(j, i);
+    t(i, j) = p.pair[3 * q] * e(i, j) + p.pair[3 * q + 1] * e(j, i);
+    t(j, i) = p.pair[3 * q + 1] * e(i, j) + p.pair[3 * q + 2] * e(j, i);
   }
   return t;
 }
@@ -91,9 +91,7 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
   const auto corner = grid::corner_offsets(g);
   const std::size_t elements = work.element_cell.size();
   const auto points = static_cast<std::size_t>(points_per_element);
-  work.points_per_element = points_per_element;
-  work.point.resize(elements * points);
-  work.hourglass.resize(elements);
+  work.resize_elements(points_per_element);
 
   struct Range {
     double low = std::numeric_limits<double>::infinity(), high = 0.0, energy = 0.0;
@@ -114,8 +112,8 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
         const ShapeGradients& gradients = points == 1 ? center_gradients() : gauss_gradients()[q];
         const Deformation d = deformation_from_displacement(displacement_gradient(u, gradients, g.h));
         double energy = 0.0;
-        work.point[e * points + q] =
-            linearise(rest.elastic, d, g.h * g.h * g.h / (static_cast<double>(points) * d.det), energy);
+        const double volume = g.h * g.h * g.h / (static_cast<double>(points) * d.det);
+        work.set_element_point(e, q, linearise(rest.elastic, d, volume, energy));
         range.energy += energy;
         range.low = std::min(range.low, d.det);
         range.high = std::max(range.high, d.det);
@@ -153,7 +151,8 @@ void element_force(const SolidState& state, const SolidWork& work, std::size_t e
   const RealGradients& table = real_gradients(work.points_per_element);
   std::fill(out, out + 24, Real(0));
   for (std::size_t q = 0; q < static_cast<std::size_t>(work.points_per_element); ++q) {
-    const Real* s = work.point[e * static_cast<std::size_t>(work.points_per_element) + q].stress;
+    const ElementPoint point = work.element_point(e, q);
+    const Real* s = point.stress;
     for (int a = 0; a < 8; ++a) {
       const Real* grad = table.g[q][a];
       out[3 * a + 0] -= inverse_h * (s[0] * grad[0] + s[5] * grad[1] + s[4] * grad[2]);
@@ -176,7 +175,7 @@ void element_stiffness(const SolidWork& work, double h, std::size_t e, const Rea
   const RealGradients& table = real_gradients(work.points_per_element);
   std::fill(out, out + 24, Real(0));
   for (std::size_t q = 0; q < static_cast<std::size_t>(work.points_per_element); ++q) {
-    const ElementPoint& point = work.point[e * static_cast<std::size_t>(work.points_per_element) + q];
+    const ElementPoint point = work.element_point(e, q);
     Mat3 gradient = Mat3::Zero();
     for (int a = 0; a < 8; ++a)
       for (int i = 0; i < 3; ++i)
@@ -198,7 +197,7 @@ void element_stiffness_diagonal(const SolidWork& work, double h, std::size_t e, 
   const RealGradients& table = real_gradients(work.points_per_element);
   std::fill(out, out + 24, work.hourglass[e] * Real(4 * kHourglassNorm * kHourglassNorm));
   for (std::size_t q = 0; q < static_cast<std::size_t>(work.points_per_element); ++q) {
-    const ElementPoint& point = work.point[e * static_cast<std::size_t>(work.points_per_element) + q];
+    const ElementPoint point = work.element_point(e, q);
     const Eigen::Map<const Mat3> axes(point.axes);
     for (int a = 0; a < 8; ++a) {
       const Vec3 grad(table.g[q][a][0], table.g[q][a][1], table.g[q][a][2]);

@@ -5,14 +5,44 @@
 namespace efsi::solid {
 
 std::size_t SolidWork::bytes() const {
-  const std::size_t reals = fraction.size() + volume_ratio.size() + hourglass.size() + mass.size() +
-                            3 * (scratch_u.size() + scratch_v.size());
+  const std::size_t reals = fraction.size() + volume_ratio.size() + hourglass.size() + mass.size();
   return reals * sizeof(Real) + (element.size() + element_cell.size() + element_corner.size()) * sizeof(std::int32_t) +
-         point.size() * sizeof(ElementPoint) + carries.size() + layer.size() + scratch_valid.size();
+         point.size() * sizeof(PointBlock) + carries.size() + layer.size();
 }
 
 std::size_t state_bytes(const SolidState& state) {
   return 6 * state.u.size() * sizeof(Real) + state.valid.size() + state.surface.size() * sizeof(Vec3d);
+}
+
+void SolidWork::resize_elements(int points) {
+  points_per_element = points;
+  const std::size_t elements = element_cell.size(), count = (elements + kBlock - 1) / kBlock;
+  point.resize(count * static_cast<std::size_t>(points));
+  hourglass.resize(count * kBlock);
+  for (std::size_t e = elements; e < hourglass.size(); ++e) {
+    hourglass[e] = 0;
+    for (std::size_t q = 0; q < static_cast<std::size_t>(points); ++q) set_element_point(e, q, ElementPoint{});
+  }
+}
+
+ElementPoint SolidWork::element_point(std::size_t e, std::size_t q) const {
+  const PointBlock& block = point[e / kBlock * static_cast<std::size_t>(points_per_element) + q];
+  const std::size_t lane = e % kBlock;
+  ElementPoint value;
+  for (int i = 0; i < 9; ++i) value.axes[i] = block.axes[i][lane];
+  for (int i = 0; i < 6; ++i) value.normal[i] = block.normal[i][lane];
+  for (int i = 0; i < 9; ++i) value.pair[i] = block.pair[i][lane];
+  for (int i = 0; i < 6; ++i) value.stress[i] = block.stress[i][lane];
+  return value;
+}
+
+void SolidWork::set_element_point(std::size_t e, std::size_t q, const ElementPoint& value) {
+  PointBlock& block = point[e / kBlock * static_cast<std::size_t>(points_per_element) + q];
+  const std::size_t lane = e % kBlock;
+  for (int i = 0; i < 9; ++i) block.axes[i][lane] = value.axes[i];
+  for (int i = 0; i < 6; ++i) block.normal[i][lane] = value.normal[i];
+  for (int i = 0; i < 9; ++i) block.pair[i][lane] = value.pair[i];
+  for (int i = 0; i < 6; ++i) block.stress[i][lane] = value.stress[i];
 }
 
 Band make_band(const Grid& global, Vec3i lo, Vec3i hi) {

@@ -10,6 +10,7 @@
 #include "geometry/signed_distance.hpp"
 #include "geometry/triangle_mesh.hpp"
 #include "grid/grid.hpp"
+#include "grid/packed_field.hpp"
 #include "material/constitutive.hpp"
 
 namespace efsi::solid {
@@ -47,10 +48,16 @@ struct SolidState {
 // With E = U^T (sum_a v_a grad N_a^T) U the change of Kirchhoff stress is U T U^T,
 //   T_ii = sum_j normal_ij E_jj,  (T_ij, T_ji) = 2x2 pair matrix (E_ij, E_ji).
 struct ElementPoint {
-  Real axes[9];     // U, column-major
-  Real normal[6];   // xx yy zz yz zx xy, weighted by the volume of the point [J]
-  Real pair[3][3];  // for pairs (y,z), (z,x), (x,y): [ij ij], [ij ji], [ji ji] [J]
-  Real stress[6];   // Kirchhoff stress times volume, world axes: xx yy zz yz zx xy [J]
+  Real axes[9];    // U, column-major
+  Real normal[6];  // xx yy zz yz zx xy, weighted by the volume of the point [J]
+  Real pair[9];    // for pairs (y,z), (z,x), (x,y): [ij ij], [ij ji], [ji ji] [J]
+  Real stress[6];  // Kirchhoff stress times volume, world axes: xx yy zz yz zx xy [J]
+};
+
+// The points of kBlock elements side by side, so that one instruction works on many of them.
+inline constexpr std::size_t kBlock = 16;
+struct PointBlock {
+  Real axes[9][kBlock], normal[6][kBlock], pair[9][kBlock], stress[6][kBlock];
 };
 
 // Workspace: rebuilt every step.
@@ -60,14 +67,12 @@ struct SolidWork {
   std::vector<std::int32_t> element;         // band cell -> element, -1: none
   std::vector<std::int32_t> element_cell;    // element -> band cell
   std::vector<std::int32_t> element_corner;  // element -> band node of corner 0
-  std::vector<ElementPoint> point;           // quadrature points, points_per_element each
-  std::vector<Real> hourglass;               // stiffness of the hourglass modes per element [N/m]
+  std::vector<PointBlock> point;             // point q of block b at b points_per_element + q; free lanes are zero
+  std::vector<Real> hourglass;               // stiffness of the hourglass modes per lane [N/m]
   int points_per_element = 1;
   std::vector<std::uint8_t> carries;  // band nodes: corner of an element; here the solid owns u and v
   std::vector<Real> mass;             // of the solid per band node [kg]
   std::vector<std::uint8_t> layer;    // band nodes: 0 data, k: k-th layer of the extension, 255: none
-  VectorField scratch_u, scratch_v;   // first sweep of the advection
-  std::vector<std::uint8_t> scratch_valid;
   double min_det_f = 1.0, max_det_f = 1.0;
   std::uint64_t degenerate = 0;
   double volume = 0.0;  // by cell fractions [m^3]
@@ -75,7 +80,18 @@ struct SolidWork {
   double elastic_energy = 0.0;  // [J]
   double max_speed = 0.0;
 
+  std::size_t blocks() const { return hourglass.size() / kBlock; }
+  void resize_elements(int points);  // for element_cell.size() elements
+  ElementPoint element_point(std::size_t e, std::size_t q) const;
+  void set_element_point(std::size_t e, std::size_t q, const ElementPoint& value);
   std::size_t bytes() const;
+};
+
+// Scratch of the advection, shared by the solids.
+struct AdvectScratch {
+  grid::PackedField packed_u, packed_v;  // u and v before the advection
+  grid::PackedField first_u, first_v;    // after its first sweep
+  std::size_t bytes() const { return packed_u.bytes() + packed_v.bytes() + first_u.bytes() + first_v.bytes(); }
 };
 
 inline constexpr int kExtensionLayers = 5;

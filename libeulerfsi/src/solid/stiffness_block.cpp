@@ -1,5 +1,7 @@
 #include "solid/stiffness_block.hpp"
 
+#include <algorithm>
+
 #include "base/kernel.hpp"
 #include "base/parallel.hpp"
 #include "solid/hexahedron.hpp"
@@ -24,19 +26,20 @@ const Gradients& gradients_of(int points) {
 }
 
 using Lanes = Real[kBlock];
+constexpr int kLanes = kBlock;
 
 // out += x y, lane by lane
 EFSI_INLINE void add_product(const Real* x, const Real* y, Real* out) {
 #pragma omp simd
-  for (int l = 0; l < kBlock; ++l) out[l] += x[l] * y[l];
+  for (int l = 0; l < kLanes; ++l) out[l] += x[l] * y[l];
 }
 EFSI_INLINE void add_scaled(Real s, const Real* x, Real* out) {
 #pragma omp simd
-  for (int l = 0; l < kBlock; ++l) out[l] += s * x[l];
+  for (int l = 0; l < kLanes; ++l) out[l] += s * x[l];
 }
 EFSI_INLINE void clear(Real* out, int rows) {
 #pragma omp simd
-  for (int i = 0; i < rows * kBlock; ++i) out[i] = 0;
+  for (int i = 0; i < rows * kLanes; ++i) out[i] = 0;
 }
 
 // out += B^T (U T(U^T (B x) U) U^T), B = grad N / h, at one quadrature point.
@@ -98,43 +101,20 @@ EFSI_KERNEL void add_hourglass(const Real* stiffness, const Lanes* x, Lanes* out
 
 EFSI_KERNEL void scale(Real factor, Real* out) {
 #pragma omp simd
-  for (int i = 0; i < 24 * kBlock; ++i) out[i] *= factor;
+  for (int i = 0; i < 24 * kLanes; ++i) out[i] *= factor;
 }
 
 }  // namespace
 
-void pack_blocks(const Parallel& parallel, const SolidWork& work, StiffnessBlocks& blocks) {
-  const std::size_t elements = work.element_cell.size(), lanes = kBlock;
-  const auto points = static_cast<std::size_t>(work.points_per_element);
-  const std::size_t count = (elements + lanes - 1) / lanes;
-  blocks.points = work.points_per_element;
-  blocks.point.resize(count * points);
-  blocks.hourglass.resize(count * lanes);
-  parallel.for_each(static_cast<std::int64_t>(count), [&](std::int64_t block) {
-    const auto b = static_cast<std::size_t>(block);
-    for (std::size_t l = 0; l < lanes; ++l) {
-      const std::size_t e = b * lanes + l;
-      blocks.hourglass[e] = e < elements ? work.hourglass[e] : Real(0);
-      for (std::size_t q = 0; q < points; ++q) {
-        PointBlock& out = blocks.point[b * points + q];
-        const ElementPoint in = e < elements ? work.point[e * points + q] : ElementPoint{};
-        for (int i = 0; i < 9; ++i) out.axes[i][l] = in.axes[i];
-        for (int i = 0; i < 6; ++i) out.normal[i][l] = in.normal[i];
-        for (int i = 0; i < 9; ++i) out.pair[i][l] = in.pair[i / 3][i % 3];
-      }
-    }
-  });
-}
-
-void block_stiffness(const StiffnessBlocks& blocks, std::size_t block, double h, Real factor,
-                     const Real (&x)[24][kBlock], Real* out) {
+void block_stiffness(const SolidWork& work, std::size_t block, double h, Real factor, const Real (&x)[24][kBlock],
+                     Real* out) {
   auto* rows = reinterpret_cast<Lanes*>(out);
   std::fill(out, out + 24 * kBlock, Real(0));
-  const Gradients& table = gradients_of(blocks.points);
-  const auto points = static_cast<std::size_t>(blocks.points);
+  const Gradients& table = gradients_of(work.points_per_element);
+  const auto points = static_cast<std::size_t>(work.points_per_element);
   for (std::size_t q = 0; q < points; ++q)
-    add_point(blocks.point[block * points + q], table.g[q], static_cast<Real>(1.0 / h), x, rows);
-  if (blocks.points == 1) add_hourglass(&blocks.hourglass[block * static_cast<std::size_t>(kBlock)], x, rows);
+    add_point(work.point[block * points + q], table.g[q], static_cast<Real>(1.0 / h), x, rows);
+  if (points == 1) add_hourglass(&work.hourglass[block * kBlock], x, rows);
   scale(factor, out);
 }
 

@@ -4,6 +4,7 @@
 
 #include "linalg/reduce.hpp"
 #include "solid/material_force.hpp"
+#include "solid/stiffness_block.hpp"
 
 namespace efsi::system {
 namespace {
@@ -60,11 +61,7 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
 
   // Elements in blocks, and the lists by which unknowns gather from them.
   block_begin_.assign(1, 0);
-  stiffness_.resize(solids_.size());
-  for (std::size_t l = 0; l < solids_.size(); ++l) {
-    solid::pack_blocks(parallel, *solids_[l].work, stiffness_[l]);
-    block_begin_.push_back(block_begin_.back() + stiffness_[l].count());
-  }
+  for (const SolidRef& s : solids_) block_begin_.push_back(block_begin_.back() + s.work->blocks());
   corner_.assign(block_begin_.back() * 8 * kLanes, -1);
   for (std::size_t l = 0; l < solids_.size(); ++l) {
     const SolidRef& s = solids_[l];
@@ -145,7 +142,7 @@ void VelocitySystem::apply(const Parallel& parallel, const std::vector<Real>& x,
   masked_.resize(x.size());
   linalg::multiply(parallel, masked_, free_, x);
   for (std::size_t l = 0; l < solids_.size(); ++l)
-    parallel.for_each(static_cast<std::int64_t>(stiffness_[l].count()), [&](std::int64_t local) {
+    parallel.for_each(static_cast<std::int64_t>(solids_[l].work->blocks()), [&](std::int64_t local) {
       const std::size_t block = block_begin_[l] + static_cast<std::size_t>(local);
       Real in[24][kLanes];
       for (std::size_t a = 0; a < 8; ++a)
@@ -153,7 +150,7 @@ void VelocitySystem::apply(const Parallel& parallel, const std::vector<Real>& x,
           const Real* value = &masked_[3 * static_cast<std::size_t>(corner_[(block * 8 + a) * kLanes + lane])];
           for (std::size_t i = 0; i < 3; ++i) in[3 * a + i][lane] = value[i];
         }
-      solid::block_stiffness(stiffness_[l], static_cast<std::size_t>(local), h_, stiffness_factor_[l], in,
+      solid::block_stiffness(*solids_[l].work, static_cast<std::size_t>(local), h_, stiffness_factor_[l], in,
                              element_out_.data() + block * 24 * kLanes);
     });
   gather_elements(parallel, y);
@@ -200,10 +197,7 @@ void VelocitySystem::scatter(const Parallel& parallel, const std::vector<Real>& 
 }
 
 std::size_t VelocitySystem::bytes() const {
-  std::size_t blocks = 0;
-  for (const solid::StiffnessBlocks& b : stiffness_) blocks += b.bytes();
-  return blocks +
-         (inertia_.size() + node_mass_.size() + free_.size() + inverse_diagonal_.size() + element_out_.size() +
+  return (inertia_.size() + node_mass_.size() + free_.size() + inverse_diagonal_.size() + element_out_.size() +
           masked_.size()) *
              sizeof(Real) +
          (unknown_of_node_.size() + corner_.size() + gather_begin_.size() + gather_.size()) * sizeof(std::int32_t) +

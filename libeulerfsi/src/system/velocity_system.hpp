@@ -11,7 +11,6 @@
 #include "linalg/pcg.hpp"
 #include "linalg/pcr.hpp"
 #include "solid/solid.hpp"
-#include "solid/stiffness_block.hpp"
 
 namespace efsi::system {
 
@@ -61,7 +60,6 @@ class VelocitySystem {
   std::vector<std::int32_t> element_begin_;          // first element of each solid, and the end
   std::vector<std::int32_t> unknown_of_node_;        // global node -> unknown, -1
   std::vector<std::size_t> node_;                    // unknown -> global node
-  std::vector<solid::StiffnessBlocks> stiffness_;    // per solid
   std::vector<std::size_t> block_begin_;             // first block of each solid, and the end
   std::vector<std::int32_t> corner_;                 // unknowns: block, corner, lane
   std::vector<std::int32_t> gather_begin_, gather_;  // unknown -> where its entries of element_out_ are

@@ -20,18 +20,16 @@ TEST_CASE("solid: a block of elements has the stiffness of its elements", "[soli
     compute(s, points);
     const std::size_t elements = s.work.element_cell.size();
     REQUIRE(elements == 27);
-    solid::StiffnessBlocks blocks;
-    solid::pack_blocks(Parallel(2), s.work, blocks);
-    REQUIRE(blocks.count() == 2);
+    REQUIRE(s.work.blocks() == 2);
 
     std::mt19937 random(3);
     std::normal_distribution<double> normal;
     const double factor = 0.7;
-    for (std::size_t b = 0; b < blocks.count(); ++b) {
+    for (std::size_t b = 0; b < s.work.blocks(); ++b) {
       Real in[24][solid::kBlock], out[24 * solid::kBlock];
       for (auto& row : in)
         for (Real& value : row) value = static_cast<Real>(normal(random));
-      solid::block_stiffness(blocks, b, h, static_cast<Real>(factor), in, out);
+      solid::block_stiffness(s.work, b, h, static_cast<Real>(factor), in, out);
       for (std::size_t lane = 0; lane < solid::kBlock; ++lane) {
         const std::size_t e = b * solid::kBlock + lane;
         Real one_in[24], one_out[24] = {};

@@ -1,0 +1,223 @@
+// Purpose: transport of cell-centred fields; see advect.hpp.
+#include <algorithm>
+#include <cmath>
+
+#include "fluid/advect.hpp"
+
+namespace efsi::fluid {
+
+using grid::PackedField;
+using grid::PackedSampler;
+using grid::Quad;
+using grid::TileMask;
+
+namespace {
+
+constexpr Real kNoSmoke = Real(1e-5);  // below this there is no smoke
+
+// Samples cell-centred fields; positions in grid units of the nodes.
+class CellSampler {
+ public:
+  explicit CellSampler(const Grid& g) {
+    stride_[0] = 1;
+    for (std::size_t a = 0; a < 3; ++a) {
+      cells_[a] = g.cells[a];
+      periodic_[a] = g.periodic[a];
+      if (a > 0) stride_[a] = stride_[a - 1] * g.cells[a - 1];
+    }
+  }
+  // The 8 cells around a position: the lowest one, the steps to the next along each axis, and where between them.
+  struct Place {
+    std::ptrdiff_t cell, next[3];
+    Real part[3];
+  };
+  EFSI_INLINE Place place(const Quad& g) const {
+    Place at;
+    at.cell = 0;
+    for (int a = 0; a < 3; ++a) {
+      const int n = cells_[a];
+      Real x = g[a] - Real(0.5);
+      int low, high;
+      if (periodic_[a]) {
+        x -= std::floor(x / static_cast<Real>(n)) * static_cast<Real>(n);
+        low = std::min(static_cast<int>(x), n - 1);
+        high = low + 1 < n ? low + 1 : 0;
+      } else {
+        x = x > 0 ? x : Real(0);
+        x = x < static_cast<Real>(n - 1) ? x : static_cast<Real>(n - 1);
+        low = std::min(static_cast<int>(x), std::max(0, n - 2));
+        high = std::min(low + 1, n - 1);
+      }
+      at.part[a] = x - static_cast<Real>(low);
+      at.cell += stride_[a] * low;
+      at.next[a] = stride_[a] * (high - low);
+    }
+    return at;
+  }
+  EFSI_INLINE Real value(const Real* field, const Place& at) const {
+    const Real* p = field + at.cell;
+    const auto x = at.next[0], y = at.next[1], z = at.next[2];
+    const auto mix = [](Real a, Real b, Real t) { return a + t * (b - a); };
+    const Real a = mix(p[0], p[z], at.part[2]), b = mix(p[x], p[x + z], at.part[2]);
+    const Real c = mix(p[y], p[y + z], at.part[2]), d = mix(p[x + y], p[x + y + z], at.part[2]);
+    return mix(mix(a, c, at.part[1]), mix(b, d, at.part[1]), at.part[0]);
+  }
+  // v limited to the range of the 8 values around a position.
+  EFSI_INLINE Real limit(const Real* field, const Place& at, Real v) const {
+    const Real* p = field + at.cell;
+    Real low = p[0], high = p[0];
+    for (const auto z : {std::ptrdiff_t{0}, at.next[2]})
+      for (const auto y : {std::ptrdiff_t{0}, at.next[1]})
+        for (const auto x : {std::ptrdiff_t{0}, at.next[0]}) {
+          const Real f = p[x + y + z];
+          low = f < low ? f : low;
+          high = f > high ? f : high;
+        }
+    v = v > low ? v : low;
+    return v < high ? v : high;
+  }
+
+ private:
+  int cells_[3];
+  std::ptrdiff_t stride_[3];
+  bool periodic_[3];
+};
+
+// Cells [begin, end) of row j, k; cell, node: index of cell and node 0 of the row.
+struct Row {
+  int j, k, begin, end;
+  std::size_t cell, node;
+};
+
+struct Samplers {
+  PackedSampler nodes;
+  CellSampler cells;
+};
+
+EFSI_INLINE Quad center(const Row& row, int i) {
+  return Quad{static_cast<Real>(i), static_cast<Real>(row.j), static_cast<Real>(row.k), 0} +
+         Quad{Real(0.5), Real(0.5), Real(0.5), 0};
+}
+
+EFSI_INLINE Quad center_velocity(const PackedSampler& nodes, const PackedField& flow, const Row& row, int i) {
+  return nodes.value(flow, {row.node + static_cast<std::size_t>(i), Quad{Real(0.5), Real(0.5), Real(0.5), 0}});
+}
+
+// What arrives in the cells of a row.
+EFSI_KERNEL void carry_row(const Samplers& samplers, const Row& row, Real step, const PackedField& flow,
+                           const Real* source, Real* first) {
+  const PackedSampler nodes = samplers.nodes;
+  const CellSampler cells = samplers.cells;
+  for (int i = row.begin; i < row.end; ++i) {
+    const Quad x = center(row, i), v = center_velocity(nodes, flow, row, i);
+    const Quad from = nodes.keep_inside(nodes.trace_midpoint(flow, x, v, step));
+    first[row.cell + static_cast<std::size_t>(i)] = cells.value(source, cells.place(from));
+  }
+}
+
+// Takes half the error of going there and back off what arrives. fraction may be null.
+EFSI_KERNEL void correct_row(const Samplers& samplers, const Row& row, Real step, const PackedField& flow,
+                             const Real* fraction, const Real* source, const Real* first, Real* result) {
+  const PackedSampler nodes = samplers.nodes;
+  const CellSampler cells = samplers.cells;
+  for (int i = row.begin; i < row.end; ++i) {
+    const std::size_t c = row.cell + static_cast<std::size_t>(i);
+    if (fraction && fraction[c] > 0) {  // beside a solid: first order
+      result[c] = first[c];
+      continue;
+    }
+    const Quad x = center(row, i), v = center_velocity(nodes, flow, row, i);
+    const Quad from = nodes.trace_midpoint(flow, x, v, step);
+    const Quad to = nodes.keep_inside(from + Real(2) * step * v);  // see advect_velocity
+    const Real w = first[c] + Real(0.5) * (source[c] - cells.value(first, cells.place(to)));
+    result[c] = cells.limit(source, cells.place(nodes.keep_inside(from)), w);
+  }
+}
+
+EFSI_KERNEL Real top_of_tile(const Grid& g, const Vec3i& begin, const Vec3i& end, const Real* field) {
+  Real top = 0;
+  for (int k = begin[2]; k < end[2]; ++k)
+    for (int j = begin[1]; j < end[1]; ++j) {
+      const Real* row = field + g.cell(0, j, k);
+#pragma omp simd reduction(max : top)
+      for (int i = begin[0]; i < end[0]; ++i) top = std::max(top, std::abs(row[i]));
+    }
+  return top;
+}
+
+// Mean of the fluid cells among the 5^3 around a cell.
+Real mean_of_fluid_around(const Grid& g, const std::vector<Real>& fraction, const std::vector<Real>& field, int i,
+                          int j, int k) {
+  Real sum = 0;
+  int count = 0;
+  for (int q = std::max(0, k - 2); q <= std::min(g.cells[2] - 1, k + 2); ++q)
+    for (int p = std::max(0, j - 2); p <= std::min(g.cells[1] - 1, j + 2); ++p)
+      for (int o = std::max(0, i - 2); o <= std::min(g.cells[0] - 1, i + 2); ++o) {
+        const std::size_t m = g.cell(o, p, q);
+        if (fraction[m] > Real(0.5)) continue;
+        sum += field[m];
+        ++count;
+      }
+  return count ? sum / static_cast<Real>(count) : Real(0);
+}
+
+std::uint64_t advect_scalar(const Parallel& parallel, const Grid& g, bool corrected, double dt,
+                            const std::vector<Real>& fraction, std::vector<Real>& field, AdvectWorkspace& work) {
+  TileMask tiles(g.cells);
+  parallel.for_each(tiles.count(), [&](std::int64_t t) {
+    Vec3i begin, end;
+    tiles.range(t, begin, end);
+    tiles.set(t, top_of_tile(g, begin, end, field.data()) > kNoSmoke);
+  });
+  if (tiles.active_count() == 0) return 0;
+  tiles.dilate(g.periodic);
+
+  const Samplers samplers = {PackedSampler(g), CellSampler(g)};
+  const Real step = static_cast<Real>(dt / g.h);
+  std::vector<Real>& source = work.scalar_source;
+  std::vector<Real>& first = work.scalar_first;
+  source.resize(field.size());
+  first.resize(field.size());
+  const auto in_solid = [&](std::size_t c) { return !fraction.empty() && fraction[c] > Real(0.5); };
+
+  // Cells inside solids are filled, so that a trace that ends in a solid finds the smoke beside it.
+  tiles.for_runs(parallel, [&](int j, int k, int begin, int end, bool active) {
+    const std::size_t row = g.cell(0, j, k);
+    std::copy(field.data() + row + begin, field.data() + row + end, source.data() + row + begin);
+    if (!active) return;
+    for (int i = begin; i < end; ++i)
+      if (in_solid(row + static_cast<std::size_t>(i)))
+        source[row + static_cast<std::size_t>(i)] = mean_of_fluid_around(g, fraction, field, i, j, k);
+  });
+  tiles.for_runs(parallel, [&](int j, int k, int begin, int end, bool active) {
+    const Row row = {j, k, begin, end, g.cell(0, j, k), g.node(0, j, k)};
+    if (active)
+      carry_row(samplers, row, step, work.flow, source.data(), first.data());
+    else
+      std::fill(first.data() + row.cell + begin, first.data() + row.cell + end, Real(0));
+  });
+  tiles.for_runs(parallel, [&](int j, int k, int begin, int end, bool active) {
+    const Row row = {j, k, begin, end, g.cell(0, j, k), g.node(0, j, k)};
+    if (active && corrected)
+      correct_row(samplers, row, step, work.flow, fraction.empty() ? nullptr : fraction.data(), source.data(),
+                  first.data(), field.data());
+    else
+      std::copy(first.data() + row.cell + begin, first.data() + row.cell + end, field.data() + row.cell + begin);
+    if (!active) return;
+    for (int i = begin; i < end; ++i)
+      if (in_solid(row.cell + static_cast<std::size_t>(i))) field[row.cell + static_cast<std::size_t>(i)] = 0;
+  });
+  return tiles.active_count();
+}
+
+}  // namespace
+
+std::uint64_t advect_smoke(const Parallel& parallel, const Grid& g, bool corrected, double dt,
+                           const std::vector<Real>& cell_fraction, FluidState& state, AdvectWorkspace& work) {
+  std::uint64_t tiles = 0;
+  for (std::vector<Real>* field : {&state.smoke, &state.temperature})
+    if (!field->empty()) tiles += advect_scalar(parallel, g, corrected, dt, cell_fraction, *field, work);
+  return tiles;
+}
+
+}  // namespace efsi::fluid

@@ -1,0 +1,137 @@
+// Purpose: node vectors packed for fast trilinear interpolation: (x, y, z, 0) side by side, so that one load brings an
+// edge of a cell and one instruction works on all components. interpolate.hpp is the readable twin.
+// Positions are in grid units: g = (x - origin) / h. The interpolation is nested, z then y then x.
+#pragma once
+
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "base/kernel.hpp"
+#include "grid/grid.hpp"
+
+namespace efsi::grid {
+
+using Quad = Real __attribute__((vector_size(4 * sizeof(Real))));   // x, y, z, 0
+using Octet = Real __attribute__((vector_size(8 * sizeof(Real))));  // two neighbours along x
+using QuadIndex = int __attribute__((vector_size(4 * sizeof(int))));
+
+EFSI_INLINE Quad load_quad(const Real* p) {
+  using Unaligned = Real __attribute__((vector_size(4 * sizeof(Real)), aligned(alignof(Real)), may_alias));
+  return *reinterpret_cast<const Unaligned*>(p);
+}
+EFSI_INLINE Octet load_octet(const Real* p) {
+  using Unaligned = Real __attribute__((vector_size(8 * sizeof(Real)), aligned(alignof(Real)), may_alias));
+  return *reinterpret_cast<const Unaligned*>(p);
+}
+EFSI_INLINE void store_quad(Real* p, const Quad& v) {
+  using Unaligned = Real __attribute__((vector_size(4 * sizeof(Real)), aligned(alignof(Real)), may_alias));
+  *reinterpret_cast<Unaligned*>(p) = v;
+}
+EFSI_INLINE Quad lower_half(const Octet& v) { return load_quad(reinterpret_cast<const Real*>(&v)); }
+EFSI_INLINE Quad upper_half(const Octet& v) { return load_quad(reinterpret_cast<const Real*>(&v) + 4); }
+
+// A value that is not a number gives the bound.
+EFSI_INLINE Quad clamp(const Quad& v, const Quad& low, const Quad& high) {
+  const Quad raised = v > low ? v : low;
+  return raised < high ? raised : high;
+}
+
+// Four values per node.
+class PackedField {
+ public:
+  void resize(std::size_t nodes) { values_.resize(4 * nodes); }
+  const Real* at(std::size_t n) const { return values_.data() + 4 * n; }
+  Real* at(std::size_t n) { return values_.data() + 4 * n; }
+  std::size_t bytes() const { return values_.capacity() * sizeof(Real); }
+
+ private:
+  std::vector<Real> values_;
+};
+
+// Samples packed node fields of one grid.
+class PackedSampler {
+ public:
+  // The cell around a position: its lowest node and where in it.
+  struct Place {
+    std::size_t node;
+    Quad part;
+  };
+
+  explicit PackedSampler(const Grid& g) : row_(g.node_stride(1)), slab_(g.node_stride(2)) {
+    for (std::size_t a = 0; a < 4; ++a) {
+      const bool axis = a < 3;
+      const int cells = axis ? g.cells[a] : 0;
+      const bool periodic = axis && g.periodic[a];
+      any_periodic_ = any_periodic_ || periodic;
+      period_[a] = periodic ? static_cast<Real>(cells) : Real(0);
+      top_[a] = static_cast<Real>(cells);
+      last_[a] = static_cast<Real>(axis ? cells - 1 : 0);
+      low_[a] = periodic ? -std::numeric_limits<Real>::max() : Real(0);
+      high_[a] = periodic ? std::numeric_limits<Real>::max() : top_[a];
+    }
+  }
+
+  // The nearest position in the box; periodic axes have no end.
+  EFSI_INLINE Quad keep_inside(const Quad& g) const { return clamp(g, low_, high_); }
+
+  // Whether keep_inside has cut a trace from x to `end`: nothing is known of what comes from beyond a wall.
+  EFSI_INLINE bool cut_by_wall(const Quad& x, const Quad& end) const {
+    const auto cut = (end != x) & ((end <= low_) | (end >= high_));
+    return (cut[0] | cut[1] | cut[2]) != 0;
+  }
+
+  // Positions outside are clamped to the box, or wrapped where periodic.
+  EFSI_INLINE Place place(Quad g) const {
+    if (any_periodic_)
+      for (int a = 0; a < 3; ++a)
+        if (period_[a] > 0) g[a] -= std::floor(g[a] / period_[a]) * period_[a];
+    const Quad inside = clamp(g, Quad{0, 0, 0, 0}, top_);
+    const Quad whole = __builtin_convertvector(__builtin_convertvector(inside, QuadIndex), Quad);
+    const Quad lower = whole < last_ ? whole : last_;
+    const QuadIndex index = __builtin_convertvector(lower, QuadIndex);
+    return {static_cast<std::size_t>(index[0]) + row_ * static_cast<std::size_t>(index[1]) +
+                slab_ * static_cast<std::size_t>(index[2]),
+            inside - lower};
+  }
+  EFSI_INLINE Quad value(const PackedField& field, const Place& at) const {
+    const Real* p = field.at(at.node);
+    const Real x = at.part[0], y = at.part[1], z = at.part[2];
+    const Octet a = load_octet(p), b = load_octet(p + 4 * row_);
+    const Octet low = a + z * (load_octet(p + 4 * slab_) - a);
+    const Octet high = b + z * (load_octet(p + 4 * (slab_ + row_)) - b);
+    const Octet edge = low + y * (high - low);
+    const Quad first = lower_half(edge);
+    return first + x * (upper_half(edge) - first);
+  }
+  EFSI_INLINE Quad value(const PackedField& field, const Quad& g) const { return value(field, place(g)); }
+
+  // v limited to the range of the field's values at the 8 corners around a position.
+  EFSI_INLINE Quad limit(const PackedField& field, const Place& at, const Quad& v) const {
+    const Real* p = field.at(at.node);
+    const Octet a = load_octet(p), b = load_octet(p + 4 * row_);
+    const Octet c = load_octet(p + 4 * slab_), d = load_octet(p + 4 * (slab_ + row_));
+    const Octet low_ab = a < b ? a : b, low_cd = c < d ? c : d, low = low_ab < low_cd ? low_ab : low_cd;
+    const Octet high_ab = a > b ? a : b, high_cd = c > d ? c : d, high = high_ab > high_cd ? high_ab : high_cd;
+    const Quad l0 = lower_half(low), l1 = upper_half(low), h0 = lower_half(high), h1 = upper_half(high);
+    return clamp(v, l0 < l1 ? l0 : l1, h0 > h1 ? h0 : h1);
+  }
+
+  // Where the flow that leads to g comes from, `step` = dt/h earlier: the midpoint rule; v: velocity at g.
+  EFSI_INLINE Quad trace_midpoint(const PackedField& velocity, const Quad& g, const Quad& v, Real step) const {
+    return g - step * value(velocity, g - Real(0.5) * step * v);
+  }
+  // The same by third-order Runge-Kutta (Ralston). A negative step traces forwards.
+  EFSI_INLINE Quad trace_rk3(const PackedField& velocity, const Quad& g, const Quad& v0, Real step) const {
+    const Quad v1 = value(velocity, g - Real(0.5) * step * v0);
+    const Quad v2 = value(velocity, g - Real(0.75) * step * v1);
+    return g - step * (Real(2.0 / 9.0) * v0 + Real(3.0 / 9.0) * v1 + Real(4.0 / 9.0) * v2);
+  }
+
+ private:
+  std::size_t row_, slab_;
+  bool any_periodic_ = false;
+  Quad period_, top_, last_, low_, high_;
+};
+
+}  // namespace efsi::grid

@@ -1,0 +1,112 @@
+// Purpose: slow readable twin of fluid/advect: clamped MacCormack transport on plain fields, node by node.
+#pragma once
+
+#include <algorithm>
+
+#include "grid/interpolate.hpp"
+
+namespace efsi::reference {
+
+inline Vec3 keep_inside(const grid::Grid& g, Vec3 x) {
+  for (int a = 0; a < 3; ++a) {
+    const auto s = static_cast<std::size_t>(a);
+    if (!g.periodic[s]) x[a] = std::clamp(x[a], Real(0), static_cast<Real>(g.cells[s]));
+  }
+  return x;
+}
+
+// The velocity v carried by itself over step = dt/h; at nodes that are not free only the first sweep acts.
+inline grid::VectorField carried_velocity(const grid::Grid& g, const grid::VectorField& v, Real step,
+                                          const std::vector<std::uint8_t>& free) {
+  const grid::NodeSampler sampler(g);
+  grid::VectorField first = v, result;
+  const auto for_nodes = [&](const auto& body) {
+    for (int k = 0; k <= g.cells[2]; ++k)
+      for (int j = 0; j <= g.cells[1]; ++j)
+        for (int i = 0; i <= g.cells[0]; ++i) {
+          const Vec3 x(static_cast<Real>(i), static_cast<Real>(j), static_cast<Real>(k));
+          const std::size_t n = g.node(i, j, k);
+          body(n, x, keep_inside(g, grid::trace_midpoint(sampler, v, x, v.at(n), step)));
+        }
+  };
+  for_nodes([&](std::size_t n, const Vec3&, const Vec3& from) { first.set(n, sampler.vector(v, from)); });
+  result = first;
+  const auto cut_by_wall = [&](const Vec3& x, const Vec3& end) {
+    for (int a = 0; a < 3; ++a) {
+      const auto s = static_cast<std::size_t>(a);
+      if (!g.periodic[s] && end[a] != x[a] && (end[a] == 0 || end[a] == static_cast<Real>(g.cells[s]))) return true;
+    }
+    return false;
+  };
+  for_nodes([&](std::size_t n, const Vec3& x, const Vec3& from) {
+    if (!free[n]) return;
+    const Vec3 to = keep_inside(g, from + 2 * step * v.at(n));
+    if (cut_by_wall(x, from) || cut_by_wall(x, to)) return;
+    const Vec3 w = first.at(n) + Real(0.5) * (v.at(n) - sampler.vector(first, to));
+    const grid::Trilinear source = sampler.stencil(from);
+    Vec3 low = v.at(source.base), high = low;
+    for (std::size_t offset : sampler.corners()) {
+      low = low.cwiseMin(v.at(source.base + offset));
+      high = high.cwiseMax(v.at(source.base + offset));
+    }
+    result.set(n, w.cwiseMax(low).cwiseMin(high));
+  });
+  return result;
+}
+
+// A cell field carried by v in the same way.
+inline std::vector<Real> carried_scalar(const grid::Grid& g, const grid::VectorField& v, Real step,
+                                        const std::vector<Real>& field) {
+  const grid::NodeSampler nodes(g);
+  std::vector<Real> first(field.size()), result(field.size());
+  struct Around {
+    std::size_t cell[8];
+    Real weight[8];
+  };
+  const auto around = [&](const Vec3& x) {
+    Around at;
+    for (std::size_t c = 0; c < 8; ++c) {
+      int index[3];
+      at.weight[c] = 1;
+      for (int a = 0; a < 3; ++a) {
+        const auto s = static_cast<std::size_t>(a);
+        const int n = g.cells[s], o = grid::kCorner[c][a];
+        Real p = x[a] - Real(0.5);
+        p = g.periodic[s] ? grid::wrap(p, static_cast<Real>(n)) : std::clamp(p, Real(0), static_cast<Real>(n - 1));
+        const int low = std::min(static_cast<int>(p), g.periodic[s] ? n - 1 : std::max(0, n - 2));
+        index[a] = g.periodic[s] ? (low + o) % n : std::min(low + o, n - 1);
+        at.weight[c] *= o ? p - static_cast<Real>(low) : 1 - (p - static_cast<Real>(low));
+      }
+      at.cell[c] = g.cell(index[0], index[1], index[2]);
+    }
+    return at;
+  };
+  const auto value = [](const std::vector<Real>& f, const Around& at) {
+    Real sum = 0;
+    for (int c = 0; c < 8; ++c) sum += at.weight[c] * f[at.cell[c]];
+    return sum;
+  };
+  const auto for_cells = [&](const auto& body) {
+    for (int k = 0; k < g.cells[2]; ++k)
+      for (int j = 0; j < g.cells[1]; ++j)
+        for (int i = 0; i < g.cells[0]; ++i) {
+          const Vec3 x = (Vec3d(i, j, k) + Vec3d::Constant(0.5)).cast<Real>(), w = nodes.vector(v, x);
+          body(g.cell(i, j, k), grid::trace_midpoint(nodes, v, x, w, step), w);
+        }
+  };
+  for_cells(
+      [&](std::size_t c, const Vec3& from, const Vec3&) { first[c] = value(field, around(keep_inside(g, from))); });
+  for_cells([&](std::size_t c, const Vec3& from, const Vec3& w) {
+    const Around source = around(keep_inside(g, from));
+    Real low = field[source.cell[0]], high = low;
+    for (std::size_t m : source.cell) {
+      low = std::min(low, field[m]);
+      high = std::max(high, field[m]);
+    }
+    const Real back = value(first, around(keep_inside(g, from + 2 * step * w)));
+    result[c] = std::clamp(first[c] + Real(0.5) * (field[c] - back), low, high);
+  });
+  return result;
+}
+
+}  // namespace efsi::reference
