@@ -5,6 +5,7 @@
 
 #include "fluid/advect.hpp"
 #include "sim/state.hpp"
+#include "solid/displacement.hpp"
 #include "system/pressure_solve.hpp"
 #include "system/velocity_system.hpp"
 
@@ -22,6 +23,7 @@ struct Workspace {
   system::PressureSystem pressure_system;
   std::vector<Real> f_star, v_star;  // Eq. 8 on the unknowns
   fluid::AdvectWorkspace advect;
+  solid::AdvectWorkspace solid_advect;
   State backup;                // the last good state
   bool uniform_ready = false;  // mass and pressure system of a scene without solids are built
 };

@@ -7,8 +7,7 @@ namespace efsi::solid {
 std::size_t SolidWork::bytes() const {
   const std::size_t reals = fraction.size() + volume_ratio.size() + hourglass.size() + mass.size();
   return reals * sizeof(Real) + (element.size() + element_cell.size() + element_corner.size()) * sizeof(std::int32_t) +
-         point.size() * sizeof(ElementPoint) + carries.size() + layer.size() + packed_u.bytes() + packed_v.bytes() +
-         first_u.bytes() + first_v.bytes();
+         point.size() * sizeof(ElementPoint) + carries.size() + layer.size();
 }
 
 std::size_t state_bytes(const SolidState& state) {

@@ -10,7 +10,6 @@
 #include "geometry/signed_distance.hpp"
 #include "geometry/triangle_mesh.hpp"
 #include "grid/grid.hpp"
-#include "grid/packed_field.hpp"
 #include "material/constitutive.hpp"
 
 namespace efsi::solid {
@@ -64,11 +63,9 @@ struct SolidWork {
   std::vector<ElementPoint> point;           // quadrature points, points_per_element each
   std::vector<Real> hourglass;               // stiffness of the hourglass modes per element [N/m]
   int points_per_element = 1;
-  std::vector<std::uint8_t> carries;     // band nodes: corner of an element; here the solid owns u and v
-  std::vector<Real> mass;                // of the solid per band node [kg]
-  std::vector<std::uint8_t> layer;       // band nodes: 0 data, k: k-th layer of the extension, 255: none
-  grid::PackedField packed_u, packed_v;  // u and v before the advection, and after its first sweep
-  grid::PackedField first_u, first_v;
+  std::vector<std::uint8_t> carries;  // band nodes: corner of an element; here the solid owns u and v
+  std::vector<Real> mass;             // of the solid per band node [kg]
+  std::vector<std::uint8_t> layer;    // band nodes: 0 data, k: k-th layer of the extension, 255: none
   double min_det_f = 1.0, max_det_f = 1.0;
   std::uint64_t degenerate = 0;
   double volume = 0.0;  // by cell fractions [m^3]
