@@ -42,40 +42,47 @@ EFSI_KERNEL Real pack_tile(const Grid& g, const Vec3i& begin, const Vec3i& end, 
   return std::max({top[0], top[1], top[2]});
 }
 
-// What arrives at the nodes of a row.
+// What arrives at the nodes of a row, and where it comes from.
 EFSI_KERNEL void carry_row(const PackedSampler& nodes, const Row& row, Real step, const PackedField& flow,
-                           PackedField& first) {
+                           PackedField& first, VectorField& origin) {
   const PackedSampler sampler = nodes;
-  for (int i = row.begin; i < row.end; ++i) {
-    const std::size_t n = row.node + static_cast<std::size_t>(i);
-    const Quad x = {static_cast<Real>(i), static_cast<Real>(row.j), static_cast<Real>(row.k), 0};
-    const Quad from = sampler.keep_inside(sampler.trace_midpoint(flow, x, grid::load_quad(flow.at(n)), step));
-    grid::store_quad(first.at(n), sampler.value(flow, from));
+  const std::size_t begin = row.node + static_cast<std::size_t>(row.begin);
+  const Real* v = flow.at(begin);
+  Real *arrived = first.at(begin), *x = origin.c[0].data() + begin, *y = origin.c[1].data() + begin,
+       *z = origin.c[2].data() + begin;
+  Quad node = {static_cast<Real>(row.begin), static_cast<Real>(row.j), static_cast<Real>(row.k), 0};
+  for (int i = 0; i < row.end - row.begin; ++i) {
+    const Quad from = sampler.keep_inside(sampler.trace_midpoint(flow, node, grid::load_quad(v + 4 * i), step));
+    grid::store_quad(arrived + 4 * i, sampler.value(flow, from));
+    x[i] = from[0];
+    y[i] = from[1];
+    z[i] = from[2];
+    node += Quad{1, 0, 0, 0};
   }
 }
 
-// Takes half the error of going there and back off what arrives.
+// Takes half the error of going there and back off what arrives. result: in where it comes from.
 EFSI_KERNEL void correct_row(const PackedSampler& nodes, const Row& row, Real step, const Real* specific_volume,
                              Real fluid_volume, const PackedField& flow, const PackedField& first,
                              VectorField& result) {
   const PackedSampler sampler = nodes;
-  Real *out_x = result.c[0].data(), *out_y = result.c[1].data(), *out_z = result.c[2].data();
-  for (int i = row.begin; i < row.end; ++i) {
-    const std::size_t n = row.node + static_cast<std::size_t>(i);
-    Quad w = grid::load_quad(first.at(n));
-    if (specific_volume[n] == fluid_volume) {  // beside a solid: first order
-      const Quad x = {static_cast<Real>(i), static_cast<Real>(row.j), static_cast<Real>(row.k), 0};
-      const Quad v = grid::load_quad(flow.at(n));
-      const Quad from = sampler.keep_inside(sampler.trace_midpoint(flow, x, v, step));
-      const Quad to = sampler.keep_inside(opposite(from, v, step));
-      if (!sampler.cut_by_wall(x, from) && !sampler.cut_by_wall(x, to)) {
-        w = w + Real(0.5) * (v - sampler.value(first, to));
+  const std::size_t begin = row.node + static_cast<std::size_t>(row.begin);
+  const Real *v = flow.at(begin), *arrived = first.at(begin), *s = specific_volume + begin;
+  Real *x = result.c[0].data() + begin, *y = result.c[1].data() + begin, *z = result.c[2].data() + begin;
+  for (int i = 0; i < row.end - row.begin; ++i) {
+    Quad w = grid::load_quad(arrived + 4 * i);
+    if (s[i] == fluid_volume) {  // beside a solid: first order
+      const Quad from = {x[i], y[i], z[i], 0}, v0 = grid::load_quad(v + 4 * i);
+      const Quad to = sampler.keep_inside(opposite(from, v0, step));
+      const Quad here = {static_cast<Real>(row.begin + i), static_cast<Real>(row.j), static_cast<Real>(row.k), 0};
+      if (!sampler.cut_by_wall(here, from) && !sampler.cut_by_wall(here, to)) {
+        w = w + Real(0.5) * (v0 - sampler.value(first, to));
         w = sampler.limit(flow, sampler.place(from), w);  // no new extremes
       }
     }
-    out_x[n] = w[0];
-    out_y[n] = w[1];
-    out_z[n] = w[2];
+    x[i] = w[0];
+    y[i] = w[1];
+    z[i] = w[2];
   }
 }
 
@@ -111,16 +118,16 @@ std::uint64_t advect_velocity(const Parallel& parallel, const Grid& g, bool corr
   tiles.dilate(g.periodic);
 
   work.first.resize(g.node_count());
+  for (auto& component : state.velocity.c) component.resize(g.node_count());
   tiles.for_runs(parallel, [&](int j, int k, int begin, int end, bool active) {
     const Row row = {j, k, begin, end, g.node(0, j, k)};
     if (active) {
-      carry_row(sampler, row, step, work.flow, work.first);
+      carry_row(sampler, row, step, work.flow, work.first, state.velocity);
     } else {
       const std::size_t n = row.node + static_cast<std::size_t>(begin);
       std::copy_n(work.flow.at(n), 4 * static_cast<std::size_t>(end - begin), work.first.at(n));
     }
   });
-  for (auto& component : state.velocity.c) component.resize(g.node_count());
   tiles.for_runs(parallel, [&](int j, int k, int begin, int end, bool active) {
     const Row row = {j, k, begin, end, g.node(0, j, k)};
     if (active && corrected)

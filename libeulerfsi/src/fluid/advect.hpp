@@ -14,7 +14,7 @@ namespace efsi::fluid {
 struct AdvectWorkspace {
   grid::PackedField flow;      // what carries: the divergence-free velocity
   std::vector<Real> flow_top;  // its largest component per tile of nodes
-  grid::PackedField first;     // what arrives before the correction
+  grid::PackedField first;     // what arrives before the correction; for smoke: from where
   std::vector<Real> scalar_source, scalar_first;
 
   std::size_t bytes() const {

@@ -103,21 +103,24 @@ EFSI_INLINE Quad center_velocity(const PackedSampler& nodes, const PackedField& 
   return nodes.value(flow, {row.node + static_cast<std::size_t>(i), Quad{Real(0.5), Real(0.5), Real(0.5), 0}});
 }
 
-// What arrives in the cells of a row.
+// What arrives in the cells of a row, and where it comes from.
 EFSI_KERNEL void carry_row(const Samplers& samplers, const Row& row, Real step, const PackedField& flow,
-                           const Real* source, Real* first) {
+                           const Real* source, Real* first, PackedField& origin) {
   const PackedSampler nodes = samplers.nodes;
   const CellSampler cells = samplers.cells;
   for (int i = row.begin; i < row.end; ++i) {
     const Quad x = center(row, i), v = center_velocity(nodes, flow, row, i);
-    const Quad from = nodes.keep_inside(nodes.trace_midpoint(flow, x, v, step));
-    first[row.cell + static_cast<std::size_t>(i)] = cells.value(source, cells.place(from));
+    const Quad from = nodes.trace_midpoint(flow, x, v, step);
+    const std::size_t c = row.cell + static_cast<std::size_t>(i);
+    grid::store_quad(origin.at(c), from);
+    first[c] = cells.value(source, cells.place(nodes.keep_inside(from)));
   }
 }
 
 // Takes half the error of going there and back off what arrives. fraction may be null.
 EFSI_KERNEL void correct_row(const Samplers& samplers, const Row& row, Real step, const PackedField& flow,
-                             const Real* fraction, const Real* source, const Real* first, Real* result) {
+                             const PackedField& origin, const Real* fraction, const Real* source, const Real* first,
+                             Real* result) {
   const PackedSampler nodes = samplers.nodes;
   const CellSampler cells = samplers.cells;
   for (int i = row.begin; i < row.end; ++i) {
@@ -126,8 +129,7 @@ EFSI_KERNEL void correct_row(const Samplers& samplers, const Row& row, Real step
       result[c] = first[c];
       continue;
     }
-    const Quad x = center(row, i), v = center_velocity(nodes, flow, row, i);
-    const Quad from = nodes.trace_midpoint(flow, x, v, step);
+    const Quad v = center_velocity(nodes, flow, row, i), from = grid::load_quad(origin.at(c));
     const Quad to = nodes.keep_inside(from + Real(2) * step * v);  // see advect_velocity
     const Real w = first[c] + Real(0.5) * (source[c] - cells.value(first, cells.place(to)));
     result[c] = cells.limit(source, cells.place(nodes.keep_inside(from)), w);
@@ -135,13 +137,20 @@ EFSI_KERNEL void correct_row(const Samplers& samplers, const Row& row, Real step
 }
 
 EFSI_KERNEL Real top_of_tile(const Grid& g, const Vec3i& begin, const Vec3i& end, const Real* field) {
+  static_assert(grid::kTileSize == sizeof(grid::Octet) / sizeof(Real));
   Real top = 0;
+  grid::Octet tops = {0, 0, 0, 0, 0, 0, 0, 0};
   for (int k = begin[2]; k < end[2]; ++k)
     for (int j = begin[1]; j < end[1]; ++j) {
-      const Real* row = field + g.cell(0, j, k);
-#pragma omp simd reduction(max : top)
-      for (int i = begin[0]; i < end[0]; ++i) top = std::max(top, std::abs(row[i]));
+      const Real* row = field + g.cell(begin[0], j, k);
+      if (end[0] - begin[0] == grid::kTileSize) {
+        const grid::Octet v = grid::load_octet(row), size = v < -v ? -v : v;
+        tops = size > tops ? size : tops;
+      } else {
+        for (int i = 0; i < end[0] - begin[0]; ++i) top = std::max(top, std::abs(row[i]));
+      }
     }
+  for (int i = 0; i < grid::kTileSize; ++i) top = std::max(top, tops[i]);
   return top;
 }
 
@@ -178,6 +187,7 @@ std::uint64_t advect_scalar(const Parallel& parallel, const Grid& g, bool correc
   std::vector<Real>& first = work.scalar_first;
   source.resize(field.size());
   first.resize(field.size());
+  work.first.resize(g.node_count());  // where the smoke of each cell comes from
   const auto in_solid = [&](std::size_t c) { return !fraction.empty() && fraction[c] > Real(0.5); };
 
   // Cells inside solids are filled, so that a trace that ends in a solid finds the smoke beside it.
@@ -192,15 +202,15 @@ std::uint64_t advect_scalar(const Parallel& parallel, const Grid& g, bool correc
   tiles.for_runs(parallel, [&](int j, int k, int begin, int end, bool active) {
     const Row row = {j, k, begin, end, g.cell(0, j, k), g.node(0, j, k)};
     if (active)
-      carry_row(samplers, row, step, work.flow, source.data(), first.data());
+      carry_row(samplers, row, step, work.flow, source.data(), first.data(), work.first);
     else
       std::fill(first.data() + row.cell + begin, first.data() + row.cell + end, Real(0));
   });
   tiles.for_runs(parallel, [&](int j, int k, int begin, int end, bool active) {
     const Row row = {j, k, begin, end, g.cell(0, j, k), g.node(0, j, k)};
     if (active && corrected)
-      correct_row(samplers, row, step, work.flow, fraction.empty() ? nullptr : fraction.data(), source.data(),
-                  first.data(), field.data());
+      correct_row(samplers, row, step, work.flow, work.first, fraction.empty() ? nullptr : fraction.data(),
+                  source.data(), first.data(), field.data());
     else
       std::copy(first.data() + row.cell + begin, first.data() + row.cell + end, field.data() + row.cell + begin);
     if (!active) return;

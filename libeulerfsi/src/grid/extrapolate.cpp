@@ -15,43 +15,72 @@ constexpr int kWidth = 2 * kRadius + 1;
 constexpr int kRows = kWidth * kWidth;
 constexpr int kMasks = 1 << kWidth;
 
-using Doubles = double __attribute__((vector_size(8 * sizeof(double))));
-using Lanes = decltype(Octet{} < Octet{});
+using Doubles = double __attribute__((vector_size(4 * sizeof(double))));  // half a row
+
+// The layers with a margin of kNoLayer around them, wide enough for the box.
+class PaddedLayers {
+ public:
+  explicit PaddedLayers(const Vec3i& n)
+      : stride_{1, n[0] + 2 * kRadius + 1, std::ptrdiff_t{n[0] + 2 * kRadius + 1} * (n[1] + 2 * kRadius)},
+        values_(static_cast<std::size_t>(stride_[2] * (n[2] + 2 * kRadius)), kNoLayer) {}
+  std::ptrdiff_t stride(std::size_t axis) const { return stride_[axis]; }
+  std::ptrdiff_t index(int i, int j, int k) const {
+    return i + kRadius + stride_[1] * (j + kRadius) + stride_[2] * (k + kRadius);
+  }
+  std::uint8_t* data() { return values_.data(); }
+  const std::uint8_t* data() const { return values_.data(); }
+
+ private:
+  std::array<std::ptrdiff_t, 3> stride_;
+  std::vector<std::uint8_t> values_;
+};
 
 // The box around a node as rows along x of 7 nodes; lane i of a row lies at x = i - 3, lane 7 is not used. Which lanes
 // of a row hold data is a mask of 7 bits.
 struct Row {
-  std::ptrdiff_t lead;  // from the node to lane 0
-  int y, z, distance;   // distance: y^2 + z^2
+  std::ptrdiff_t lead;        // from the node to lane 0
+  std::ptrdiff_t layer_lead;  // the same in the padded layers
+  int y, z, distance;         // distance: y^2 + z^2
+  Doubles linear, quadratic;  // 1, y, z, y^2 and z^2, y z, 0, 0
 };
 
 struct Box {
   std::array<Row, kRows> rows;
-  // By distance of the row: 1/r^4 per lane; and sum of w, w x, w x^2 over the lanes of each mask.
-  double weight[2 * kRadius * kRadius + 1][8] = {};
+  // By distance of the row and mask: 1/r^4 per lane that holds data; and the sums of w, w x, w x^2.
+  double lane_weight[2 * kRadius * kRadius + 1][kMasks][8] = {};
   double moment[2 * kRadius * kRadius + 1][kMasks][3] = {};
 
-  explicit Box(const Grid& g) {
+  Box(const Grid& g, const PaddedLayers& layers) {
     std::size_t r = 0;
     for (int z = -kRadius; z <= kRadius; ++z)
       for (int y = -kRadius; y <= kRadius; ++y)
         rows[r++] = {static_cast<std::ptrdiff_t>(g.node_stride(1)) * y +
                          static_cast<std::ptrdiff_t>(g.node_stride(2)) * z - kRadius,
-                     y, z, y * y + z * z};
+                     layers.stride(1) * y + layers.stride(2) * z - kRadius,
+                     y,
+                     z,
+                     y * y + z * z,
+                     Doubles{1, 1.0 * y, 1.0 * z, 1.0 * y * y},
+                     Doubles{1.0 * z * z, 1.0 * y * z, 0, 0}};
     for (const Row& row : rows) {
       if (row.y < 0 || row.z < row.y) continue;  // one row of each distance
-      double* w = weight[row.distance];
-      for (int i = 0; i < kWidth; ++i) {
-        const int r2 = row.distance + (i - kRadius) * (i - kRadius);
-        w[i] = r2 == 0 ? 0.0 : static_cast<double>(static_cast<Real>(1.0 / (static_cast<double>(r2) * r2)));
-      }
       for (int mask = 0; mask < kMasks; ++mask)
-        for (int i = 0; i < kWidth; ++i)
-          if (mask >> i & 1)
-            for (int p = 0, x = 1; p < 3; ++p, x *= i - kRadius) moment[row.distance][mask][p] += w[i] * x;
+        for (int i = 0; i < kWidth; ++i) {
+          const int r2 = row.distance + (i - kRadius) * (i - kRadius);
+          if (r2 == 0 || !(mask >> i & 1)) continue;
+          const double w = 1.0 / (static_cast<double>(r2) * r2);
+          lane_weight[row.distance][mask][i] = w;
+          for (int p = 0, x = 1; p < 3; ++p, x *= i - kRadius) moment[row.distance][mask][p] += w * x;
+        }
     }
   }
 };
+
+template <class T>
+EFSI_INLINE Doubles load_doubles(const T* p) {
+  return Doubles{static_cast<double>(p[0]), static_cast<double>(p[1]), static_cast<double>(p[2]),
+                 static_cast<double>(p[3])};
+}
 
 // Lanes of a row whose layer is below l; reads 8 bytes.
 EFSI_INLINE unsigned data_mask(const std::uint8_t* row, int l) {
@@ -82,78 +111,72 @@ EFSI_INLINE void evaluation_row(const double s[10], double c[4]) {
   c[0] = 1.0 / s[0] - (c[1] * x + c[2] * y + c[3] * z);
 }
 
-// Fits the fields at nodes [begin, end) of layer l.
-EFSI_KERNEL void extend_nodes(const Box& box, const Vec3i& n, const std::array<int, 3>* begin,
-                              const std::array<int, 3>* end, int l, const std::uint8_t* layer,
-                              std::span<Real* const> fields) {
-  constexpr Lanes bit = {1, 2, 4, 8, 16, 32, 64, 0};
-  constexpr Doubles position = {-3, -2, -1, 0, 1, 2, 3, 4};
+// Fits the fields at nodes [begin, end) of layer l; result: the fields of each node, side by side. Lanes without data
+// are read too, with weight 0, so nobody may write the fields meanwhile.
+EFSI_KERNEL void extend_nodes(const Box& box, const Grid& g, const std::array<int, 3>* begin,
+                              const std::array<int, 3>* end, int l, const PaddedLayers& layers,
+                              std::span<Real* const> fields, Real* result) {
+  constexpr Doubles left = {-3, -2, -1, 0}, right = {1, 2, 3, 4};
   struct Live {
-    std::ptrdiff_t source;
+    const Row* row;
     unsigned mask;
-    Doubles weight;
+    Doubles left, right;  // weights
   };
   std::array<Live, kRows> live;
-  std::array<int, kRows> index;
+  const auto nodes = static_cast<std::ptrdiff_t>(g.node_count());
   for (const std::array<int, 3>* p = begin; p < end; ++p) {
-    const auto [i, j, k] = *p;
-    const std::ptrdiff_t target = i + std::ptrdiff_t{n[0]} * (j + std::ptrdiff_t{n[1]} * k);
-    // Lane 7 reaches one node further.
-    const bool inside = i >= kRadius && j >= kRadius && k >= kRadius && i + kRadius + 1 < n[0] && j + kRadius < n[1] &&
-                        k + kRadius < n[2];
+    const auto target = static_cast<std::ptrdiff_t>(g.node((*p)[0], (*p)[1], (*p)[2]));
+    const std::uint8_t* layer = layers.data() + layers.index((*p)[0], (*p)[1], (*p)[2]);
     std::size_t count = 0;
-    double s[10] = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0};
-    for (int r = 0; r < kRows; ++r) {
-      const Row& row = box.rows[static_cast<std::size_t>(r)];
-      unsigned mask = 0;
-      if (inside) {
-        mask = data_mask(layer + target + row.lead, l);
-      } else if (j + row.y >= 0 && j + row.y < n[1] && k + row.z >= 0 && k + row.z < n[2]) {
-        for (int lane = 0; lane < kWidth; ++lane) {
-          const int x = i + lane - kRadius;
-          if (x >= 0 && x < n[0] && layer[target + row.lead + lane] < l) mask |= 1u << lane;
-        }
-      }
+    bool whole_rows = true;  // all lanes of the rows, also those without data, are in the arrays
+    Doubles sum_linear = {0, 0, 0, 0}, sum_quadratic = sum_linear, sum_x = sum_linear;
+    double sum_xx = 0.0;
+    for (const Row& row : box.rows) {
+      const unsigned mask = data_mask(layer + row.layer_lead, l);
       if (mask == 0) continue;
-      index[count] = r;
-      live[count].source = target + row.lead;
+      const std::ptrdiff_t source = target + row.lead;
+      whole_rows = whole_rows && source >= 0 && source + 8 <= nodes;
+      live[count].row = &row;
       live[count++].mask = mask;
       const double* m = box.moment[row.distance][mask];
-      const double y = row.y, z = row.z;
-      s[0] += m[0];
-      s[1] += m[1];
-      s[2] += m[0] * y;
-      s[3] += m[0] * z;
-      s[4] += m[2];
-      s[5] += m[0] * (y * y);
-      s[6] += m[0] * (z * z);
-      s[7] += m[0] * (y * z);
-      s[8] += m[1] * z;
-      s[9] += m[1] * y;
+      sum_linear += m[0] * row.linear;
+      sum_quadratic += m[0] * row.quadratic;
+      sum_x += m[1] * row.linear;
+      sum_xx += m[2];
     }
+    const double s[10] = {sum_linear[0], sum_x[0],         sum_linear[1],    sum_linear[2], sum_xx,
+                          sum_linear[3], sum_quadratic[0], sum_quadratic[1], sum_x[2],      sum_x[1]};
     double c[4];
     evaluation_row(s, c);
     for (std::size_t q = 0; q < count; ++q) {
-      const Row& row = box.rows[static_cast<std::size_t>(index[q])];
-      Doubles w;
-      std::memcpy(&w, box.weight[row.distance], sizeof w);
-      live[q].weight = w * (c[1] * position + (c[0] + c[2] * row.y + c[3] * row.z));
+      const Row& row = *live[q].row;
+      const double base = c[0] + c[2] * row.linear[1] + c[3] * row.linear[2];
+      const double* w = box.lane_weight[row.distance][live[q].mask];
+      live[q].left = load_doubles(w) * (c[1] * left + base);
+      live[q].right = load_doubles(w + 4) * (c[1] * right + base);
     }
-    for (Real* field : fields) {
-      Doubles sum = {0, 0, 0, 0, 0, 0, 0, 0};
-      for (std::size_t q = 0; q < count; ++q) {
-        const Real* source = field + live[q].source;
-        const Lanes data = (static_cast<int>(live[q].mask) & bit) != 0;
-        Octet value = {0, 0, 0, 0, 0, 0, 0, 0};
-        if (inside) {
-          value = data ? load_octet(source) : value;
-        } else {
-          for (int lane = 0; lane < kWidth; ++lane)
-            if (data[lane]) value[lane] = source[lane];
+    for (const Real* field : fields) {
+      const Real* source = field + target;
+      Doubles sum_left = {0, 0, 0, 0}, sum_right = sum_left;
+      if (whole_rows) {
+        for (std::size_t q = 0; q < count; ++q) {
+          const Real* from = source + live[q].row->lead;
+          sum_left += live[q].left * load_doubles(from);
+          sum_right += live[q].right * load_doubles(from + 4);
         }
-        sum += live[q].weight * __builtin_convertvector(value, Doubles);
+      } else {
+        for (std::size_t q = 0; q < count; ++q)
+          for (int lane = 0; lane < kWidth; ++lane)
+            if (live[q].mask >> lane & 1) {
+              const double value = static_cast<double>(source[live[q].row->lead + lane]);
+              if (lane < 4)
+                sum_left[lane] += live[q].left[lane] * value;
+              else
+                sum_right[lane - 4] += live[q].right[lane - 4] * value;
+            }
       }
-      field[target] = static_cast<Real>(((sum[0] + sum[4]) + (sum[1] + sum[5])) + ((sum[2] + sum[6]) + sum[3]));
+      const Doubles sum = sum_left + sum_right;
+      *result++ = static_cast<Real>((sum[0] + sum[1]) + (sum[2] + sum[3]));
     }
   }
 }
@@ -181,11 +204,16 @@ void dilate(const Vec3i& n, std::vector<std::uint8_t>& set, std::vector<std::uin
 
 void extend_linear(const Parallel& parallel, const Grid& g, int layers, std::vector<std::uint8_t>& layer,
                    std::span<Real* const> fields) {
-  const Box box(g);
   const Vec3i n = g.nodes();
+  PaddedLayers padded(n);
+  const Box box(g, padded);
   std::vector<std::array<int, 3>> next;
+  std::vector<Real> result;
   std::vector<std::uint8_t> reached(layer.size()), scratch(layer.size());
   for (std::size_t m = 0; m < layer.size(); ++m) reached[m] = layer[m] == 0;
+  for (int k = 0; k < n[2]; ++k)
+    for (int j = 0; j < n[1]; ++j)
+      std::copy_n(layer.data() + g.node(0, j, k), n[0], padded.data() + padded.index(0, j, k));
   for (int l = 1; l <= layers; ++l) {
     dilate(n, reached, scratch);
     next.clear();
@@ -194,11 +222,18 @@ void extend_linear(const Parallel& parallel, const Grid& g, int layers, std::vec
         for (int i = 0; i < n[0]; ++i) {
           const std::size_t m = g.node(i, j, k);
           if (!reached[m] || layer[m] != kNoLayer) continue;
-          layer[m] = static_cast<std::uint8_t>(l);
+          layer[m] = padded.data()[padded.index(i, j, k)] = static_cast<std::uint8_t>(l);
           next.push_back({i, j, k});
         }
+    result.resize(next.size() * fields.size());
     parallel.for_ranges(static_cast<std::int64_t>(next.size()), [&](std::int64_t begin, std::int64_t end) {
-      extend_nodes(box, n, next.data() + begin, next.data() + end, l, layer.data(), fields);
+      extend_nodes(box, g, next.data() + begin, next.data() + end, l, padded, fields,
+                   result.data() + static_cast<std::size_t>(begin) * fields.size());
+    });
+    parallel.for_each(static_cast<std::int64_t>(next.size()), [&](std::int64_t t) {
+      const auto& p = next[static_cast<std::size_t>(t)];
+      for (std::size_t f = 0; f < fields.size(); ++f)
+        fields[f][g.node(p[0], p[1], p[2])] = result[static_cast<std::size_t>(t) * fields.size() + f];
     });
   }
 }

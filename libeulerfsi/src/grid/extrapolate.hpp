@@ -15,7 +15,7 @@ namespace efsi::grid {
 inline constexpr std::uint8_t kNoLayer = 255;
 
 // layer: in 0 at nodes that hold data and kNoLayer elsewhere; out k at the nodes of layer k = 1..layers (reached
-// through the 26 neighbours). fields: node arrays, extended in place.
+// through the 26 neighbours). fields: node arrays, extended in place; finite everywhere.
 void extend_linear(const Parallel& parallel, const Grid& g, int layers, std::vector<std::uint8_t>& layer,
                    std::span<Real* const> fields);
 

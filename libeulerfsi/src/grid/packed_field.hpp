@@ -3,7 +3,6 @@
 // Positions are in grid units: g = (x - origin) / h. The interpolation is nested, z then y then x.
 #pragma once
 
-#include <cmath>
 #include <limits>
 #include <vector>
 
@@ -65,6 +64,7 @@ class PackedSampler {
       const bool periodic = axis && g.periodic[a];
       any_periodic_ = any_periodic_ || periodic;
       period_[a] = periodic ? static_cast<Real>(cells) : Real(0);
+      divisor_[a] = periodic ? static_cast<Real>(cells) : Real(1);
       top_[a] = static_cast<Real>(cells);
       last_[a] = static_cast<Real>(axis ? cells - 1 : 0);
       low_[a] = periodic ? -std::numeric_limits<Real>::max() : Real(0);
@@ -83,9 +83,11 @@ class PackedSampler {
 
   // Positions outside are clamped to the box, or wrapped where periodic.
   EFSI_INLINE Place place(Quad g) const {
-    if (any_periodic_)
-      for (int a = 0; a < 3; ++a)
-        if (period_[a] > 0) g[a] -= std::floor(g[a] / period_[a]) * period_[a];
+    if (any_periodic_) {  // the period of other axes is 0
+      const Quad turns = g / divisor_;
+      g -= __builtin_convertvector(__builtin_convertvector(turns, QuadIndex), Quad) * period_;
+      g += g < 0 ? period_ : Quad{0, 0, 0, 0};
+    }
     const Quad inside = clamp(g, Quad{0, 0, 0, 0}, top_);
     const Quad whole = __builtin_convertvector(__builtin_convertvector(inside, QuadIndex), Quad);
     const Quad lower = whole < last_ ? whole : last_;
@@ -131,7 +133,7 @@ class PackedSampler {
  private:
   std::size_t row_, slab_;
   bool any_periodic_ = false;
-  Quad period_, top_, last_, low_, high_;
+  Quad period_, divisor_, top_, last_, low_, high_;
 };
 
 }  // namespace efsi::grid

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/kernel.hpp"
 #include "fluid/advect.hpp"
 #include "fluid/forces.hpp"
 #include "grid/boundary.hpp"
@@ -39,6 +40,13 @@ void fill(const Parallel& parallel, std::vector<Real>& field, std::size_t n, Rea
   parallel.for_ranges(static_cast<std::int64_t>(n), [&](std::int64_t begin, std::int64_t end) {
     std::fill(&field[0] + begin, &field[0] + end, value);
   });
+}
+
+EFSI_KERNEL Real largest(std::size_t n, const Real* values) {
+  Real top = 0;
+#pragma omp simd reduction(max : top)
+  for (std::size_t i = 0; i < n; ++i) top = std::max(top, std::abs(values[i]));
+  return top;
 }
 
 // Cells of the grid that touch a node.
@@ -390,8 +398,7 @@ void measure(const Parallel& parallel, const Scene& scene, State& state, const W
   state.fluid_speed = parallel.max(g.cells[2] + 1, 0.0, [&](std::int64_t k) {
     Real top = 0;
     for (const auto& c : state.fluid.velocity.c)
-      for (std::size_t n = static_cast<std::size_t>(k) * plane; n < (static_cast<std::size_t>(k) + 1) * plane; ++n)
-        top = std::max(top, std::abs(c[n]));
+      top = std::max(top, largest(plane, c.data() + static_cast<std::size_t>(k) * plane));
     return static_cast<double>(top);
   });
   info.max_speed_fluid = state.fluid_speed;

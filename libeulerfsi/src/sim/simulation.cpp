@@ -411,7 +411,7 @@ std::uint64_t Simulation::memory_bytes() const {
                       reals(work_.mass) + reals(work_.specific_volume) + reals(work_.cell_fraction) +
                       reals(work_.source) + work_.velocity_system.bytes() + work_.pressure_system.bytes();
   for (const auto& solid : work_.solids) sum += solid.bytes();
-  return sum + work_.advect.bytes() + work_.solid_scratch.bytes();
+  return sum + work_.advect.bytes() + work_.solid_advect.bytes();
 }
 
 void Simulation::set_velocity(const float* values) {

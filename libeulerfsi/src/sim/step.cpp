@@ -58,8 +58,8 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
     }
     {
       ScopedTimer timer(profile, Stage::kSolidAdvection);
-      solid::advect(parallel, numerics.solid_advection, dt, state.solids[l], work.solids[l],  // Alg. 1 lines 19, 20
-                    work.solid_scratch);
+      solid::advect(parallel, numerics.solid_advection, dt, work.solids[l], state.solids[l],  // Alg. 1 lines 19, 20
+                    work.solid_advect);
     }
     {
       ScopedTimer timer(profile, Stage::kSurface);

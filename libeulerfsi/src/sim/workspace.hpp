@@ -5,6 +5,7 @@
 
 #include "fluid/advect.hpp"
 #include "sim/state.hpp"
+#include "solid/displacement.hpp"
 #include "system/pressure_solve.hpp"
 #include "system/velocity_system.hpp"
 
@@ -18,11 +19,11 @@ struct Workspace {
   std::vector<Real> cell_fraction;    // part of each cell that solids fill; empty without solids
   std::vector<Real> source;           // wanted divergence per padded cell [1/s]; empty: none
   std::vector<solid::SolidWork> solids;
-  solid::AdvectScratch solid_scratch;
   system::VelocitySystem velocity_system;
   system::PressureSystem pressure_system;
   std::vector<Real> f_star, v_star;  // Eq. 8 on the unknowns
   fluid::AdvectWorkspace advect;
+  solid::AdvectWorkspace solid_advect;
   State backup;                // the last good state
   bool uniform_ready = false;  // mass and pressure system of a scene without solids are built
 };

@@ -86,11 +86,10 @@ EFSI_KERNEL void carry_row(const PackedSampler& nodes, const Vec3i& points, cons
 
 // Second sweep, forwards: the error of going there and back, half of it is taken off. u also takes what x has moved.
 EFSI_KERNEL void correct_row(const PackedSampler& nodes, const Vec3i& points, const Row& row, Real step, Real h,
-                             const std::uint8_t* layer, const std::uint8_t* reached, const AdvectScratch& scratch,
+                             const std::uint8_t* layer, const std::uint8_t* reached, const AdvectWorkspace& packed,
                              SolidState& state) {
   const PackedSampler sampler = nodes;
-  const PackedField &u = scratch.packed_u, &v = scratch.packed_v, &first_u = scratch.first_u,
-                    &first_v = scratch.first_v;
+  const PackedField &u = packed.u, &v = packed.v, &first_u = packed.first_u, &first_v = packed.first_v;
   for (int i = 0; i < row.count; ++i) {
     const std::size_t n = row.node + static_cast<std::size_t>(i);
     Quad u_new = {0, 0, 0, 0}, v_new = u_new;
@@ -121,15 +120,14 @@ EFSI_KERNEL void correct_row(const PackedSampler& nodes, const Vec3i& points, co
 
 }  // namespace
 
-void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, SolidState& state, const SolidWork& work,
-            AdvectScratch& scratch) {
+void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const SolidWork& work, SolidState& state,
+            AdvectWorkspace& packed) {
   const Grid& g = state.band.grid;
   const PackedSampler sampler(g);
   const Real step = static_cast<Real>(dt / g.h);
   const bool paper = scheme == AdvectionScheme::kPaper;
   const std::size_t count = g.node_count();
-  for (PackedField* field : {&scratch.packed_u, &scratch.packed_v, &scratch.first_u, &scratch.first_v})
-    field->resize(count);
+  for (PackedField* field : {&packed.u, &packed.v, &packed.first_u, &packed.first_v}) field->resize(count);
   state.valid.resize(count);
   const auto for_rows = [&](const auto& body) {
     parallel.for_each(g.cells[2] + 1, [&](std::int64_t k) {
@@ -142,17 +140,17 @@ void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, SolidSt
     for (std::size_t n = row.node; n < row.node + static_cast<std::size_t>(row.count); ++n) {
       const Quad u = {state.u.c[0][n], state.u.c[1][n], state.u.c[2][n], 0};
       const Quad v = {state.v.c[0][n], state.v.c[1][n], state.v.c[2][n], 0};
-      grid::store_quad(scratch.packed_u.at(n), u + lead * v);
-      grid::store_quad(scratch.packed_v.at(n), v);
+      grid::store_quad(packed.u.at(n), u + lead * v);
+      grid::store_quad(packed.v.at(n), v);
     }
   });
   for_rows([&](const Row& row) {
-    carry_row(sampler, g.nodes(), row, paper, step, work.layer.data(), scratch.packed_u, scratch.packed_v,
-              scratch.first_u, scratch.first_v, state.valid.data());
+    carry_row(sampler, g.nodes(), row, paper, step, work.layer.data(), packed.u, packed.v, packed.first_u,
+              packed.first_v, state.valid.data());
   });
   if (!paper) {
     for_rows([&](const Row& row) {
-      correct_row(sampler, g.nodes(), row, step, static_cast<Real>(g.h), work.layer.data(), state.valid.data(), scratch,
+      correct_row(sampler, g.nodes(), row, step, static_cast<Real>(g.h), work.layer.data(), state.valid.data(), packed,
                   state);
     });
     return;
@@ -160,8 +158,8 @@ void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, SolidSt
   for_rows([&](const Row& row) {
     for (std::size_t n = row.node; n < row.node + static_cast<std::size_t>(row.count); ++n)
       for (std::size_t a = 0; a < 3; ++a) {
-        state.u.c[a][n] = state.valid[n] ? scratch.first_u.at(n)[a] : Real(0);
-        state.v.c[a][n] = state.valid[n] ? scratch.first_v.at(n)[a] : Real(0);
+        state.u.c[a][n] = state.valid[n] ? packed.first_u.at(n)[a] : Real(0);
+        state.v.c[a][n] = state.valid[n] ? packed.first_v.at(n)[a] : Real(0);
       }
   });
 }

@@ -7,6 +7,7 @@
 
 #include "base/parallel.hpp"
 #include "grid/boundary.hpp"
+#include "grid/packed_field.hpp"
 #include "solid/solid.hpp"
 
 namespace efsi::solid {
@@ -18,9 +19,15 @@ enum class AdvectionScheme : std::int32_t { kMacCormack = 0, kPaper = 1 };
 void update_velocity(const Parallel& parallel, const Grid& global, const VectorField& velocity, SolidState& state,
                      SolidWork& work);
 
+// Packed fields of the band, shared by the solids: u and v before the advection, and after its first sweep.
+struct AdvectWorkspace {
+  grid::PackedField u, v, first_u, first_v;
+  std::size_t bytes() const { return u.bytes() + v.bytes() + first_u.bytes() + first_v.bytes(); }
+};
+
 // Lines 19, 20 for u, and the transport of v by the same trace. Marks the nodes that hold data afterwards.
-void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, SolidState& state, const SolidWork& work,
-            AdvectScratch& scratch);
+void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const SolidWork& work, SolidState& state,
+            AdvectWorkspace& packed);
 
 // Re-centres the band around the nodes that hold data and are inside the solid.
 void follow_solid(const Grid& global, const SolidRest& rest, SolidState& state);

@@ -2,12 +2,21 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <cmath>
 
 #include "grid/plane_cut.hpp"
 #include "solid/hexahedron.hpp"
 
 namespace efsi::solid {
 namespace {
+
+// Cells: further away the plane phi = 0 misses the cell. Half the cell's diagonal times a bound of the length of
+// F^-T grad phi, clamped as below; the slope of a distance is at most 1 along each axis.
+double cutting_distance(const Mat3d& inverse_f) {
+  const Mat3d size = inverse_f.cwiseAbs();
+  const double norm = std::sqrt(size.rowwise().sum().maxCoeff() * size.colwise().sum().maxCoeff());
+  return 0.5 * std::sqrt(3.0) * std::clamp(1.05 * std::sqrt(3.0) * norm, 0.25, 4.0) + 1e-6;
+}
 
 void compute_fractions(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work) {
   const Grid& g = state.band.grid;
@@ -32,8 +41,8 @@ void compute_fractions(const Parallel& parallel, const SolidRest& rest, const So
         if (phi > 4.0 * g.h) continue;
         const Mat3d inverse_f = Mat3d::Identity() - displacement_gradient(u, center_gradients(), g.h);
         const double inverse_det = std::clamp(inverse_f.determinant(), 0.1, 10.0);
-        double fraction = 1.0;
-        if (phi > -4.0 * g.h) {
+        double fraction = phi < 0.0 ? 1.0 : 0.0;
+        if (std::abs(phi) < cutting_distance(inverse_f) * g.h) {
           Vec3d normal = inverse_f.transpose() * rest.distance.gradient(material);
           const double length = std::clamp(normal.norm(), 0.25, 4.0);
           normal = normal.norm() > 1e-12 ? Vec3d(normal.normalized()) : Vec3d(0, 1, 0);

@@ -10,7 +10,6 @@
 #include "geometry/signed_distance.hpp"
 #include "geometry/triangle_mesh.hpp"
 #include "grid/grid.hpp"
-#include "grid/packed_field.hpp"
 #include "material/constitutive.hpp"
 
 namespace efsi::solid {
@@ -85,13 +84,6 @@ struct SolidWork {
   ElementPoint element_point(std::size_t e, std::size_t q) const;
   void set_element_point(std::size_t e, std::size_t q, const ElementPoint& value);
   std::size_t bytes() const;
-};
-
-// Scratch of the advection, shared by the solids.
-struct AdvectScratch {
-  grid::PackedField packed_u, packed_v;  // u and v before the advection
-  grid::PackedField first_u, first_v;    // after its first sweep
-  std::size_t bytes() const { return packed_u.bytes() + packed_v.bytes() + first_u.bytes() + first_v.bytes(); }
 };
 
 inline constexpr int kExtensionLayers = 5;

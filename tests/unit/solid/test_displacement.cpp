@@ -37,8 +37,8 @@ void move(TestSolid& s, const std::function<Vec3d(const Vec3d&)>& velocity, doub
   solid::compute_mass(parallel, s.rest, s.state, s.work);
   solid::update_velocity(parallel, g, v, s.state, s.work);
   solid::predict_surface(parallel, dt, s.state);
-  solid::AdvectScratch scratch;
-  solid::advect(parallel, scheme, dt, s.state, s.work, scratch);
+  solid::AdvectWorkspace packed;
+  solid::advect(parallel, scheme, dt, s.work, s.state, packed);
   solid::correct_surface(parallel, s.rest, s.state);
   solid::follow_solid(g, s.rest, s.state);
 }
