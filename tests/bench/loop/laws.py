@@ -271,12 +271,15 @@ def judge_rest(results: Results, tier: str) -> list[Line]:
             continue
         late = result.times >= run.duration / 2
         times, at = result.times[late], conditions(result, "second half of the run")
-        drift = slope(times, result.with_start("center")[late])
-        creep = result.numbers["creep [h/frame]"] = float(np.linalg.norm(drift) * FRAME / run.spacing)
+        frames = np.arange(run.duration / 2, run.duration + FRAME / 2, FRAME)
+        center = np.stack([np.interp(frames, times, axis) for axis in result.with_start("center")[late].T], axis=1)
+        creep = float(np.linalg.norm(np.diff(center, axis=0), axis=1).max() / run.spacing)
+        drift = float(np.linalg.norm(slope(frames, center)) * FRAME / run.spacing)
+        result.numbers |= {"creep [h/frame]": creep, "drift [h/frame]": drift}
         energy = mechanical_energy(result)[late]
         weight = result.start["mass"] * GRAVITY * RADIUS
         growth = result.numbers["energy growth [mgR]"] = float((energy.max() - energy[0]) / weight)
-        lines.append(Line("rest", "creep < 1e-3 h per frame", creep, "h", 0, 1e-3, at))
+        lines.append(Line("rest", "creep: largest move of the centre in a frame < 1e-3 h", creep, "h", 0, 1e-3, at))
         bar = "energy not growing: its largest above that at half time <= 1e-4 m g R"
         lines.append(Line("rest", bar, growth, "m g R", -np.inf, 1e-4, at))
         for kind in ("mesh", "cells"):
