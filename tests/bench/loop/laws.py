@@ -243,6 +243,12 @@ def judge_momentum(results: Results, tier: str) -> list[Line]:
         worst = result.numbers["momentum error"] = float(change.max())
         at = conditions(result, f"change of solid + fluid over momentum of the solid; mean step {change.mean():.2g}")
         lines.append(Line("momentum", "error per step <= 1e-6", worst, "", 0, 1e-6, at))
+        # Without what the solid's mass, counted in cells, makes of it.
+        total = result.velocity * result.start["mass"] + result.with_start("fluid_momentum")
+        even = np.linalg.norm(np.diff(total, axis=0), axis=1) / scale
+        result.numbers["with the mass held"] = float(even.max())
+        at = conditions(result, f"mean step {even.mean():.2g}")
+        lines.append(Line("momentum", "error per step, mass of the solid held", float(even.max()), conditions=at))
     return lines
 
 
