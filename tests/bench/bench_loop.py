@@ -2,7 +2,8 @@
 
 Runs a matrix of scenes, resolutions and choices through the binding, each in a process of its own with one thread,
 --jobs at a time. Prints one row a run, then for every law: bar, measured, verdict, conditions and the machine.
---set changes a field of EfsiSimulationDef or EfsiSolidDef in every run. Exit code 1 if a bar is missed, unless CI=true.
+--set changes a field of EfsiSimulationDef or EfsiSolidDef in every run; a name that is set more than once is tried with
+each value, and the laws are judged for every combination. Exit code 1 if a bar is missed, unless CI=true.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import argparse
 import concurrent.futures
 import dataclasses
+import itertools
 import json
 import os
 import platform
@@ -25,10 +27,9 @@ for folder in (ROOT / "batch", ROOT / "usd_plugin", Path(__file__).resolve().par
     if str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
 
-from eulerfsi import binding  # noqa: E402
 from loop import elastic_laws, laws, survival, table  # noqa: E402
-from loop.experiment import Experiment, field_of, simulate  # noqa: E402
-from loop.laws import Law, Line  # noqa: E402
+from loop.experiment import TOKENS, Experiment, field_of, simulate  # noqa: E402
+from loop.laws import Law, Line, Results  # noqa: E402
 from loop.measure import Result, from_child  # noqa: E402
 from loop.shapes import available  # noqa: E402
 
@@ -48,7 +49,7 @@ LAWS = (
 )
 # Laws that the interface of the library cannot express.
 MISSING = ("squash a, half size without fluid: the interface has no compressible solid",)
-TOKENS = {"preset": binding.PRESETS, "wall": binding.WALLS, "material": binding.MATERIALS}
+Settings = tuple[tuple[str, Any], ...]
 
 
 def parse_setting(text: str) -> tuple[str, Any]:
@@ -58,7 +59,7 @@ def parse_setting(text: str) -> tuple[str, Any]:
         raise argparse.ArgumentTypeError(f"{text!r}: must be NAME=VALUE, a field of EfsiSimulationDef or EfsiSolidDef")
     tokens = TOKENS.get(name.partition("[")[0], {})
     try:
-        parsed = tokens[value] if value in tokens else json.loads(value)
+        parsed = value if value in tokens else json.loads(value)
     except json.JSONDecodeError:
         known = f" or one of {', '.join(tokens)}" if tokens else ""
         raise argparse.ArgumentTypeError(f"{text!r}: the value must be a number{known}") from None
@@ -85,20 +86,29 @@ def child() -> int:
     return 0
 
 
-def run_all(runs: Sequence[Experiment], settings: tuple[tuple[str, Any], ...], jobs: int) -> dict[Experiment, Result]:
-    """Every experiment once, the long ones first; says on standard error how far it is."""
-    results: dict[Experiment, Result] = {}
+def combinations(settings: Sequence[tuple[str, Any]]) -> list[Settings]:
+    """Every choice of one value for each name; [()] when nothing is set."""
+    values: dict[str, list[Any]] = {}
+    for name, value in settings:
+        values.setdefault(name, []).append(value)
+    return [tuple(zip(values, chosen, strict=True)) for chosen in itertools.product(*values.values())]
+
+
+def run_all(runs: Sequence[Experiment], choices: Sequence[Settings], jobs: int) -> dict[Settings, Results]:
+    """Every experiment once with every choice, the long ones first; says on standard error how far it is."""
+    results: dict[Settings, dict[Experiment, Result]] = {choice: {} for choice in choices}
+    jobs_to_do = sorted(itertools.product(runs, choices), key=lambda job: -job[0].cost)
     with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
         waiting = {
-            pool.submit(run_child, dataclasses.replace(run, settings=settings)): run
-            for run in sorted(runs, key=lambda run: -run.cost)
+            pool.submit(run_child, dataclasses.replace(run, settings=choice)): (run, choice)
+            for run, choice in jobs_to_do
         }
-        for future in concurrent.futures.as_completed(waiting):
-            run, result = waiting[future], future.result()
-            results[run] = result
+        for done, future in enumerate(concurrent.futures.as_completed(waiting), start=1):
+            (run, choice), result = waiting[future], future.result()
+            results[choice][run] = result
             state = "" if result.finished else f": {result.failure}"
             name = f"{run.scene}, {run.shape}, {run.across} across"
-            print(f"{len(results)}/{len(runs)} {name}, {result['seconds'].sum():.1f} s{state}", file=sys.stderr)
+            print(f"{done}/{len(waiting)} {name}, {result['seconds'].sum():.1f} s{state}", file=sys.stderr)
     return results
 
 
@@ -128,7 +138,7 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        help="in every run; a field of EfsiSimulationDef or EfsiSolidDef, e.g. preset=paper2016",
+        help="in every run; a field of EfsiSimulationDef or EfsiSolidDef, e.g. preset=paper2016; may be repeated",
     )
     parser.add_argument(
         "--output",
@@ -160,10 +170,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for shape in absent:
         print(f"{shape}: its mesh file is not installed (package glmark2-data); its runs are skipped")
     runs = [run for run in runs if run.shape not in absent]
-    results = run_all(runs, tuple(options.settings), options.jobs)
+    results = run_all(runs, combinations(options.settings), options.jobs)
 
-    lines: list[Line] = [line for law in options.laws for line in law.judge(results, tier)]
-    ordered = [results[run] for run in runs]
+    lines: list[Line] = [
+        line for choice in results for law in options.laws for line in law.judge(results[choice], tier)
+    ]
+    ordered = [results[choice][run] for choice in results for run in runs]
     print(table.text([table.row(result) for result in ordered]))
     print()
     for line in lines:
@@ -175,7 +187,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     judged = [line for line in lines if line.verdict != "not judged"]
     missed = [line for line in judged if line.verdict == "MISSED"]
     minutes = (time.monotonic() - begun) / 60
-    print(f"{len(judged) - len(missed)} of {len(judged)} bars reached, {len(runs)} runs in {minutes:.1f} minutes")
+    print(f"{len(judged) - len(missed)} of {len(judged)} bars reached, {len(ordered)} runs in {minutes:.1f} minutes")
     if options.output:
         title = f"bench loop --{tier}" + "".join(f" --set {name}={value}" for name, value in options.settings)
         table.write(options.output, title, f"{where}; {minutes:.1f} minutes", ordered, lines)

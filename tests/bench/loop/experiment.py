@@ -20,6 +20,7 @@ YOUNGS_MODULUS = SHEAR_MODULUS * (3 * LAME + 2 * SHEAR_MODULUS) / (LAME + SHEAR_
 POISSONS_RATIO = LAME / (2 * (LAME + SHEAR_MODULUS))
 BULK_MODULUS = LAME + 2 * SHEAR_MODULUS / 3  # Pa
 
+TOKENS = {"preset": binding.PRESETS, "wall": binding.WALLS, "material": binding.MATERIALS}
 OPEN_FACE = {"openBottom": 2, "openTop": 3}  # walls -> face -x +x -y +y -z +z
 FASTEST = 5.0  # m/s: no solid of these scenes is faster; one that needs the steps of twice this speed has blown up
 TORN = 20.0  # an interior det F above this or below its inverse has blown up
@@ -90,7 +91,7 @@ class Experiment:
             values[f"wall[{face}]"] = binding.WALLS[kind]
         if self.cfl is not None:
             values["cfl_solid"] = self.cfl
-        return values | dict(pair for pair in self.settings if field_of(pair[0]) is binding.SimulationDef)
+        return values | self.set_in(binding.SimulationDef)
 
     def solid(self) -> dict[str, Any]:
         """Fields of EfsiSolidDef."""
@@ -101,7 +102,12 @@ class Experiment:
             "velocity": self.velocity,
             "angular_velocity": self.spin,
         }
-        return values | dict(pair for pair in self.settings if field_of(pair[0]) is binding.SolidDef)
+        return values | self.set_in(binding.SolidDef)
+
+    def set_in(self, structure: type) -> dict[str, Any]:
+        """The settings that are fields of a definition structure, tokens as their constants."""
+        chosen = [(name, value) for name, value in self.settings if field_of(name) is structure]
+        return {name: TOKENS.get(name.partition("[")[0], {}).get(value, value) for name, value in chosen}
 
 
 def field_of(name: str) -> type | None:

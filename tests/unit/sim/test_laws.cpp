@@ -1,5 +1,6 @@
 // Purpose: laws with exact answers that whole steps must keep, on grids coarse enough for seconds.
-// The laboratory `./eulerfsi bench loop` measures the same laws, and more, at the resolutions that the bars are set for.
+// The laboratory `./eulerfsi bench loop` measures the same laws, and more, at the resolutions that the bars are set
+// for.
 #include "unit/sim/scene.hpp"
 
 using namespace efsi;
@@ -68,8 +69,8 @@ TEST_CASE("A ball released from rest carries the added mass of the fluid around 
 }
 
 TEST_CASE("A stretched ball in vacuum swings at the frequency of Lamb's spheroidal mode", "[law]") {
-  // omega R / c_s = 2.665622 for l = 2 of an incompressible sphere. Two sign changes of the same direction are a period;
-  // 7 cells per radius and 40 backward Euler steps a period leave 8 %.
+  // omega R / c_s = 2.665622 for l = 2 of an incompressible sphere. Two sign changes of the same direction are a
+  // period; 7 cells per radius and 40 backward Euler steps a period leave 8 %.
   constexpr double kRoot = 2.665622, kPi = 3.14159265358979323846;
   const double period = 2.0 * kPi * kRadius / (kRoot * std::sqrt(kShearModulus / 1000.0));
   sim::Params p = box_params(Vec3d::Ones());
