@@ -107,8 +107,10 @@ def run_all(runs: Sequence[Experiment], choices: Sequence[Settings], jobs: int) 
             (run, choice), result = waiting[future], future.result()
             results[choice][run] = result
             state = "" if result.finished else f": {result.failure}"
-            name = f"{run.scene}, {run.shape}, {run.across} across"
-            print(f"{done}/{len(waiting)} {name}, {result['seconds'].sum():.1f} s{state}", file=sys.stderr)
+            print(
+                f"{done}/{len(waiting)} {run.scene}, {run.choices}, {result['seconds'].sum():.1f} s{state}",
+                file=sys.stderr,
+            )
     return results
 
 
@@ -130,6 +132,7 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     tier.add_argument("--full", action="store_true", help="all resolutions and the whole matrix, many hours")
     names = [law.name for law in LAWS]
     parser.add_argument("--only", metavar="LAW,..", help=f"some of {', '.join(names)}")
+    parser.add_argument("--match", default="", metavar="TEXT,..", help="runs whose line holds all of these texts")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="runs at a time")
     parser.add_argument(
         "--set",
@@ -166,6 +169,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return child()
     tier, begun, where = "full" if options.full else "quick", time.monotonic(), machine()
     runs = list(dict.fromkeys(run for law in options.laws for run in law.experiments(tier)))
+    wanted = options.match.split(",")
+    runs = [run for run in runs if all(text in f"{run.scene}, {run.choices}" for text in wanted)]
     absent = sorted({run.shape for run in runs if not available(run.shape)})
     for shape in absent:
         print(f"{shape}: its mesh file is not installed (package glmark2-data); its runs are skipped")
@@ -173,7 +178,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     results = run_all(runs, combinations(options.settings), options.jobs)
 
     lines: list[Line] = [
-        line for choice in results for law in options.laws for line in law.judge(results[choice], tier)
+        line for choice in results for law in options.laws for line in law.lines(results[choice], tier)
     ]
     ordered = [results[choice][run] for choice in results for run in runs]
     print(table.text([table.row(result) for result in ordered]))

@@ -72,3 +72,8 @@ def test_a_run_measures_what_happens_and_reports_what_goes_wrong(library) -> Non
 
     broken = bench_loop.run_child(dataclasses.replace(run, settings=(("voxel_size", -1.0),)))
     assert not broken.finished and "voxel_size" in broken.failure
+    for law in bench_loop.LAWS:  # each says so for each of its runs
+        runs = law.experiments("quick")
+        lines = law.lines({run: broken for run in runs}, "quick")
+        assert [line.verdict for line in lines] == ["MISSED"] * len(runs)
+        assert law.lines({}, "quick") == []

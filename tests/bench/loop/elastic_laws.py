@@ -8,7 +8,7 @@ import numpy as np
 
 from . import reference
 from .experiment import BULK_MODULUS, FRAME, RADIUS, SHEAR_MODULUS, Experiment
-from .laws import Line, Results, conditions
+from .laws import Line, Results, conditions, found
 from .measure import Result, at_time, crossings
 from .shapes import SIZE
 
@@ -47,8 +47,6 @@ def oscillation_runs(tier: str) -> list[Experiment]:
 def frequency_root(result: Result) -> float:
     """x = omega R / c_s from the sign changes of the stretch, nan when they span less than a period."""
     moments = result.with_start("second_moments")
-    if not moments.size:
-        return np.nan
     times = crossings(result.times, moments[:, 0] - (moments[:, 1] + moments[:, 2]) / 2, 0.05)
     periods = (len(times) - 1) // 2  # whole ones: a shifted middle makes one half longer and the other shorter
     if periods < 1:
@@ -58,8 +56,9 @@ def frequency_root(result: Result) -> float:
 
 def judge_oscillation(results: Results, tier: str) -> list[Line]:
     lines = []
-    for run in oscillation_runs(tier):
-        result, dry = results[run], run.density_ratio is None
+    for result in found(results, oscillation_runs(tier)):
+        run = result.run
+        dry = run.density_ratio is None
         exact, bar = (reference.MODE_2_VACUUM, 0.02) if dry else (reference.MODE_2_EQUAL_DENSITY, 0.04)
         error = result.numbers["frequency error"] = frequency_root(result) / exact - 1
         at = conditions(result, f"stretch {STRAIN:g}, {STEPS} steps a period")
@@ -91,11 +90,8 @@ def load_runs(tier: str) -> list[Experiment]:
 
 def judge_load(results: Results, tier: str) -> list[Line]:
     lines = []
-    for run in load_runs(tier):
-        result = results[run]
-        if not result.columns:
-            lines.append(Line("load", "finished", 0, "", 1, 1, conditions(result)))
-            continue
+    for result in found(results, load_runs(tier)):
+        run = result.run
         at = conditions(result, f"beta {run.load:.3g} N/m^4, largest over the run")
         ranges = {"interior det F": result["det_f_interior"]}
         ranges |= {
@@ -128,8 +124,8 @@ def squash_runs(tier: str) -> list[Experiment]:
 
 def judge_squash(results: Results, tier: str) -> list[Line]:
     lines = []
-    for run in squash_runs(tier):
-        result = results[run]
+    for result in found(results, squash_runs(tier)):
+        run = result.run
         left = float(result["misshape"][-1]) / SIZE if result.finished else np.nan
         result.numbers["misshape"] = left
         at = conditions(result, "largest distance of a vertex from the rest shape over 0.2 m, cfl_solid 4")

@@ -61,6 +61,14 @@ class Experiment:
         return np.array(self.center if self.center is not None else np.array(self.box) / 2)
 
     @property
+    def choices(self) -> str:
+        """Shape, resolution, step limits, densities and walls in words."""
+        fluid = "vacuum" if self.density_ratio is None else f"density {self.density_ratio:g}:1"
+        cfl = "" if self.cfl is None else f", CFL {self.cfl:g}"
+        grid = f"{self.shape} {self.across} across (h {self.spacing:g} m)"
+        return f"{grid}, dt <= {self.dt:.3g} s{cfl}, {fluid}, {self.walls} walls"
+
+    @property
     def cost(self) -> float:
         """Grows with the time that the run takes: cells times simulated time over step."""
         return float(np.prod(self.box)) / self.spacing**3 * self.duration / min(self.dt, self.spacing)

@@ -10,7 +10,7 @@ import itertools
 import numpy as np
 
 from .experiment import FRAME, GRAVITY, Experiment
-from .laws import Line, Results, conditions
+from .laws import Line, Results, conditions, found
 from .measure import Result, extremes
 from .shapes import SHAPES
 
@@ -71,9 +71,9 @@ def survives(result: Result) -> bool:
 
 def judge_survival(results: Results, tier: str) -> list[Line]:
     lines = []
-    runs = [run for run in survival_runs(tier) if run in results]
-    for across in sorted({run.across for run in runs}):
-        some = [results[run] for run in runs if run.across == across]
+    made = found(results, survival_runs(tier))
+    for across in sorted({result.run.across for result in made}):
+        some = [result for result in made if result.run.across == across]
         at = f"{len(some)} runs, {across} across, {some[0].run.duration:g} s each"
         lost = sum(not result.finished for result in some)
         lines.append(Line("survival", "runs that did not finish = 0", lost, "runs", 0, 0, at))
