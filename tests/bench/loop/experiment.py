@@ -76,7 +76,9 @@ class Experiment:
     @property
     def most_steps(self) -> int:
         """Steps after which the run is given up: its step has collapsed."""
-        step = min(self.dt, min(1.0, self.cfl or 1.0) * self.spacing / FASTEST)
+        settings = dict(self.settings)
+        cfl = min(1.0, settings.get("cfl_solid", self.cfl or 1.0))
+        step = min(self.dt, settings.get("max_time_step") or self.dt, cfl * self.spacing / FASTEST)
         return 100 + int(2 * self.duration / step)
 
     def simulation(self) -> dict[str, Any]:
