@@ -1,0 +1,1 @@
+"""The laboratory of `./eulerfsi bench loop`: shapes, experiments, laws and tables."""

@@ -1,0 +1,236 @@
+"""One run of the laboratory: what it is, and the child process that drives the solver through the binding."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from typing import Any
+
+import numpy as np
+from eulerfsi import binding
+from eulerfsi.errors import LibraryError
+from eulerfsi.solver import Simulation
+
+from .shapes import RADIUS, SIZE, make_shape, vertex_areas
+
+FRAME = 1 / 24  # s
+GRAVITY = 9.8  # m/s^2
+SHEAR_MODULUS, LAME = 10000.0, 5000.0  # of the authors' ball [Pa]
+YOUNGS_MODULUS = SHEAR_MODULUS * (3 * LAME + 2 * SHEAR_MODULUS) / (LAME + SHEAR_MODULUS)  # Pa
+POISSONS_RATIO = LAME / (2 * (LAME + SHEAR_MODULUS))
+BULK_MODULUS = LAME + 2 * SHEAR_MODULUS / 3  # Pa
+
+TOKENS = {"preset": binding.PRESETS, "wall": binding.WALLS, "material": binding.MATERIALS}
+OPEN_FACE = {"openBottom": 2, "openTop": 3}  # walls -> face -x +x -y +y -z +z
+FASTEST = 5.0  # m/s: no solid of these scenes is faster; one that needs the steps of twice this speed has blown up
+TORN = 20.0  # an interior det F above this or below its inverse has blown up
+
+
+@dataclasses.dataclass(frozen=True)
+class Experiment:
+    """One solid in a box whose lower corner is the origin. Lengths [m], times [s]."""
+
+    scene: str
+    shape: str = "ball"
+    across: int = 10  # cells over SIZE
+    box: tuple[float, float, float] = (0.4, 0.4, 0.4)
+    center: tuple[float, float, float] | None = None  # of the solid's bounding box; None: of the box
+    floor: float | None = None  # height of the solid's lowest point, instead of center's [m]
+    turn: float = 0.0  # of the shape about (1,1,1) [rad]
+    duration: float = FRAME
+    dt: float = FRAME  # largest step; the solver divides it further by its CFL limits
+    density_ratio: float | None = 1000.0  # solid : fluid; None: vacuum. The denser of the two is 1000 kg/m^3
+    gravity: float = 0.0  # along -y [m/s^2]
+    walls: str = "slip"  # slip, noSlip, openTop or openBottom (the rest slip), periodic
+    cfl: float | None = None  # cells a solid may move per step; None: the default
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    spin: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rad/s
+    stretch: tuple[float, float, float] | None = None  # initial F = diag(stretch) about the centre
+    load: float = 0.0  # beta of the body force -beta (x - x_c) [N/m^4]
+    settings: tuple[tuple[str, Any], ...] = ()  # fields of EfsiSimulationDef or EfsiSolidDef, the user's last word
+    limit: float = 600.0  # wall-clock seconds after which the run is given up
+
+    @property
+    def spacing(self) -> float:
+        """Cell size h [m]."""
+        return SIZE / self.across
+
+    @property
+    def middle(self) -> np.ndarray:
+        """Where the solid starts [m]."""
+        return np.array(self.center if self.center is not None else np.array(self.box) / 2)
+
+    @property
+    def choices(self) -> str:
+        """Shape, resolution, step limits, densities and walls in words."""
+        fluid = "vacuum" if self.density_ratio is None else f"density {self.density_ratio:g}:1"
+        cfl = "" if self.cfl is None else f", CFL {self.cfl:g}"
+        grid = f"{self.shape} {self.across} across (h {self.spacing:g} m)"
+        return f"{grid}, dt <= {self.dt:.3g} s{cfl}, {fluid}, {self.walls} walls"
+
+    @property
+    def cost(self) -> float:
+        """Grows with the time that the run takes: cells times simulated time over step."""
+        return float(np.prod(self.box)) / self.spacing**3 * self.duration / min(self.dt, self.spacing)
+
+    @property
+    def most_steps(self) -> int:
+        """Steps after which the run is given up: its step has collapsed."""
+        settings = dict(self.settings)
+        cfl = min(1.0, settings.get("cfl_solid", self.cfl or 1.0))
+        step = min(self.dt, settings.get("max_time_step") or self.dt, cfl * self.spacing / FASTEST)
+        return 100 + int(2 * self.duration / step)
+
+    def simulation(self) -> dict[str, Any]:
+        """Fields of EfsiSimulationDef."""
+        heavy = 1000.0
+        ratio = self.density_ratio
+        values: dict[str, Any] = {
+            "domain_size": self.box,
+            "voxel_size": self.spacing,
+            "gravity": (0.0, -self.gravity, 0.0),
+            "ambient_fluid": int(ratio is not None),
+            "fluid_density": heavy / max(1.0, ratio or 1.0),
+            "threads": 1,
+        }
+        kinds = [self.walls] * 6
+        if self.walls in OPEN_FACE:
+            kinds = ["slip"] * 6
+            kinds[OPEN_FACE[self.walls]] = "open"
+        for face, kind in enumerate(kinds):
+            values[f"wall[{face}]"] = binding.WALLS[kind]
+        if self.cfl is not None:
+            values["cfl_solid"] = self.cfl
+        return values | self.set_in(binding.SimulationDef)
+
+    def solid(self) -> dict[str, Any]:
+        """Fields of EfsiSolidDef."""
+        values: dict[str, Any] = {
+            "density": 1000.0 * min(1.0, 1000.0 if self.density_ratio is None else self.density_ratio),
+            "youngs_modulus": YOUNGS_MODULUS,
+            "poissons_ratio": POISSONS_RATIO,
+            "velocity": self.velocity,
+            "angular_velocity": self.spin,
+        }
+        return values | self.set_in(binding.SolidDef)
+
+    def set_in(self, structure: type) -> dict[str, Any]:
+        """The settings that are fields of a definition structure, tokens as their constants."""
+        chosen = [(name, value) for name, value in self.settings if field_of(name) is structure]
+        return {name: TOKENS.get(name.partition("[")[0], {}).get(value, value) for name, value in chosen}
+
+
+def field_of(name: str) -> type | None:
+    """The definition structure that has a field; "wall[2]" is an element of wall."""
+    base = name.partition("[")[0]
+    for structure in (binding.SimulationDef, binding.SolidDef):
+        if base in {field for field, *_ in structure._fields_}:
+            return structure
+    return None
+
+
+def simulate(run: Experiment) -> dict[str, Any]:
+    """Runs an experiment: {"failure": text or "", "start": ..., "columns": {name: one value per step}}."""
+    mesh = make_shape(run.shape, run.across, run.turn)
+    mesh.points += run.middle.astype(np.float32)
+    if run.floor is not None:
+        mesh.points[:, 1] += run.floor - mesh.points[:, 1].min()
+    areas = vertex_areas(mesh.points, mesh.triangles())
+    rest, columns, failure = mesh.points.astype(float), [], ""
+    begun = time.perf_counter()
+    with Simulation(run.simulation()) as simulation:
+        simulation.add_solid(mesh, **run.solid())
+        if run.stretch:
+            stretch(simulation, run)
+        start = observe(simulation, rest, areas)
+        end = 0.0
+        try:
+            while run.duration - end > 1e-9:
+                end = min(run.duration, end + run.dt)
+                while end - simulation.time > 1e-9:
+                    if run.load:
+                        push_inwards(simulation, run, end - simulation.time)
+                    clock = time.perf_counter()
+                    info = simulation.step(end - simulation.time)
+                    seconds = time.perf_counter() - clock
+                    if run.load and abs(info["dt"] - run.dt) > 1e-6:
+                        raise ValueError(f"the load was given for a step of {run.dt:g} s, it was {info['dt']:g} s")
+                    columns.append(info | {"seconds": seconds} | observe(simulation, rest, areas))
+                    low, high = columns[-1]["det_f_interior"]
+                    if not (low > 1 / TORN and high < TORN):
+                        raise ValueError(f"blown up: interior det F {low:.3g}..{high:.3g} at {simulation.time:.3g} s")
+                    if len(columns) > run.most_steps:
+                        raise ValueError(f"blown up: step of {info['dt']:.2g} s at {simulation.time:.3g} s")
+                    if time.perf_counter() - begun > run.limit:
+                        raise TimeoutError(f"given up after {run.limit:g} s at time {simulation.time:.3g} s")
+        except (LibraryError, ValueError, TimeoutError) as error:
+            failure = str(error)
+    names = columns[0].keys() if columns else ()
+    return {"failure": failure, "start": start, "columns": {name: [row[name] for row in columns] for name in names}}
+
+
+def observe(simulation: Simulation, rest: np.ndarray, areas: np.ndarray) -> dict[str, Any]:
+    """Diagnostics of solid 1 and of the fluid now, det F of interior and cut cells, and the shape of the surface.
+
+    second_moments: mean square of the distances to the surface's centroid along x, y, z [m^2];
+    misshape: largest distance of a vertex from where the rest shape, moved to the same centroid, has it [m].
+    """
+    solid, fluid = simulation.solid_diagnostics(1), simulation.fluid_diagnostics()
+    points = simulation.surface(1, len(rest))[0].astype(float)
+    weights = areas / areas.sum()
+    points = points - weights @ points
+    inside = det_f_ranges(simulation)
+    return {
+        **{name: value for name, value in solid.items() if name not in ("min_det_f", "max_det_f")},
+        "fluid_energy": fluid["kinetic_energy"],
+        "fluid_momentum": fluid["momentum"],
+        "second_moments": list(weights @ points**2),
+        "misshape": float(np.linalg.norm(points - (rest - weights @ rest), axis=1).max()),
+        **inside,
+    }
+
+
+def det_f_ranges(simulation: Simulation) -> dict[str, list[float]]:
+    """[lowest, highest] det F = 1 / det(I - grad u) at the centres of full cells and of cells more than half solid."""
+    u, place = simulation.field("solid_displacement", 1)
+    fraction, grid = simulation.field("solid_fraction")
+    h = place["spacing"]
+    lower = np.rint((np.array(place["origin"]) - np.array(grid["origin"])) / h + 0.5).astype(int)
+    cells = tuple(slice(lo, lo + n - 1) for lo, n in zip(lower, u.shape[1:], strict=True))
+    fraction = fraction[0][cells]
+    gradient = np.empty((*fraction.shape, 3, 3))
+    for axis in range(3):
+        slope = np.diff(u.astype(float), axis=axis + 1) / h
+        for other in {0, 1, 2} - {axis}:
+            slope = (np.take(slope, range(1, slope.shape[other + 1]), other + 1) + np.delete(slope, -1, other + 1)) / 2
+        gradient[..., axis] = np.moveaxis(slope, 0, -1)
+    ranges = {}
+    for name, chosen in (("interior", fraction > 1 - 1e-6), ("cut", (fraction > 0.5) & (fraction <= 1 - 1e-6))):
+        inverse = np.linalg.det(np.eye(3) - gradient[chosen])
+        det = 1 / np.where(inverse == 0, np.nan, inverse)  # negative where inverted
+        ranges[f"det_f_{name}"] = [float(np.nanmin(det)), float(np.nanmax(det))] if det.size else [1.0, 1.0]
+    return ranges
+
+
+def stretch(simulation: Simulation, run: Experiment) -> None:
+    """Sets u(x) = x - X for X = c + F^-1 (x - c), F = diag(run.stretch)."""
+    u, place = simulation.field("solid_displacement", 1)
+    simulation.set_field(
+        "solid_displacement", offsets(u, place, run) * (1 - 1 / np.array(run.stretch))[:, *[None] * 3], 1
+    )
+
+
+def push_inwards(simulation: Simulation, run: Experiment, dt: float) -> None:
+    """Adds dt f / rho of the body force f = -beta (x - x_c) to the solid's velocity, as a step adds gravity."""
+    v, place = simulation.field("solid_velocity", 1)
+    kick = -run.load * dt / run.solid()["density"]
+    simulation.set_field("solid_velocity", v + kick * offsets(v, place, run), 1)
+
+
+def offsets(field: np.ndarray, place: dict[str, Any], run: Experiment) -> np.ndarray:
+    """x - x_c at the nodes of a field, (3, nx, ny, nz) [m]."""
+    axes = [place["origin"][a] + place["spacing"] * np.arange(field.shape[a + 1]) - run.middle[a] for a in range(3)]
+    return np.stack(np.meshgrid(*axes, indexing="ij"))
+
+
+__all__ = ["FRAME", "GRAVITY", "RADIUS", "Experiment", "simulate"]

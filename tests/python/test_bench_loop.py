@@ -1,0 +1,79 @@
+"""The laboratory `bench loop`: its shapes, its matrix, its verdicts, and one run from end to end."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+import sys
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+sys.path.insert(0, str(ROOT / "tests" / "bench"))
+
+import bench_loop  # noqa: E402
+from eulerfsi.solver import check_mesh  # noqa: E402
+from loop import measure, shapes, survival, table  # noqa: E402
+from loop.experiment import Experiment  # noqa: E402
+from loop.laws import Line  # noqa: E402
+
+VOLUMES = {  # m^3
+    "ball": 4 / 3 * math.pi * 0.1**3,
+    "box": 0.2 * 0.14 * 0.12,
+    "torus": 2 * math.pi**2 * 0.07 * 0.03**2,
+    "plate": 0.2 * 0.2 * 0.06,
+    "u": 0.2 * 0.2 * 0.06 - 0.08 * 0.14 * 0.06,
+}
+
+
+@pytest.mark.parametrize("name", VOLUMES)
+def test_shapes_are_closed_and_hold_their_volume(library, name: str) -> None:
+    report = check_mesh(shapes.make_shape(name, 10, turn=0.6), 0.02)
+    assert report["closed"] == 1 and report["repaired"] == 0
+    assert report["surface_volume"] == pytest.approx(VOLUMES[name], rel=6e-3)
+
+
+def test_every_pair_of_choices_meets() -> None:
+    rows = survival.pairwise(survival.FACTORS)
+    for i, j in itertools.combinations(range(len(survival.FACTORS)), 2):
+        assert {(row[i], row[j]) for row in rows} == set(itertools.product(survival.FACTORS[i], survival.FACTORS[j]))
+    assert len(rows) <= 40 and rows == survival.pairwise(survival.FACTORS)
+
+
+def test_crossings_give_the_period_of_a_damped_swing() -> None:
+    times = np.linspace(0, 1, 400)
+    found = measure.crossings(times, np.exp(-times) * np.cos(2 * np.pi * times / 0.25), 0.05)
+    assert np.diff(found) == pytest.approx(np.full(len(found) - 1, 0.125), abs=1e-4)
+
+
+def test_a_number_that_is_missing_misses_its_bar() -> None:
+    assert Line("law", "bar", math.nan, low=0, high=1).verdict == "MISSED"
+    assert Line("law", "bar", 1.0, low=0, high=1).verdict == "pass"
+    assert Line("law", "bar", 1.1, low=0, high=1).verdict == "MISSED"
+
+
+@pytest.mark.parametrize("text", ["voxel=1", "cfl_solid", "preset=unknown"])
+def test_settings_that_do_not_exist_are_refused(text: str) -> None:
+    with pytest.raises(SystemExit):
+        bench_loop.parse(["--set", text])
+
+
+def test_a_run_measures_what_happens_and_reports_what_goes_wrong(library) -> None:
+    run = Experiment("fall", gravity=9.8, duration=0.02, dt=0.01, settings=(("cfl_solid", 0.5),))
+    result = bench_loop.run_child(run)
+    assert result.finished and result.clamps == 0
+    assert result.times == pytest.approx([0.0, 0.01, 0.02])
+    assert result.velocity[-1, 1] == pytest.approx(-0.196, rel=0.02)
+    row = table.row(result)
+    assert row["finished"] == "yes" and row["settings"] == "cfl_solid=0.5" and row["steps"] == "2"
+    assert list(result["det_f_interior"][-1]) == pytest.approx([1, 1], abs=1e-3)
+
+    broken = bench_loop.run_child(dataclasses.replace(run, settings=(("voxel_size", -1.0),)))
+    assert not broken.finished and "voxel_size" in broken.failure
+    for law in bench_loop.LAWS:  # each says so for each of its runs
+        runs = law.experiments("quick")
+        lines = law.lines({run: broken for run in runs}, "quick")
+        assert [line.verdict for line in lines] == ["MISSED"] * len(runs)
+        assert law.lines({}, "quick") == []
