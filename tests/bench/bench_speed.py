@@ -139,12 +139,12 @@ def peak_memory() -> int:
 
 
 def fall_acceleration(result: dict[str, Any]) -> tuple[float, int]:
-    """Slope of the ball's mean velocity [m/s^2], fitted while it is more than a radius above the floor; and samples."""
-    samples = [
-        (step["time"], step["solid"]["momentum"][1] / step["solid"]["mass"])
-        for step in result["steps"]
-        if step["solid"]["extent_min"][1] - result["floor"] > RADIUS
-    ]
+    """Slope of the ball's mean velocity [m/s^2] over its first fall, down to a radius above the floor; and samples."""
+    samples = []
+    for step in result["steps"]:
+        if step["solid"]["extent_min"][1] - result["floor"] <= RADIUS:
+            break
+        samples.append((step["time"], step["solid"]["momentum"][1] / step["solid"]["mass"]))
     if len(samples) < 2:
         return float("nan"), len(samples)
     times, speeds = np.array(samples).T
