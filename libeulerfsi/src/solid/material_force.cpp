@@ -9,7 +9,6 @@
 namespace efsi::solid {
 namespace {
 
-using Mat3 = Eigen::Matrix<Real, 3, 3>;
 constexpr int kPairFirst[3] = {1, 2, 0}, kPairSecond[3] = {2, 0, 1};
 
 struct RealGradients {
@@ -31,7 +30,7 @@ const RealGradients& real_gradients(int points) {
 ElementPoint linearise(const material::Elastic& elastic, const Deformation& d, double dv0, double& energy) {
   const material::PrincipalResponse r = material::make_definite(material::principal_response(elastic, d.stretch));
   energy = r.energy * dv0;
-  ElementPoint point;
+  ElementPoint point{};
   const Vec3d& s = d.stretch;
   for (int i = 0; i < 9; ++i) point.axes[i] = static_cast<Real>(d.axes.data()[i]);
   const auto normal = [&](int i, int j) { return static_cast<Real>(dv0 * s[i] * r.hessian(i, j) * s[j]); };
@@ -72,15 +71,25 @@ Mat3 stress_change(const ElementPoint& p, const Mat3& e) {
   return t;
 }
 
-void add_hourglass(Real stiffness, const Real x[24], Real out[24]) {
-  const Real k = stiffness * Real(kHourglassNorm * kHourglassNorm);
-  for (const auto& sign : kHourglassSign)
-    for (int i = 0; i < 3; ++i) {
-      Real amplitude = 0;
-      for (int a = 0; a < 8; ++a) amplitude += static_cast<Real>(sign[a]) * x[3 * a + i];
-      amplitude *= k;
-      for (int a = 0; a < 8; ++a) out[3 * a + i] += static_cast<Real>(sign[a]) * amplitude;
-    }
+// out += K x on the hourglass modes. X of a mode is all there is of it on the grid, where nodes do not move: the energy
+// is k/2 |F^-1 x - X|^2 with F at the centre, which a rotation leaves as it is; its force is k F^-T X and K = k F^-T
+// F^-1.
+void add_hourglass(const Mat3& k, const Real x[24], Real out[24]) {
+  for (const auto& sign : kHourglassSign) {
+    Vec3 amplitude = Vec3::Zero();
+    for (int a = 0; a < 8; ++a)
+      for (int i = 0; i < 3; ++i)
+        amplitude[i] += static_cast<Real>(sign[a] * kHourglassNorm * kHourglassNorm) * x[3 * a + i];
+    const Vec3 force = k * amplitude;
+    for (int a = 0; a < 8; ++a)
+      for (int i = 0; i < 3; ++i) out[3 * a + i] += static_cast<Real>(sign[a]) * force[i];
+  }
+}
+
+// k F^-T F^-1 from the principal stretches.
+Mat3 hourglass_stiffness(const ElementPoint& point) {
+  const Eigen::Map<const Mat3> axes(point.axes);
+  return axes * Vec3(point.hourglass[1], point.hourglass[2], point.hourglass[3]).asDiagonal() * axes.transpose();
 }
 
 }  // namespace
@@ -113,23 +122,24 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
         const Deformation d = deformation_from_displacement(displacement_gradient(u, gradients, g.h));
         double energy = 0.0;
         const double volume = g.h * g.h * g.h / (static_cast<double>(points) * d.det);
-        work.set_element_point(e, q, linearise(rest.elastic, d, volume, energy));
+        ElementPoint point = linearise(rest.elastic, d, volume, energy);
+        if (points == 1) {
+          const double k = kHourglassFactor * rest.elastic.mu * g.h;
+          point.hourglass[0] = static_cast<Real>(k);
+          for (int i = 0; i < 3; ++i) point.hourglass[i + 1] = static_cast<Real>(k / (d.stretch[i] * d.stretch[i]));
+          for (const auto& sign : kHourglassSign) {
+            Vec3d amplitude = Vec3d::Zero();
+            for (std::size_t a = 0; a < 8; ++a) amplitude += sign[a] * kHourglassNorm * u[a];
+            energy += 0.5 * k * amplitude.squaredNorm();
+          }
+        }
+        work.set_element_point(e, q, point);
         range.energy += energy;
         range.low = std::min(range.low, d.det);
         range.high = std::max(range.high, d.det);
         degenerate = degenerate || d.degenerate;
       }
       range.degenerate += degenerate;
-      work.hourglass[e] = points == 1 ? static_cast<Real>(kHourglassFactor * rest.elastic.mu * g.h) : Real(0);
-      if (points == 1) {
-        double energy = 0.0;
-        for (const auto& sign : kHourglassSign) {
-          Vec3d amplitude = Vec3d::Zero();
-          for (std::size_t a = 0; a < 8; ++a) amplitude += sign[a] * u[a];
-          energy += 0.5 * static_cast<double>(work.hourglass[e]) / 8.0 * amplitude.squaredNorm();
-        }
-        range.energy += energy;
-      }
     }
   });
   Range total;
@@ -160,13 +170,19 @@ void element_force(const SolidState& state, const SolidWork& work, std::size_t e
       out[3 * a + 2] -= inverse_h * (s[4] * grad[0] + s[3] * grad[1] + s[2] * grad[2]);
     }
   }
-  if (work.hourglass[e] > 0) {  // acts on the displacement: rigid and linear motion feel nothing
+  if (work.points_per_element == 1) {
     const auto corner = grid::corner_offsets(g);
     const auto n = static_cast<std::size_t>(work.element_corner[e]);
     Real u[24];
+    Mat3 inverse_f = Mat3::Identity();
     for (std::size_t a = 0; a < 8; ++a)
-      for (std::size_t i = 0; i < 3; ++i) u[3 * a + i] = state.u.c[i][n + corner[a]];
-    add_hourglass(-work.hourglass[e], u, out);
+      for (std::size_t i = 0; i < 3; ++i) {
+        u[3 * a + i] = state.u.c[i][n + corner[a]];
+        for (std::size_t j = 0; j < 3; ++j)
+          inverse_f(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) -=
+              inverse_h * u[3 * a + i] * table.g[0][a][j];
+      }
+    add_hourglass(-work.element_point(e, 0).hourglass[0] * inverse_f.transpose(), u, out);  // X = -u on these modes
   }
 }
 
@@ -189,13 +205,17 @@ void element_stiffness(const SolidWork& work, double h, std::size_t e, const Rea
         out[3 * a + i] += stress(i, 0) * grad[0] + stress(i, 1) * grad[1] + stress(i, 2) * grad[2];
     }
   }
-  if (work.hourglass[e] > 0) add_hourglass(work.hourglass[e], x, out);
+  if (work.points_per_element == 1) add_hourglass(hourglass_stiffness(work.element_point(e, 0)), x, out);
 }
 
 void element_stiffness_diagonal(const SolidWork& work, double h, std::size_t e, Real out[24]) {
   const Real inverse_h = static_cast<Real>(1.0 / h);
   const RealGradients& table = real_gradients(work.points_per_element);
-  std::fill(out, out + 24, work.hourglass[e] * Real(4 * kHourglassNorm * kHourglassNorm));
+  std::fill(out, out + 24, Real(0));
+  if (work.points_per_element == 1) {
+    const Mat3 k = hourglass_stiffness(work.element_point(e, 0));
+    for (int i = 0; i < 24; ++i) out[i] = Real(4 * kHourglassNorm * kHourglassNorm) * k(i % 3, i % 3);
+  }
   for (std::size_t q = 0; q < static_cast<std::size_t>(work.points_per_element); ++q) {
     const ElementPoint point = work.element_point(e, q);
     const Eigen::Map<const Mat3> axes(point.axes);

@@ -11,7 +11,7 @@
 
 namespace efsi::solid {
 
-// Fills work.point, work.hourglass, det F range, degenerate count and elastic energy. points_per_element: 1 or 8.
+// Fills work.point, det F range, degenerate count and elastic energy. points_per_element: 1 or 8.
 void compute_material(const Parallel& parallel, const SolidRest& rest, const SolidState& state, int points_per_element,
                       SolidWork& work);
 

@@ -5,7 +5,7 @@
 namespace efsi::solid {
 
 std::size_t SolidWork::bytes() const {
-  const std::size_t reals = fraction.size() + volume_ratio.size() + hourglass.size() + mass.size();
+  const std::size_t reals = fraction.size() + volume_ratio.size() + mass.size();
   return reals * sizeof(Real) + (element.size() + element_cell.size() + element_corner.size()) * sizeof(std::int32_t) +
          point.size() * sizeof(PointBlock) + carries.size() + layer.size();
 }
@@ -16,13 +16,9 @@ std::size_t state_bytes(const SolidState& state) {
 
 void SolidWork::resize_elements(int points) {
   points_per_element = points;
-  const std::size_t elements = element_cell.size(), count = (elements + kBlock - 1) / kBlock;
-  point.resize(count * static_cast<std::size_t>(points));
-  hourglass.resize(count * kBlock);
-  for (std::size_t e = elements; e < hourglass.size(); ++e) {
-    hourglass[e] = 0;
+  point.resize(blocks() * static_cast<std::size_t>(points));
+  for (std::size_t e = element_cell.size(); e < blocks() * kBlock; ++e)
     for (std::size_t q = 0; q < static_cast<std::size_t>(points); ++q) set_element_point(e, q, ElementPoint{});
-  }
 }
 
 ElementPoint SolidWork::element_point(std::size_t e, std::size_t q) const {
@@ -33,6 +29,7 @@ ElementPoint SolidWork::element_point(std::size_t e, std::size_t q) const {
   for (int i = 0; i < 6; ++i) value.normal[i] = block.normal[i][lane];
   for (int i = 0; i < 9; ++i) value.pair[i] = block.pair[i][lane];
   for (int i = 0; i < 6; ++i) value.stress[i] = block.stress[i][lane];
+  for (int i = 0; i < 4; ++i) value.hourglass[i] = block.hourglass[i][lane];
   return value;
 }
 
@@ -43,6 +40,7 @@ void SolidWork::set_element_point(std::size_t e, std::size_t q, const ElementPoi
   for (int i = 0; i < 6; ++i) block.normal[i][lane] = value.normal[i];
   for (int i = 0; i < 9; ++i) block.pair[i][lane] = value.pair[i];
   for (int i = 0; i < 6; ++i) block.stress[i][lane] = value.stress[i];
+  for (int i = 0; i < 4; ++i) block.hourglass[i][lane] = value.hourglass[i];
 }
 
 Band make_band(const Grid& global, Vec3i lo, Vec3i hi) {

@@ -47,16 +47,18 @@ struct SolidState {
 // With E = U^T (sum_a v_a grad N_a^T) U the change of Kirchhoff stress is U T U^T,
 //   T_ii = sum_j normal_ij E_jj,  (T_ij, T_ji) = 2x2 pair matrix (E_ij, E_ji).
 struct ElementPoint {
-  Real axes[9];    // U, column-major
-  Real normal[6];  // xx yy zz yz zx xy, weighted by the volume of the point [J]
-  Real pair[9];    // for pairs (y,z), (z,x), (x,y): [ij ij], [ij ji], [ji ji] [J]
-  Real stress[6];  // Kirchhoff stress times volume, world axes: xx yy zz yz zx xy [J]
+  Real axes[9];       // U, column-major
+  Real normal[6];     // xx yy zz yz zx xy, weighted by the volume of the point [J]
+  Real pair[9];       // for pairs (y,z), (z,x), (x,y): [ij ij], [ij ji], [ji ji] [J]
+  Real stress[6];     // Kirchhoff stress times volume, world axes: xx yy zz yz zx xy [J]
+  Real hourglass[4];  // stiffness k of the hourglass modes of a one-point element, and k / stretch^2 along the axes
+                      // [N/m]
 };
 
 // The points of kBlock elements side by side, so that one instruction works on many of them.
 inline constexpr std::size_t kBlock = 16;
 struct PointBlock {
-  Real axes[9][kBlock], normal[6][kBlock], pair[9][kBlock], stress[6][kBlock];
+  Real axes[9][kBlock], normal[6][kBlock], pair[9][kBlock], stress[6][kBlock], hourglass[4][kBlock];
 };
 
 // Workspace: rebuilt every step.
@@ -67,7 +69,6 @@ struct SolidWork {
   std::vector<std::int32_t> element_cell;    // element -> band cell
   std::vector<std::int32_t> element_corner;  // element -> band node of corner 0
   std::vector<PointBlock> point;             // point q of block b at b points_per_element + q; free lanes are zero
-  std::vector<Real> hourglass;               // stiffness of the hourglass modes per lane [N/m]
   int points_per_element = 1;
   std::vector<std::uint8_t> carries;  // band nodes: corner of an element; here the solid owns u and v
   std::vector<Real> mass;             // of the solid per band node [kg]
@@ -79,7 +80,7 @@ struct SolidWork {
   double elastic_energy = 0.0;  // [J]
   double max_speed = 0.0;
 
-  std::size_t blocks() const { return hourglass.size() / kBlock; }
+  std::size_t blocks() const { return (element_cell.size() + kBlock - 1) / kBlock; }
   void resize_elements(int points);  // for element_cell.size() elements
   ElementPoint element_point(std::size_t e, std::size_t q) const;
   void set_element_point(std::size_t e, std::size_t q, const ElementPoint& value);

@@ -84,19 +84,25 @@ EFSI_KERNEL void add_point(const PointBlock& p, const Real (*grad)[3], Real inve
       for (int i = 0; i < 3; ++i) add_scaled(grad[a][j] * inverse_h, t[i + 3 * j], out[3 * a + i]);
 }
 
-EFSI_KERNEL void add_hourglass(const Real* stiffness, const Lanes* x, Lanes* out) {
-  Lanes k, amplitude;
-  clear(k, 1);
-  add_scaled(static_cast<Real>(kHourglassNorm * kHourglassNorm), stiffness, k);
-  for (const auto& sign : kHourglassSign)
-    for (int i = 0; i < 3; ++i) {
-      Lanes sum;
-      clear(sum, 1);
-      for (int a = 0; a < 8; ++a) add_scaled(static_cast<Real>(sign[a]), x[3 * a + i], sum);
-      clear(amplitude, 1);
-      add_product(sum, k, amplitude);
-      for (int a = 0; a < 8; ++a) add_scaled(static_cast<Real>(sign[a]), amplitude, out[3 * a + i]);
-    }
+// out += U diag(k / s^2) U^T x on the hourglass modes
+EFSI_KERNEL void add_hourglass(const PointBlock& p, const Lanes* x, Lanes* out) {
+  for (const auto& sign : kHourglassSign) {
+    Lanes amplitude[3], along[3], weighted[3];
+    clear(amplitude[0], 3);
+    clear(along[0], 3);
+    clear(weighted[0], 3);
+    for (int a = 0; a < 8; ++a)
+      for (int i = 0; i < 3; ++i)
+        add_scaled(static_cast<Real>(sign[a] * kHourglassNorm * kHourglassNorm), x[3 * a + i], amplitude[i]);
+    for (int j = 0; j < 3; ++j)
+      for (int i = 0; i < 3; ++i) add_product(p.axes[i + 3 * j], amplitude[i], along[j]);
+    for (int j = 0; j < 3; ++j) add_product(p.hourglass[j + 1], along[j], weighted[j]);
+    clear(amplitude[0], 3);
+    for (int j = 0; j < 3; ++j)
+      for (int i = 0; i < 3; ++i) add_product(p.axes[i + 3 * j], weighted[j], amplitude[i]);
+    for (int a = 0; a < 8; ++a)
+      for (int i = 0; i < 3; ++i) add_scaled(static_cast<Real>(sign[a]), amplitude[i], out[3 * a + i]);
+  }
 }
 
 EFSI_KERNEL void scale(Real factor, Real* out) {
@@ -114,7 +120,7 @@ void block_stiffness(const SolidWork& work, std::size_t block, double h, Real fa
   const auto points = static_cast<std::size_t>(work.points_per_element);
   for (std::size_t q = 0; q < points; ++q)
     add_point(work.point[block * points + q], table.g[q], static_cast<Real>(1.0 / h), x, rows);
-  if (points == 1) add_hourglass(&work.hourglass[block * kBlock], x, rows);
+  if (points == 1) add_hourglass(work.point[block], x, rows);
   scale(factor, out);
 }
 
