@@ -319,6 +319,52 @@ TEST_CASE("Patch test: an affine map gives one stress and no force inside", "[la
     }
 }
 
+TEST_CASE("Patch test on cut cells: an affine map of a ball gives one stress in all of its elements", "[law]") {
+  for (const int points : {1, 8}) {
+    TestSolid s = make_ball(cube_grid(24, kH), elastic(material::Law::kCorotational), Vec3d::Constant(0.6), 0.3);
+    Mat3d f;
+    f << 1.15, 0.12, -0.1, 0.05, 0.95, 0.15, 0.0, -0.1, 1.05;
+    set_displacement(s, affine(f, Vec3d::Constant(0.6) - f * Vec3d::Constant(0.6)));
+    compute(s, points);
+    std::size_t cut = 0;
+    for (std::size_t e = 0; e < s.work.element_cell.size(); ++e) {
+      cut += s.work.fraction[static_cast<std::size_t>(s.work.element_cell[e])] < Real(1);
+      for (std::size_t q = 0; q < static_cast<std::size_t>(points); ++q)
+        for (int c = 0; c < 6; ++c)
+          REQUIRE(static_cast<double>(s.work.element_point(e, q).stress[c]) ==
+                  Approx(static_cast<double>(s.work.element_point(0, 0).stress[c]))
+                      .margin(1e-4 * s.rest.elastic.mu * kH * kH * kH));
+    }
+    CHECK(cut > 50);
+    // Force acts on the ball's surface alone: nodes whose 8 cells are elements feel none.
+    const grid::Grid& g = s.state.band.grid;
+    const auto corner = grid::corner_offsets(g);
+    std::vector<Vec3d> sum(g.node_count(), Vec3d::Zero());
+    std::vector<int> around(g.node_count(), 0);
+    double largest = 0.0;
+    for (std::size_t e = 0; e < s.work.element_cell.size(); ++e) {
+      Real force[24];
+      solid::element_force(s.state, s.work, e, force);
+      for (std::size_t a = 0; a < 8; ++a) {
+        const std::size_t n = static_cast<std::size_t>(s.work.element_corner[e]) + corner[a];
+        const Vec3d one(force[3 * a], force[3 * a + 1], force[3 * a + 2]);
+        sum[n] += one;
+        ++around[n];
+        largest = std::max(largest, one.norm());
+      }
+    }
+    std::size_t inside = 0;
+    for (std::size_t n = 0; n < sum.size(); ++n) {
+      if (around[n] < 8) continue;
+      ++inside;
+      REQUIRE(sum[n].norm() < 2e-3 * largest);
+    }
+    CHECK(inside > 300);
+    // The cut cells hold the ball's volume.
+    CHECK(s.work.volume == Approx(f.determinant() * 4.0 / 3.0 * 3.14159265358979 * 0.027).epsilon(0.01));
+  }
+}
+
 TEST_CASE("Forces of one element carry neither momentum nor angular momentum", "[law]") {
   const TestSolid s = deformed_block(material::Law::kCorotational, {1.3, 1.15, 0.9}, 0.1, 8, 15);
   Real force[24];
