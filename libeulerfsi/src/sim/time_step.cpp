@@ -9,7 +9,7 @@
 namespace efsi::sim {
 namespace {
 
-constexpr double kContactCfl = 0.6;       // cells per step in contact
+constexpr double kContactCfl = 0.4;       // cells per step in contact
 constexpr double kContactReach = 2.0;     // cells
 constexpr double kContactDistance = 1.0;  // cells: 2 less what a step in contact moves
 
