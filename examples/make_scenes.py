@@ -230,7 +230,9 @@ def make_falling_bunny() -> Usd.Stage:
     bunny.AddRotateXYZOp().Set(Gf.Vec3f(0.0, 30.0, 15.0))
     bunny.AddScaleOp().Set(Gf.Vec3f(0.125))
     surface = Sdf.AssetPath(BUNNY_FILE)
-    apply_schema(bunny.GetPrim(), "solid", surfaceFile=surface, youngsModulus=2e4, poissonsRatio=0.3)
+    apply_schema(
+        bunny.GetPrim(), "solid", surfaceFile=surface, youngsModulus=2e5, poissonsRatio=0.3, rayleighBeta=0.002
+    )
     set_density(bunny.GetPrim(), 1000.0)
     bind_material(stage, bunny.GetPrim(), (0.75, 0.6, 0.45))
     add_carpet(stage, lower, size)

@@ -22,7 +22,7 @@ struct FluidParams {
 
 struct FluidState {
   VectorField velocity;           // nodes [m/s]
-  std::vector<Real> pressure;     // padded cells [Pa]; warm start of Eq. 12
+  std::vector<Real> pressure;     // padded cells [Pa]; where PCR starts on Eq. 12
   std::vector<Real> smoke;        // cells, density; empty where the scene has no smoke
   std::vector<Real> temperature;  // cells, above ambient [K]; empty where unused
 };
