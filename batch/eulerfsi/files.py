@@ -8,7 +8,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from .errors import CacheIOError
+from .errors import CacheIOError, LibraryError
 
 TEMPORARY_PREFIX = ".writing-"
 
@@ -28,6 +28,8 @@ def replacing(path: Path) -> Iterator[Path]:
         sync_folder(path.parent)
     except OSError as error:
         raise CacheIOError(f"{path}: cannot be written: {error.strerror or error}") from error
+    except LibraryError as error:
+        raise LibraryError(error.status, str(error).replace(str(temporary), str(path))) from error
     finally:
         temporary.unlink(missing_ok=True)
 

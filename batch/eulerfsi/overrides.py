@@ -98,10 +98,8 @@ def _set(prim: Usd.Prim, name: str, text: str, where: str) -> str:
 
 
 def _parse(kind: str, text: str) -> Any:
-    if kind == "double":
-        return float(text)
-    if kind == "int":
-        return int(text)
+    if kind in ("double", "int"):
+        return _number(text, float if kind == "double" else int)
     if kind == "bool":
         if text.lower() not in _BOOLS:
             raise ValueError(" (true or false)")
@@ -110,7 +108,14 @@ def _parse(kind: str, text: str) -> Any:
         parts = text.strip("()[]").replace(",", " ").split()
         if len(parts) != 3:
             raise ValueError(" (three numbers, for example 0,-2,0)")
-        return tuple(float(part) for part in parts)
+        return tuple(_number(part, float) for part in parts)
     if kind == "asset":
         return Sdf.AssetPath(text)
     return text
+
+
+def _number(text: str, kind: type[float] | type[int]) -> float | int:
+    try:
+        return kind(text)
+    except ValueError:
+        raise ValueError(" (a number)" if kind is float else " (a whole number)") from None

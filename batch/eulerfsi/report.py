@@ -16,8 +16,9 @@ from .overrides import apply_overrides
 from .scene import Scene, open_stage, read_scene, stage_frames
 from .system import available_memory, available_threads, format_bytes
 
-# Processor seconds per cell and step of the production preset, from `bench speed` (voxel 0.005, 2 threads).
-_SECONDS_PER_CELL_STEP = 1.6e-6
+# Processor seconds per cell and step of the ball, from `bench speed` (voxel 0.005, 2 threads), and per frame written.
+_SECONDS_PER_CELL_STEP = {"production": 2.6e-7, "paper2016": 6.6e-7}
+_SECONDS_PER_FRAME = 0.03
 
 
 def validate(path: Path, frames_text: str | None, settings: list[str], threads: int | None) -> list[str]:
@@ -69,13 +70,15 @@ def time_estimate(scene: Scene, threads: int) -> str:
     fall = float(np.sqrt(np.sum(np.square(scene.domain["gravity"]))))
     # Nothing falls farther than the box is high.
     height = float(max(scene.domain["domain_size"]))
-    speed = start + min(fall * duration, (2 * fall * height) ** 0.5) / 2 if scene.solids else h / frame
-    steps = max(1.0, speed * frame / (scene.domain["cfl_solid"] * h))
+    speed = start + min(fall * duration, (2 * fall * height) ** 0.5) / 2 if scene.solids else 0.0
+    # Impacts and rebounds slow a solid down: half of that speed is the mean of a run.
+    steps = max(1.0, speed / 2 * frame / (scene.domain["cfl_solid"] * h))
     cells = float(np.prod(np.array(scene.domain["domain_size"]) / h))
-    seconds = cells * steps * _SECONDS_PER_CELL_STEP / max(threads, 1)
+    preset = next(name for name, number in binding.PRESETS.items() if number == scene.domain["preset"])
+    seconds = cells * steps * _SECONDS_PER_CELL_STEP[preset] / max(threads, 1) + _SECONDS_PER_FRAME
     total = seconds * (len(scene.frames) - 1)
     return (
-        f"time: very roughly {seconds:.3g} s per frame ({steps:.0f} steps), {total / 60:.3g} min for all, "
+        f"time: very roughly {seconds:.2g} s per frame ({steps:.0f} steps), {total / 60:.2g} min for all, "
         f"on {threads} threads"
     )
 

@@ -161,7 +161,8 @@ def open_stage(path: Path) -> Usd.Stage:
     try:
         return Usd.Stage.Open(str(path))
     except Tf.ErrorException as error:
-        raise SceneError(f"{path}: cannot be opened as USD: {str(error).strip().splitlines()[-1].strip()}") from error
+        reason = error.args[0].commentary.strip() if error.args else "unknown fault"  # the first one is the cause
+        raise SceneError(f"{path}: cannot be opened as USD: {reason}") from error
 
 
 def stage_frames(stage: Usd.Stage) -> FrameRange:
