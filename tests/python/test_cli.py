@@ -118,6 +118,15 @@ def test_overwrite_keeps_what_is_not_the_caches(cli, scene, tmp_path):
     assert (tmp_path / "small_cache/notes.txt").read_text() == "keep"
 
 
+def test_a_solid_torn_to_shreds_ends_with_4_and_keeps_the_good_frames(cli, scene, tmp_path):
+    shot = ["--set", "Ball.velocity=(0, -40, 0)", "--set", "Ball.youngsModulus=100", "--frames", "1-12"]
+    done = cli("simulate", scene, *shot)
+    assert done.returncode == 4, done.stderr
+    assert "solid 1 has lost its shape" in done.stderr and "diverged at time" in done.stderr
+    manifest = json.loads((tmp_path / "small_cache/manifest.json").read_text())
+    assert manifest["status"] == "failed" and 1 <= len(manifest["frames"]) < 12
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

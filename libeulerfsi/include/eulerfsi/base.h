@@ -33,7 +33,7 @@ typedef int32_t EfsiStatus;
 #define EFSI_ERROR_INTERNAL 1   /* a defect of the library */
 #define EFSI_ERROR_ARGUMENT 2   /* a value is refused; the message names field, value and limit */
 #define EFSI_ERROR_MESH 3       /* a mesh cannot become a solid */
-#define EFSI_ERROR_DIVERGED 4   /* the state went bad and the retries failed; the state is the last good one */
+#define EFSI_ERROR_DIVERGED 4   /* the state went bad; the state is the last good one */
 #define EFSI_ERROR_IO 5         /* a file cannot be read or written */
 #define EFSI_ERROR_MEMORY 6     /* not enough memory */
 #define EFSI_ERROR_CANCELLED 7  /* the progress callback asked to stop; the state is the last completed step */

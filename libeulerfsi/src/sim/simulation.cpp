@@ -19,7 +19,9 @@ namespace efsi::sim {
 namespace {
 
 constexpr int kMaxRetries = 4;
-constexpr double kRetryTravel = 4.0;  // cells that a solid may have moved in a step before it is repeated smaller
+constexpr double kRetryTravel = 4.0;        // cells that a solid may have moved in a step before it is repeated smaller
+constexpr double kLostShare = 0.1;          // of a solid's elements; more degenerate ones than that: its shape is lost
+constexpr std::uint64_t kLostElements = 8;  // and no fewer than these
 
 int thread_count(int requested) {
   return requested > 0 ? requested : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
@@ -50,6 +52,12 @@ void validate(const SolidDesc& d) {
     if (!std::isfinite(d.velocity[a])) refuse("EfsiSolidDef.velocity", d.velocity[a], "finite");
     if (!std::isfinite(d.angular_velocity[a])) refuse("EfsiSolidDef.angular_velocity", d.angular_velocity[a], "finite");
   }
+}
+
+std::string diverged(double time, const std::string& reason) {
+  std::ostringstream text;
+  text << "diverged at time " << time << " s: " << reason << "; the state is that of the last good step";
+  return text.str();
 }
 
 bool finite(const Parallel& parallel, const std::vector<Real>& values) {
@@ -253,6 +261,10 @@ StepInfo Simulation::checked_step(double remaining) {
       }
     }
     if (reason.empty()) {
+      if (const std::string lost = lost_shape(); !lost.empty()) {
+        state_ = work_.backup;
+        throw Error(ErrorCode::kDiverged, diverged(state_.time, lost));
+      }
       info.retries = static_cast<std::uint64_t>(attempt);
       profile_.total_seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
       ++profile_.steps;
@@ -265,10 +277,23 @@ StepInfo Simulation::checked_step(double remaining) {
     state_ = work_.backup;
     work_.uniform_ready = false;
   }
-  std::ostringstream text;
-  text << "diverged at time " << state_.time << " s: " << reason << " after " << kMaxRetries
-       << " retries with smaller steps; the state is that of the last good step";
-  throw Error(ErrorCode::kDiverged, text.str());
+  throw Error(ErrorCode::kDiverged,
+              diverged(state_.time, reason + " after " + std::to_string(kMaxRetries) + " retries with smaller steps"));
+}
+
+// Why the run cannot go on: a solid is torn to shreds, which smaller steps do not mend. Empty: it can.
+std::string Simulation::lost_shape() const {
+  for (std::size_t l = 0; l < solids_.size(); ++l) {
+    const solid::SolidWork& work = work_.solids[l];
+    if (work.degenerate <= kLostElements ||
+        static_cast<double>(work.degenerate) <= kLostShare * static_cast<double>(work.element_cell.size()))
+      continue;
+    return "solid " + std::to_string(l + 1) + " has lost its shape: " + std::to_string(work.degenerate) + " of its " +
+           std::to_string(work.element_cell.size()) +
+           " cells are crushed, torn or inverted; a stiffer or more damped material, smaller voxels or a lower speed "
+           "may keep it";
+  }
+  return {};
 }
 
 SolidDiagnostics Simulation::diagnose_solid(std::size_t index) {

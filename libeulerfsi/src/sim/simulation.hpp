@@ -92,6 +92,7 @@ class Simulation {
 
  private:
   StepInfo checked_step(double remaining);
+  std::string lost_shape() const;
 
   Params params_;
   Log log_;

@@ -237,6 +237,25 @@ TEST_CASE("A state that cannot be advanced is reported as diverged and rolled ba
   CHECK(all_finite(s->state()));
 }
 
+TEST_CASE("A solid that has lost its shape ends the run at the last good state") {
+  auto s = small_scene(small_params(1));
+  s->step(0.005);
+  const grid::Grid g = s->state().solids[0].band.grid;
+  const std::uint64_t steps = s->state().steps;
+  // Neighbours exchanged: every second plane of nodes along x is moved by 1.5 cells.
+  std::vector<float> u(3 * g.node_count(), 0.0f);
+  for (int k = 0; k <= g.cells[2]; ++k)
+    for (int j = 0; j <= g.cells[1]; ++j)
+      for (int i = 0; i <= g.cells[0]; i += 2) u[g.node(i, j, k)] = static_cast<float>(1.5 * g.h);
+  s->set_solid_field(0, false, u.data());
+  const std::uint64_t before = sim::state_hash(s->state());
+  const std::string text = refusal(ErrorCode::kDiverged, [&] { s->step(0.005); });
+  contains(text, "solid 1 has lost its shape");
+  contains(text, "last good step");
+  CHECK(s->state().steps == steps);
+  CHECK(sim::state_hash(s->state()) == before);
+}
+
 TEST_CASE("Absurd speeds are survived or reported") {
   for (const double speed : {50.0, 5000.0}) {
     sim::Params p = small_params(1);
