@@ -11,7 +11,7 @@
 namespace efsi::sim {
 namespace {
 
-constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', '1'};
+constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', '2'};
 
 // One walk over the state serves writing, reading and hashing.
 template <class S, class Archive>
@@ -34,6 +34,7 @@ void walk(S& state, Archive& archive) {
     archive.array(s.valid);
     archive.array(s.surface);
     archive.value(s.rest_volume_cells);
+    archive.value(s.whole);
   }
 }
 
@@ -123,10 +124,10 @@ std::uint64_t Simulation::scene_hash() const {
                    params_.numerics.velocity_tolerance, params_.numerics.pressure_tolerance})
     hash.add_value(v);
   const Numerics& n = params_.numerics;
-  for (int v :
-       {static_cast<int>(n.velocity_solver), static_cast<int>(n.pressure_solver), n.points_per_element,
-        static_cast<int>(n.solid_advection), static_cast<int>(n.corrected_fluid_advection),
-        static_cast<int>(n.stiff_correction), static_cast<int>(n.volume_source), static_cast<int>(sizeof(Real))})
+  for (int v : {static_cast<int>(n.velocity_solver), static_cast<int>(n.pressure_solver), n.points_per_element,
+                static_cast<int>(n.solid_advection), static_cast<int>(n.corrected_fluid_advection),
+                static_cast<int>(n.stiff_correction), static_cast<int>(n.volume_source),
+                static_cast<int>(n.conserve_momentum), static_cast<int>(sizeof(Real))})
     hash.add_value(static_cast<std::int64_t>(v));
   for (const auto& s : solids_) {
     for (double v : {s.density, s.rayleigh_alpha, s.rayleigh_beta, s.elastic.mu, s.elastic.lambda}) hash.add_value(v);

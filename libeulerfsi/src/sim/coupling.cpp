@@ -7,6 +7,7 @@
 #include "fluid/advect.hpp"
 #include "fluid/forces.hpp"
 #include "grid/boundary.hpp"
+#include "solid/mass.hpp"
 
 namespace efsi::sim {
 namespace {
@@ -143,8 +144,7 @@ void enforce_walls(const Parallel& parallel, const Grid& g, const std::vector<st
   });
 }
 
-}  // namespace
-
+// What the fluid weighs at the nodes, and what depends on where the solids are.
 void combine_masses(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work,
                     ScopedTimer& timer) {
   const Grid& g = scene.grid;
@@ -202,6 +202,58 @@ void combine_masses(const Parallel& parallel, const Scene& scene, const State& s
       });
     timer.visited(g.node_count(), 2 * sizeof(Real));
   }
+}
+
+// 1 along periodic axes of a box from which nothing flows out.
+Vec3d conserved_axes(const Scene& scene) {
+  const grid::Walls& walls = scene.params.walls;
+  Vec3d axes = Vec3d::Zero();
+  if (!scene.params.fluid.present || walls.any_open()) return axes;
+  for (int a = 0; a < 3; ++a) axes[a] = walls.lower(a) == grid::Wall::kPeriodic ? 1.0 : 0.0;
+  return axes;
+}
+
+// Sum of the fluid's mass and momentum over the nodes: work.mass holds what is not solid.
+struct FluidSums {
+  double mass = 0.0;
+  Vec3d momentum = Vec3d::Zero();
+};
+FluidSums sum_fluid(const Parallel& parallel, const Grid& g, const std::vector<Real>& mass,
+                    const grid::VectorField& velocity) {
+  int end[3];  // the last node of a periodic axis is the first one again
+  for (std::size_t a = 0; a < 3; ++a) end[a] = g.cells[a] + (g.periodic[a] ? 0 : 1);
+  std::vector<FluidSums> planes(static_cast<std::size_t>(end[2]));
+  parallel.for_each(end[2], [&](std::int64_t kk) {
+    FluidSums& s = planes[static_cast<std::size_t>(kk)];
+    const int k = static_cast<int>(kk);
+    for (int j = 0; j < end[1]; ++j)
+      for (int i = 0; i < end[0]; ++i) {
+        const std::size_t n = g.node(i, j, k);
+        const double m = static_cast<double>(mass[n]);
+        s.mass += m;
+        s.momentum += m * velocity.at(n).cast<double>();
+      }
+  });
+  FluidSums total;
+  for (const FluidSums& s : planes) {
+    total.mass += s.mass;
+    total.momentum += s.momentum;
+  }
+  return total;
+}
+
+}  // namespace
+
+void compute_masses(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work,
+                    Profile& profile) {
+  for (std::size_t l = 0; l < scene.solids.size(); ++l) {
+    ScopedTimer timer(profile, Stage::kSolidMass);
+    solid::compute_mass(parallel, scene.solids[l], state.solids[l], work.solids[l]);
+    timer.visited(work.solids[l].mass.size(), 5 * sizeof(Real));
+  }
+  ScopedTimer timer(profile, Stage::kFluidForces);
+  combine_masses(parallel, scene, state, work, timer);
+  work.masses_ready = true;
 }
 
 void combine_velocities(const Parallel& parallel, const Scene& scene, State& state, Workspace& work) {
@@ -280,6 +332,7 @@ void solve_velocity(const Parallel& parallel, const Scene& scene, double, Worksp
   info.velocity_iterations += static_cast<std::uint64_t>(stats.iterations);
   info.velocity_residual = stats.residual;
   info.unconverged += !stats.converged;
+  if (numerics.conserve_momentum) work.velocity_system.conserve_momentum(parallel, work.f_star, work.v_star);
   work.velocity_system.scatter(parallel, work.v_star, work.velocity);
   timer.visited(static_cast<std::uint64_t>(work.velocity_system.unknowns()), 15 * sizeof(Real));
 }
@@ -378,6 +431,38 @@ void advect_fluid(const Parallel& parallel, const Scene& scene, double dt, State
       fluid::advect_velocity(parallel, scene.grid, corrected, dt, work.specific_volume,
                              static_cast<Real>(1.0 / scene.params.fluid.density), state.fluid, work.advect);
   timer.visited(512 * tiles, 12 * sizeof(Real));
+}
+
+void measure_momentum(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work) {
+  const Grid& g = scene.grid;
+  work.solid_momenta.clear();
+  for (std::size_t l = 0; l < scene.solids.size(); ++l)
+    work.solid_momenta.push_back(
+        solid::measure_momenta(parallel, state.solids[l].band, work.solids[l], g, work.velocity));
+  if (scene.solids.empty() || conserved_axes(scene).isZero()) return;
+  const FluidSums all = sum_fluid(parallel, g, work.mass, work.velocity);  // work.mass: all matter
+  work.fluid_momentum = all.momentum;
+  for (const solid::Momenta& solid : work.solid_momenta) work.fluid_momentum -= solid.linear;
+}
+
+void restore_momentum(const Parallel& parallel, const Scene& scene, State& state, Workspace& work, Profile& profile) {
+  const Grid& g = scene.grid;
+  {
+    ScopedTimer timer(profile, Stage::kSolidAdvection);
+    for (std::size_t l = 0; l < scene.solids.size(); ++l)
+      if (state.solids[l].whole)
+        solid::restore_momenta(parallel, work.solid_momenta[l], work.solids[l], state.solids[l]);
+  }
+  const Vec3d axes = conserved_axes(scene);
+  if (scene.solids.empty() || axes.isZero()) return;
+  ScopedTimer timer(profile, Stage::kFluidAdvection);
+  const FluidSums now = sum_fluid(parallel, g, work.mass, state.fluid.velocity);
+  if (!(now.mass > 0.0)) return;
+  const Vec3 missing = ((work.fluid_momentum - now.momentum) / now.mass).cwiseProduct(axes).cast<Real>();
+  parallel.for_each(static_cast<std::int64_t>(g.node_count()), [&](std::int64_t n) {
+    for (std::size_t a = 0; a < 3; ++a)
+      state.fluid.velocity.c[a][static_cast<std::size_t>(n)] += missing[static_cast<Eigen::Index>(a)];
+  });
 }
 
 void measure(const Parallel& parallel, const Scene& scene, State& state, const Workspace& work, StepInfo& info) {

@@ -6,9 +6,10 @@
 
 namespace efsi::sim {
 
-// Line 7: mass of all matter per node, 1/density, part of the cells that is solid, constraint source.
-void combine_masses(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work,
-                    ScopedTimer& timer);
+// Lines 3 and 7: the solids' masses; the fluid's where they leave room, part of the cells that is solid, fixed
+// components.
+void compute_masses(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work,
+                    Profile& profile);
 // v = sum_l m_l v_l / sum_l m_l over the solids and the fluid. Takes the fluid's velocity out of the state until its
 // advection.
 void combine_velocities(const Parallel& parallel, const Scene& scene, State& state, Workspace& work);
@@ -30,6 +31,10 @@ void project_velocity(const Parallel& parallel, const Scene& scene, double dt, S
 // Line 22: velocity and smoke.
 void advect_fluid(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
                   Profile& profile);
+// Momenta before the transport, lines 19 to 22, and their restoration after it. The fluid's is kept along periodic axes
+// of a box without open faces.
+void measure_momentum(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work);
+void restore_momentum(const Parallel& parallel, const Scene& scene, State& state, Workspace& work, Profile& profile);
 // Speeds, det F, clamped cells.
 void measure(const Parallel& parallel, const Scene& scene, State& state, const Workspace& work, StepInfo& info);
 

@@ -18,6 +18,7 @@ Numerics numerics_of(Preset preset) {
     n.corrected_fluid_advection = false;
     n.stiff_correction = true;
     n.volume_source = false;
+    n.conserve_momentum = false;
   }
   return n;
 }

@@ -26,7 +26,8 @@ struct Numerics {
   bool corrected_fluid_advection = true;
   // true: v = v* - G^-1 J^T q on solid nodes (Eq. 13 as printed); false: v = v* - M^-1 J^T q, divergence-free.
   bool stiff_correction = false;
-  bool volume_source = true;  // b of Eq. 11 pulls det F back to 1
+  bool volume_source = true;      // b of Eq. 11 pulls det F back to 1
+  bool conserve_momentum = true;  // transport keeps linear and angular momentum
 };
 
 struct Params {

@@ -13,6 +13,7 @@
 #include "sim/checkpoint.hpp"
 #include "solid/mass.hpp"
 #include "solid/material_force.hpp"
+#include "solid/momentum.hpp"
 #include "solid/surface.hpp"
 
 namespace efsi::sim {
@@ -263,6 +264,7 @@ StepInfo Simulation::checked_step(double remaining) {
     if (reason.empty()) {
       if (const std::string lost = lost_shape(); !lost.empty()) {
         state_ = work_.backup;
+        work_.masses_ready = false;
         throw Error(ErrorCode::kDiverged, diverged(state_.time, lost));
       }
       info.retries = static_cast<std::uint64_t>(attempt);
@@ -275,7 +277,7 @@ StepInfo Simulation::checked_step(double remaining) {
     }
     shrink = std::min(0.5 * info.dt / remaining, 0.5 * shrink);
     state_ = work_.backup;
-    work_.uniform_ready = false;
+    work_.uniform_ready = work_.masses_ready = false;
   }
   throw Error(ErrorCode::kDiverged,
               diverged(state_.time, reason + " after " + std::to_string(kMaxRetries) + " retries with smaller steps"));
@@ -304,41 +306,12 @@ SolidDiagnostics Simulation::diagnose_solid(std::size_t index) {
   solid::compute_material(parallel_, rest, state, params_.numerics.points_per_element, work);
 
   SolidDiagnostics d;
-  const grid::Grid& g = state.band.grid;
-  struct Sums {
-    double mass = 0.0, energy = 0.0;
-    Vec3d first = Vec3d::Zero(), momentum = Vec3d::Zero(), angular = Vec3d::Zero();
-  };
-  std::vector<Sums> planes(static_cast<std::size_t>(g.cells[2] + 1));
-  parallel_.for_each(g.cells[2] + 1, [&](std::int64_t kk) {
-    const int k = static_cast<int>(kk);
-    Sums& s = planes[static_cast<std::size_t>(kk)];
-    for (int j = 0; j <= g.cells[1]; ++j)
-      for (int i = 0; i <= g.cells[0]; ++i) {
-        const std::size_t n = g.node(i, j, k);
-        const double m = static_cast<double>(work.mass[n]);
-        if (!(m > 0.0)) continue;
-        const Vec3d x = g.node_position(i, j, k), v = state.v.at(n).cast<double>();
-        s.mass += m;
-        s.first += m * x;
-        s.momentum += m * v;
-        s.angular += m * x.cross(v);
-        s.energy += 0.5 * m * v.squaredNorm();
-      }
-  });
-  Sums total;
-  for (const Sums& s : planes) {
-    total.mass += s.mass;
-    total.first += s.first;
-    total.momentum += s.momentum;
-    total.angular += s.angular;
-    total.energy += s.energy;
-  }
-  d.mass = total.mass;
-  d.center = total.mass > 0.0 ? Vec3d(total.first / total.mass) : Vec3d::Zero();
-  d.momentum = total.momentum;
-  d.angular_momentum = total.angular - d.center.cross(total.momentum);
-  d.kinetic_energy = total.energy;
+  const solid::Momenta momenta = solid::measure_momenta(parallel_, state.band, work, state.band.grid, state.v);
+  d.mass = momenta.mass;
+  d.center = momenta.center;
+  d.momentum = momenta.linear;
+  d.angular_momentum = momenta.angular;
+  d.kinetic_energy = momenta.kinetic_energy;
   d.elastic_energy = work.elastic_energy;
   d.rest_volume = rest.volume;
   d.rest_volume_cells = state.rest_volume_cells;
@@ -462,6 +435,7 @@ void Simulation::set_solid_field(std::size_t index, bool velocity, const float* 
   for (std::size_t a = 0; a < 3; ++a)
     for (std::size_t i = 0; i < n; ++i) field.c[a][i] = static_cast<Real>(values[a * n + i]);
   std::fill(solid.valid.begin(), solid.valid.end(), std::uint8_t{1});
+  work_.masses_ready = false;
   if (velocity) {
     for (const auto& c : field.c)
       for (Real v : c) state_.solid_speed = std::max(state_.solid_speed, static_cast<double>(std::abs(v)));
@@ -473,7 +447,7 @@ void Simulation::set_solid_field(std::size_t index, bool velocity, const float* 
 void Simulation::set_state(State state) {
   prepare();
   state_ = std::move(state);
-  work_.uniform_ready = false;
+  work_.uniform_ready = work_.masses_ready = false;
 }
 
 }  // namespace efsi::sim

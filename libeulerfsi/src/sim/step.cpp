@@ -24,12 +24,8 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   if (shrink < 1.0) dt = std::min(dt, shrink * remaining);
   info.dt = dt;
 
-  for (std::size_t l = 0; l < solids; ++l) {  // lines 2-6
-    {
-      ScopedTimer timer(profile, Stage::kSolidMass);
-      solid::compute_mass(parallel, scene.solids[l], state.solids[l], work.solids[l]);  // Alg. 1 line 3
-      timer.visited(work.solids[l].mass.size(), 5 * sizeof(Real));
-    }
+  if (!work.masses_ready) compute_masses(parallel, scene, state, work, profile);  // Alg. 1 lines 3, 7
+  for (std::size_t l = 0; l < solids; ++l) {                                      // lines 2-6
     ScopedTimer timer(profile, Stage::kComputeG);
     solid::compute_material(parallel, scene.solids[l], state.solids[l], numerics.points_per_element,  // Alg. 1 line 4
                             work.solids[l]);
@@ -37,7 +33,6 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   }
   {
     ScopedTimer timer(profile, Stage::kFluidForces);
-    combine_masses(parallel, scene, state, work, timer);  // Alg. 1 line 7
     combine_velocities(parallel, scene, state, work);
     add_external_forces(parallel, scene, dt, state, work, timer);
   }
@@ -45,6 +40,8 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   solve_velocity(parallel, scene, dt, work, profile, info);             // Alg. 1 line 9
   solve_pressure(parallel, scene, dt, state, work, profile, info);      // Alg. 1 line 10
   project_velocity(parallel, scene, dt, state, work, profile, info);    // Alg. 1 line 11
+
+  if (numerics.conserve_momentum) measure_momentum(parallel, scene, state, work);
 
   for (std::size_t l = 0; l < solids; ++l) {  // lines 12-21
     {
@@ -64,12 +61,18 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
     {
       ScopedTimer timer(profile, Stage::kSurface);
       solid::correct_surface(parallel, scene.solids[l], state.solids[l]);
+      state.solids[l].whole = solid::is_whole(g, params.walls, state.solids[l]);
       timer.visited(state.solids[l].surface.size(), sizeof(Vec3d));
     }
     ScopedTimer timer(profile, Stage::kSolidAdvection);
     solid::follow_solid(g, scene.solids[l], state.solids[l]);
   }
   advect_fluid(parallel, scene, dt, state, work, profile);  // Alg. 1 line 22
+  work.masses_ready = false;
+  if (numerics.conserve_momentum) {
+    compute_masses(parallel, scene, state, work, profile);
+    restore_momentum(parallel, scene, state, work, profile);
+  }
 
   state.time += dt;
   ++state.steps;

@@ -6,6 +6,7 @@
 #include "fluid/advect.hpp"
 #include "sim/state.hpp"
 #include "solid/displacement.hpp"
+#include "solid/momentum.hpp"
 #include "system/pressure_solve.hpp"
 #include "system/velocity_system.hpp"
 
@@ -24,7 +25,10 @@ struct Workspace {
   std::vector<Real> f_star, v_star;  // Eq. 8 on the unknowns
   fluid::AdvectWorkspace advect;
   solid::AdvectWorkspace solid_advect;
+  std::vector<solid::Momenta> solid_momenta;  // before the transport
+  Vec3d fluid_momentum = Vec3d::Zero();
   State backup;                // the last good state
+  bool masses_ready = false;   // the masses are those of the state
   bool uniform_ready = false;  // mass and pressure system of a scene without solids are built
 };
 

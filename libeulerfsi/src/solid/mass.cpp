@@ -78,9 +78,8 @@ void find_elements(const SolidState& state, SolidWork& work) {
 void lump_mass(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work) {
   const Grid& g = state.band.grid;
   const auto corner = grid::corner_offsets(g);
-  // Mass of a cell per corner that receives it.
+  // Mass of a cell per corner that receives it. Slivers whose cells have no such corner weigh nothing of their own.
   std::vector<Real> share(g.cell_count(), 0);
-  std::vector<std::uint8_t> to_carriers(g.cell_count(), 0);
   const double unit = rest.density * g.h * g.h * g.h;
   parallel.for_each(g.cells[2], [&](std::int64_t kk) {
     const int k = static_cast<int>(kk);
@@ -90,9 +89,9 @@ void lump_mass(const Parallel& parallel, const SolidRest& rest, const SolidState
         if (!(work.fraction[c] > 0)) continue;
         int carriers = 0;
         for (std::size_t offset : corner) carriers += work.carries[n + offset];
-        to_carriers[c] = carriers > 0;
+        if (carriers == 0) continue;
         share[c] = static_cast<Real>(unit * static_cast<double>(work.fraction[c]) /
-                                     static_cast<double>(work.volume_ratio[c]) / (carriers ? carriers : 8));
+                                     static_cast<double>(work.volume_ratio[c]) / carriers);
       }
   });
   work.mass.assign(g.node_count(), 0);
@@ -101,12 +100,12 @@ void lump_mass(const Parallel& parallel, const SolidRest& rest, const SolidState
     for (int j = 0; j <= g.cells[1]; ++j)
       for (int i = 0; i <= g.cells[0]; ++i) {
         const std::size_t n = g.node(i, j, k);
+        if (!work.carries[n]) continue;
         Real sum = 0;
         for (const auto& a : grid::kCorner) {
           const int ci = i - a[0], cj = j - a[1], ck = k - a[2];
           if (ci < 0 || cj < 0 || ck < 0 || ci >= g.cells[0] || cj >= g.cells[1] || ck >= g.cells[2]) continue;
-          const std::size_t c = g.cell(ci, cj, ck);
-          if (!to_carriers[c] || work.carries[n]) sum += share[c];
+          sum += share[g.cell(ci, cj, ck)];
         }
         work.mass[n] = sum;
       }
@@ -134,6 +133,12 @@ void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidSt
       sum += static_cast<double>(work.mass[n]);
     return sum;
   });
+  work.counted_mass = work.total_mass;
+  const double weight = rest.density * state.rest_volume_cells;
+  if (!state.whole || !(work.total_mass > 0.0) || !(weight > 0.0)) return;
+  const Real factor = static_cast<Real>(weight / work.total_mass);
+  for (Real& m : work.mass) m *= factor;
+  work.total_mass = weight;
 }
 
 }  // namespace efsi::solid

@@ -14,7 +14,8 @@ namespace efsi::solid {
 inline constexpr Real kElementFraction = Real(0.5);
 
 // Reads state.u; writes fraction, volume_ratio, element, element_cell, element_corner, carries, mass, volume,
-// total_mass.
+// total_mass, counted_mass. Counted in cells the mass wavers by some 0.2 % as the solid moves over the grid; a solid
+// that is whole keeps what it weighed at first (state.rest_volume_cells, once that is known).
 void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work);
 
 }  // namespace efsi::solid

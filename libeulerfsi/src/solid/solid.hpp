@@ -41,6 +41,7 @@ struct SolidState {
   std::vector<std::uint8_t> valid;  // band nodes: u and v hold data
   std::vector<Vec3d> surface;       // positions of the embedded surface [m]
   double rest_volume_cells = 0.0;   // by cell fractions, at the first step [m^3]
+  std::uint8_t whole = 1;           // no part of it has left through an open face
 };
 
 // One quadrature point of an element: the linearised material in the frame of the principal axes.
@@ -76,7 +77,7 @@ struct SolidWork {
   double min_det_f = 1.0, max_det_f = 1.0;
   std::uint64_t degenerate = 0;
   double volume = 0.0;  // by cell fractions [m^3]
-  double total_mass = 0.0;
+  double total_mass = 0.0, counted_mass = 0.0;
   double elastic_energy = 0.0;  // [J]
   double max_speed = 0.0;
 

@@ -45,6 +45,17 @@ bool sample_displacement(const SolidState& state, const std::array<std::size_t, 
 
 }  // namespace
 
+bool is_whole(const Grid& global, const grid::Walls& walls, const SolidState& state) {
+  if (!walls.any_open()) return true;
+  const Vec3d top = global.node_position(global.cells[0], global.cells[1], global.cells[2]);
+  for (const Vec3d& x : state.surface)
+    for (int a = 0; a < 3; ++a)
+      if ((walls.lower(a) == grid::Wall::kOpen && x[a] < global.origin[a]) ||
+          (walls.upper(a) == grid::Wall::kOpen && x[a] > top[a]))
+        return false;
+  return true;
+}
+
 void predict_surface(const Parallel& parallel, double dt, SolidState& state) {
   const grid::NodeSampler sampler(state.band.grid);
   const Real step = static_cast<Real>(dt / state.band.grid.h);

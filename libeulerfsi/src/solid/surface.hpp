@@ -4,6 +4,7 @@
 #pragma once
 
 #include "base/parallel.hpp"
+#include "grid/boundary.hpp"
 #include "solid/solid.hpp"
 
 namespace efsi::solid {
@@ -14,5 +15,8 @@ void predict_surface(const Parallel& parallel, double dt, SolidState& state);
 void correct_surface(const Parallel& parallel, const SolidRest& rest, SolidState& state);
 // Velocities at the surface vertices [m/s].
 void sample_surface_velocity(const Parallel& parallel, const SolidState& state, std::vector<Vec3d>& velocity);
+
+// Whether no vertex has left the box through an open face.
+bool is_whole(const Grid& global, const grid::Walls& walls, const SolidState& state);
 
 }  // namespace efsi::solid

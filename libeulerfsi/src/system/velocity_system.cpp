@@ -4,6 +4,7 @@
 
 #include "linalg/reduce.hpp"
 #include "solid/material_force.hpp"
+#include "solid/momentum.hpp"
 #include "solid/stiffness_block.hpp"
 
 namespace efsi::system {
@@ -15,6 +16,7 @@ constexpr std::size_t kLanes = solid::kBlock;
 
 void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, const std::vector<std::uint8_t>& fixed,
                               std::span<const SolidRef> solids, const std::vector<Real>& mass, double dt) {
+  global_ = global;
   h_ = global.h;
   solids_.assign(solids.begin(), solids.end());
   if (unknown_of_node_.size() != global.node_count()) {
@@ -26,10 +28,13 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
   free_.clear();
   element_begin_.assign(1, 0);
   stiffness_factor_.clear();
+  unknown_begin_.assign(1, 0);
+  free_body_.assign(solids_.size(), 1);
 
   // Unknowns in node order per solid, solids in order.
   std::vector<double> damping;
-  for (const SolidRef& s : solids_) {
+  for (std::size_t l = 0; l < solids_.size(); ++l) {
+    const SolidRef& s = solids_[l];
     const Grid& g = s.state->band.grid;
     const Vec3i& lo = s.state->band.lo;
     for (int k = 0; k <= g.cells[2]; ++k)
@@ -44,10 +49,16 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
             node_.push_back(n);
             damping.push_back(0.0);
             for (unsigned a = 0; a < 3; ++a) free_.push_back(fixed[n] & (1u << a) ? Real(0) : Real(1));
+            if (fixed[n]) free_body_[l] = 0;
+          } else {
+            const auto first =
+                std::upper_bound(unknown_begin_.begin(), unknown_begin_.end(), static_cast<std::size_t>(unknown));
+            free_body_[static_cast<std::size_t>(first - unknown_begin_.begin()) - 1] = free_body_[l] = 0;
           }
           damping[static_cast<std::size_t>(unknown)] +=
               dt * s.rest->rayleigh_alpha * static_cast<double>(s.work->mass[local]);
         }
+    unknown_begin_.push_back(node_.size());
     element_begin_.push_back(element_begin_.back() + static_cast<std::int32_t>(s.work->element_cell.size()));
     stiffness_factor_.push_back(static_cast<Real>(dt * dt + dt * s.rest->rayleigh_beta));
   }
@@ -179,6 +190,48 @@ linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolve
     linalg::multiply(parallel, z, inverse_diagonal_, r);
   };
   return linalg::pcg(parallel, g, jacobi, b, x, options, pcg_);
+}
+
+void VelocitySystem::conserve_momentum(const Parallel& parallel, const std::vector<Real>& b,
+                                       std::vector<Real>& x) const {
+  constexpr std::size_t kChunk = 1024;
+  const std::size_t row = global_.node_stride(1), plane = global_.node_stride(2);
+  for (std::size_t l = 0; l < solids_.size(); ++l) {
+    if (!free_body_[l]) continue;
+    const std::size_t begin = unknown_begin_[l], end = unknown_begin_[l + 1];
+    const auto& band = solids_[l].state->band.grid;
+    const Vec3d origin = band.node_position(band.cells[0] / 2, band.cells[1] / 2, band.cells[2] / 2);
+    const auto place = [&](std::size_t u) -> Vec3d {
+      const std::size_t n = node_[u];
+      return global_.node_position(static_cast<int>(n % row), static_cast<int>(n % plane / row),
+                                   static_cast<int>(n / plane));
+    };
+    const auto value = [](const std::vector<Real>& v, std::size_t u) {
+      return Vec3d(static_cast<double>(v[3 * u]), static_cast<double>(v[3 * u + 1]), static_cast<double>(v[3 * u + 2]));
+    };
+    const std::size_t chunks = (end - begin + kChunk - 1) / kChunk;
+    std::vector<solid::MomentSums> wanted(chunks), found(chunks);
+    parallel.for_each(static_cast<std::int64_t>(chunks), [&](std::int64_t chunk) {
+      const auto c = static_cast<std::size_t>(chunk);
+      for (std::size_t u = begin + c * kChunk; u < std::min(end, begin + (c + 1) * kChunk); ++u) {
+        const double m = static_cast<double>(inertia_[u]);
+        const Vec3d at = place(u) - origin;
+        wanted[c].add(m, at, value(b, u) / m);
+        found[c].add(m, at, value(x, u));
+      }
+    });
+    for (std::size_t c = 1; c < chunks; ++c) {
+      wanted[0].add(wanted[c]);
+      found[0].add(found[c]);
+    }
+    if (chunks == 0) continue;
+    const solid::RigidMotion missing = solid::missing_motion(wanted[0].momenta(origin), found[0].momenta(origin));
+    parallel.for_each(static_cast<std::int64_t>(end - begin), [&](std::int64_t i) {
+      const std::size_t u = begin + static_cast<std::size_t>(i);
+      const Vec3d v = missing.at(place(u));
+      for (std::size_t a = 0; a < 3; ++a) x[3 * u + a] += static_cast<Real>(v[static_cast<Eigen::Index>(a)]);
+    });
+  }
 }
 
 void VelocitySystem::gather(const Parallel& parallel, const VectorField& field, std::vector<Real>& x) const {

@@ -42,6 +42,10 @@ class VelocitySystem {
   // Solves G x = b.
   linalg::SolveStats solve(const Parallel& parallel, VelocitySolver solver, const std::vector<Real>& b,
                            std::vector<Real>& x, double tolerance);
+  // Internal forces sum to nothing and turn nothing: gives each solid that touches neither wall nor solid the linear
+  // and angular momentum of b. The solve does that up to its tolerance and to the turning of the stress during the
+  // step.
+  void conserve_momentum(const Parallel& parallel, const std::vector<Real>& b, std::vector<Real>& x) const;
 
   // Copies between global node fields and vectors of unknowns.
   void gather(const Parallel& parallel, const VectorField& field, std::vector<Real>& x) const;
@@ -59,6 +63,8 @@ class VelocitySystem {
   std::vector<SolidRef> solids_;
   std::vector<std::int32_t> element_begin_;          // first element of each solid, and the end
   std::vector<std::int32_t> unknown_of_node_;        // global node -> unknown, -1
+  std::vector<std::size_t> unknown_begin_;           // first unknown of each solid, and the end
+  std::vector<std::uint8_t> free_body_;              // per solid: shares no node and no wall fixes one
   std::vector<std::size_t> node_;                    // unknown -> global node
   std::vector<std::size_t> block_begin_;             // first block of each solid, and the end
   std::vector<std::int32_t> corner_;                 // unknowns: block, corner, lane
@@ -70,6 +76,7 @@ class VelocitySystem {
   std::vector<Real> inverse_diagonal_;
   std::vector<Real> element_out_;  // block, 24 values, lane
   std::vector<Real> masked_;
+  Grid global_;
   double h_ = 1.0;
   linalg::PcgWorkspace pcg_;
   linalg::PcrWorkspace pcr_;

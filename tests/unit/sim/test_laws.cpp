@@ -68,6 +68,45 @@ TEST_CASE("A ball released from rest carries the added mass of the fluid around 
   CHECK(a == Approx((ratio - 1.0) / (ratio + kAddedMass)).epsilon(bar));
 }
 
+TEST_CASE("Solid and fluid in a periodic box keep their momentum", "[law]") {
+  const double ratio = GENERATE(1000.0, 1.3);
+  sim::Params p = box_params(Vec3d::Ones());
+  p.gravity.setZero();
+  p.walls.face.fill(grid::Wall::kPeriodic);
+  p.fluid.density = 1000.0 / ratio;
+  p.domain_size = Vec3d::Constant(0.4);
+  p.voxel_size = 0.02;
+  sim::SolidDesc d = ball_desc(Vec3d(0.18, 0.2, 0.2), kRadius);
+  d.velocity = {0.4, 0.2, 0.0};
+  auto s = make_simulation(p, {d});
+  const auto momentum = [&] { return Vec3d(s->diagnose_solid(0).momentum + s->diagnose_fluid().momentum); };
+  const Vec3d first = momentum();
+  Vec3d last = first;
+  for (int n = 0; n < 10; ++n) {
+    s->step(0.005);
+    const Vec3d now = momentum();
+    CHECK((now - last).norm() < 1e-6 * first.norm());
+    last = now;
+  }
+}
+
+TEST_CASE("A spinning ball keeps its spin, and its energy does not grow", "[law]") {
+  sim::Params p = box_params(Vec3d::Ones());
+  p.gravity.setZero();
+  p.domain_size = Vec3d::Constant(0.4);
+  p.voxel_size = 0.02;
+  sim::SolidDesc d = ball_desc(Vec3d::Constant(0.2), kRadius);
+  d.angular_velocity = {0.0, 0.0, 10.0};
+  auto s = make_simulation(p, {d});
+  const auto first = s->diagnose_solid(0);
+  for (int n = 0; n < 40; ++n) s->step(0.005);
+  const auto last = s->diagnose_solid(0);
+  INFO("kept " << last.angular_momentum[2] / first.angular_momentum[2]);
+  CHECK(last.angular_momentum[2] > 0.95 * first.angular_momentum[2]);
+  CHECK(last.angular_momentum[2] < 1.005 * first.angular_momentum[2]);
+  CHECK(last.kinetic_energy + last.elastic_energy < 1.01 * first.kinetic_energy);
+}
+
 TEST_CASE("A stretched ball in vacuum swings at the frequency of Lamb's spheroidal mode", "[law]") {
   // omega R / c_s = 2.665622 for l = 2 of an incompressible sphere. Two sign changes of the same direction are a
   // period; 7 cells per radius and 40 backward Euler steps a period leave 8 %.

@@ -1,0 +1,84 @@
+#include "solid/momentum.hpp"
+
+#include <Eigen/Dense>
+
+namespace efsi::solid {
+
+void MomentSums::add(double mass, const Vec3d& x, const Vec3d& velocity) {
+  mass_ += mass;
+  first_ += mass * x;
+  second_ += mass * x * x.transpose();
+  linear_ += mass * velocity;
+  angular_ += mass * x.cross(velocity);
+  energy_ += 0.5 * mass * velocity.squaredNorm();
+}
+
+void MomentSums::add(const MomentSums& other) {
+  mass_ += other.mass_;
+  first_ += other.first_;
+  second_ += other.second_;
+  linear_ += other.linear_;
+  angular_ += other.angular_;
+  energy_ += other.energy_;
+}
+
+Momenta MomentSums::momenta(const Vec3d& origin) const {
+  Momenta out;
+  out.mass = mass_;
+  if (!(mass_ > 0.0)) return out;
+  const Vec3d offset = first_ / mass_;
+  const Mat3d second = second_ - mass_ * offset * offset.transpose();
+  out.center = origin + offset;
+  out.linear = linear_;
+  out.angular = angular_ - offset.cross(linear_);
+  out.inertia = second.trace() * Mat3d::Identity() - second;
+  out.kinetic_energy = energy_;
+  return out;
+}
+
+RigidMotion missing_motion(const Momenta& target, const Momenta& now) {
+  RigidMotion motion;
+  if (!(now.mass > 0.0)) return motion;
+  const Vec3d linear = (target.linear - now.linear) / now.mass;
+  const Vec3d angular = now.inertia.ldlt().solve(target.angular - now.angular);
+  if (linear.allFinite() && angular.allFinite()) motion = {now.center, linear, angular};
+  return motion;
+}
+
+Momenta measure_momenta(const Parallel& parallel, const Band& band, const SolidWork& work, const Grid& nodes,
+                        const VectorField& velocity) {
+  const Grid& g = band.grid;
+  const Vec3i lo = &nodes == &g ? Vec3i{0, 0, 0} : band.lo;
+  // Moments about the middle of the band: far from the origin nothing cancels.
+  const Vec3d middle = 0.5 * (g.node_position(0, 0, 0) + g.node_position(g.cells[0], g.cells[1], g.cells[2]));
+  std::vector<MomentSums> planes(static_cast<std::size_t>(g.cells[2] + 1));
+  parallel.for_each(g.cells[2] + 1, [&](std::int64_t kk) {
+    const int k = static_cast<int>(kk);
+    for (int j = 0; j <= g.cells[1]; ++j)
+      for (int i = 0; i <= g.cells[0]; ++i) {
+        const double m = static_cast<double>(work.mass[g.node(i, j, k)]);
+        if (!(m > 0.0)) continue;
+        const Vec3d v = velocity.at(nodes.node(i + lo[0], j + lo[1], k + lo[2])).cast<double>();
+        planes[static_cast<std::size_t>(kk)].add(m, g.node_position(i, j, k) - middle, v);
+      }
+  });
+  MomentSums total;
+  for (const MomentSums& plane : planes) total.add(plane);
+  return total.momenta(middle);
+}
+
+void restore_momenta(const Parallel& parallel, const Momenta& target, const SolidWork& work, SolidState& state) {
+  const Grid& g = state.band.grid;
+  const RigidMotion missing = missing_motion(target, measure_momenta(parallel, state.band, work, g, state.v));
+  parallel.for_each(g.cells[2] + 1, [&](std::int64_t kk) {
+    const int k = static_cast<int>(kk);
+    for (int j = 0; j <= g.cells[1]; ++j)
+      for (int i = 0; i <= g.cells[0]; ++i) {
+        const std::size_t n = g.node(i, j, k);
+        if (!state.valid[n]) continue;
+        state.v.set(n, state.v.at(n) + Vec3(missing.at(g.node_position(i, j, k)).cast<Real>()));
+      }
+  });
+}
+
+}  // namespace efsi::solid
