@@ -8,6 +8,8 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from pxr import Sdf, Tf
+
 from .errors import CacheIOError, LibraryError
 
 TEMPORARY_PREFIX = ".writing-"
@@ -38,6 +40,16 @@ def write_text(path: Path, text: str) -> None:
     """Replaces a text file."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def export_layer(layer: Sdf.Layer, path: Path) -> None:
+    """Writes a USD layer. Raises OSError; USD itself raises or returns False."""
+    try:
+        written, reason = layer.Export(str(path)), ""
+    except Tf.ErrorException as error:
+        written, reason = False, f": {error.args[0].commentary}" if error.args else ""
+    if not written:
+        raise OSError(f"USD could not export it{reason}")
 
 
 def sync_folder(folder: Path) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from pxr import Ar, Sdf, UsdUtils
 
 from .errors import CacheIOError
+from .files import export_layer
 
 
 def localize_scene(scene: Path, folder: Path) -> Path:
@@ -34,8 +35,7 @@ def localize_scene(scene: Path, folder: Path) -> Path:
             copy = Sdf.Layer.CreateAnonymous(source.suffix, layer.GetFileFormatArguments())
             copy.TransferContent(layer)
             UsdUtils.ModifyAssetPaths(copy, lambda path, at=layer, to=target: places.relative(path, at, to))
-            if not copy.Export(str(target)):
-                raise CacheIOError(f"{target}: cannot be written")
+            export_layer(copy, target)
         for asset in assets:
             source = Path(Ar.SplitPackageRelativePathOuter(asset)[0])
             target = places.of(source)

@@ -10,6 +10,9 @@ from . import solver
 from .errors import SceneError
 from .system import format_bytes
 
+# The library's counts of bytes end here.
+_LARGEST = 2**64 - 1
+
 
 def estimate(domain: Mapping[str, Any], meshes: Iterable[solver.Mesh], limit: int) -> tuple[int, float]:
     """(bytes that a simulation will need, smallest voxel size [m] that fits `limit` or 0).
@@ -30,7 +33,8 @@ def demand(prim: str, domain: Mapping[str, Any], meshes: Iterable[solver.Mesh], 
     digits = 10.0 ** (math.floor(math.log10(fitting / unit)) - 2) if fitting > 0 else 0
     suggested = math.ceil(fitting / unit / digits) * digits if digits else 0
     advice = f"; eulerfsi:voxelSize = {suggested:.3g} fits" if digits else ""
+    amount = format_bytes(need) if need < _LARGEST else f"more than {format_bytes(_LARGEST)}"
     raise SceneError(
-        f"{prim}: eulerfsi:voxelSize = {domain['voxel_size'] / unit:.4g} needs {format_bytes(need)} of memory: "
+        f"{prim}: eulerfsi:voxelSize = {domain['voxel_size'] / unit:.4g} needs {amount} of memory: "
         f"must be coarse enough for {format_bytes(limit)}{advice}"
     )

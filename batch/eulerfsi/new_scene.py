@@ -12,7 +12,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from . import solver
 from .errors import LibraryError, SceneError, UsageError
-from .files import replacing
+from .files import export_layer, replacing
 from .parameters import table
 from .scene import DOMAIN_API, EMITTER_API, SOLID_API
 
@@ -86,7 +86,7 @@ def new_scene(path: Path, solids: Sequence[Path], smoke: str) -> dict[str, float
     except OSError as error:
         raise UsageError(f"{path}: {error.strerror}") from error
     with replacing(path) as temporary:
-        layer.Export(str(temporary))
+        export_layer(layer, temporary)
     return {"voxel_size": voxel, "cells": float((size / voxel).round().prod()), "youngs_modulus": youngs}
 
 

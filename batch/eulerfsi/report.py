@@ -77,10 +77,8 @@ def time_estimate(scene: Scene, threads: int) -> str:
     preset = next(name for name, number in binding.PRESETS.items() if number == scene.domain["preset"])
     seconds = cells * steps * _SECONDS_PER_CELL_STEP[preset] / max(threads, 1) + _SECONDS_PER_FRAME
     total = seconds * (len(scene.frames) - 1)
-    return (
-        f"time: very roughly {seconds:.2g} s per frame ({steps:.0f} steps), {total / 60:.2g} min for all, "
-        f"on {threads} threads"
-    )
+    whole = f"{total:.2g} s" if total < 99.5 else f"{total / 60:.2g} min"
+    return f"time: very roughly {seconds:.2g} s per frame ({steps:.0f} steps), {whole} for all, on {threads} threads"
 
 
 def info(path: Path | None) -> list[str]:

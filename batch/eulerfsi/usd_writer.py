@@ -85,7 +85,7 @@ class UsdWriter:
                 layer.SetTimeSample(spec.path, frame, Vt.Vec3fArray.FromNumpy(value))
             content.update(solid.output_path.encode() + values["points"].tobytes() + values["velocities"].tobytes())
         with files.replacing(self.folder / self.frame_name(frame)) as temporary:
-            _export(layer, temporary)
+            files.export_layer(layer, temporary)
         return content.hexdigest()
 
     def _local_values(
@@ -123,7 +123,7 @@ class UsdWriter:
                 if name != "normals" or solid.subdivision == "none":
                     Sdf.AttributeSpec(prim, name, kind)
         with files.replacing(self.folder / f"frames/{self.scene.name}.manifest.usda") as temporary:
-            _export(layer, temporary)
+            files.export_layer(layer, temporary)
 
     def write_root(
         self, sublayer: str, last: int, vdb_frames: list[int], grids: list[str], data: dict[str, Any]
@@ -140,7 +140,7 @@ class UsdWriter:
         if vdb_frames:
             self._write_volume(layer, vdb_frames, grids)
         with files.replacing(self.folder / f"{self.scene.name}.usda") as temporary:
-            _export(layer, temporary)
+            files.export_layer(layer, temporary)
 
     def _write_stage_metadata(self, layer: Sdf.Layer, last: int, data: dict[str, Any]) -> None:
         source = self.scene.stage.GetRootLayer().pseudoRoot
@@ -256,11 +256,6 @@ def _free_name(stage: Usd.Stage, parent: Sdf.Path, name: str) -> str:
     while stage.GetPrimAtPath(parent.AppendChild(candidate)):
         number, candidate = number + 1, f"{name}{number}"
     return candidate
-
-
-def _export(layer: Sdf.Layer, path: Path) -> None:
-    if not layer.Export(str(path)):
-        raise OSError(f"USD could not export {path.name}")
 
 
 def _usd_dictionary(data: dict[str, Any]) -> dict[str, Any]:

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import json
+import resource
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 from conftest import author, content_hashes, make_scene, write_obj
-from eulerfsi import __version__
+from eulerfsi import __version__, files
+from eulerfsi.errors import CacheIOError
 from eulerfsi.log import Log
 from eulerfsi.simulate import Options, simulate
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdValidation, UsdVol
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdValidation, UsdVol, Vt
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -310,3 +312,18 @@ def test_temperature_grid_where_something_is_hot(tmp_path, read_vdb):
     assert set(read_vdb(folder / "vdb/hot.0002.vdb")) == {"density", "vel", "temperature"}
     opened = Usd.Stage.Open(str(folder / "hot.usda"))
     assert set(UsdVol.Volume(opened.GetPrimAtPath("/World/smoke")).GetFieldPaths()) == {"density", "vel", "temperature"}
+
+
+@pytest.mark.parametrize("suffix", [".usda", ".usdc"])
+def test_a_layer_that_does_not_fit_on_the_disk_is_an_input_output_error(tmp_path, suffix):
+    layer = Sdf.Layer.CreateAnonymous(suffix)
+    values = Sdf.AttributeSpec(Sdf.CreatePrimInLayer(layer, "/A"), "values", Sdf.ValueTypeNames.FloatArray)
+    values.default = Vt.FloatArray.FromNumpy(np.random.default_rng(1).random(50_000, dtype=np.float32))
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, limits[1]))
+    try:
+        with pytest.raises(CacheIOError, match="layer"), files.replacing(tmp_path / f"layer{suffix}") as temporary:
+            files.export_layer(layer, temporary)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert list(tmp_path.iterdir()) == []
