@@ -259,7 +259,7 @@ class SolidDef(Structure):
         ("velocity", Vec3),
         ("angular_velocity", Vec3),
         ("material", c_int32),
-        ("reserved0", c_int32),
+        ("compressible", c_int32),
         ("reserved", c_uint64 * 4),
     ]
 

@@ -64,7 +64,7 @@ typedef struct EfsiSolidDef {
   EfsiVec3 velocity;         /* initial [m/s] */
   EfsiVec3 angular_velocity; /* initial, about the centre of volume [rad/s] */
   int32_t material;          /* EFSI_MATERIAL_* */
-  int32_t reserved0;
+  int32_t compressible;      /* 1: the pressure does not keep its volume */
   uint64_t reserved[4];
 } EfsiSolidDef;
 

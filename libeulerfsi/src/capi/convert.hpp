@@ -76,6 +76,7 @@ inline sim::SolidDesc to_solid(const EfsiSolidDef& def, geometry::TriangleMesh s
   d.poissons_ratio = def.poissons_ratio;
   d.rayleigh_alpha = def.rayleigh_alpha;
   d.rayleigh_beta = def.rayleigh_beta;
+  d.compressible = def.compressible != 0;
   d.law = static_cast<material::Law>(def.material);
   d.velocity = to_vector(def.velocity);
   d.angular_velocity = to_vector(def.angular_velocity);

@@ -132,6 +132,7 @@ std::uint64_t Simulation::scene_hash() const {
   for (const auto& s : solids_) {
     for (double v : {s.density, s.rayleigh_alpha, s.rayleigh_beta, s.elastic.mu, s.elastic.lambda}) hash.add_value(v);
     hash.add_value(static_cast<std::int64_t>(s.elastic.law));
+    hash.add_value(static_cast<std::int64_t>(s.compressible));
     hash.add_array(s.distance.values);
     hash.add_array(s.surface.points);
     hash.add_array(s.surface.triangles);

@@ -58,15 +58,42 @@ int adjacent_cells(const Grid& g, int i, int j, int k) {
   return cells;
 }
 
-// Padded cells that a solid owns.
+// Calls body(padded cell) for the cells that a solid owns.
+template <class Body>
+void for_owned_cells(const Parallel& parallel, const Scene& scene, const State& state, const Workspace& work,
+                     std::size_t l, const Body& body) {
+  for_band_cells(parallel, state.solids[l].band, [&](std::size_t c, int i, int j, int k) {
+    if (work.solids[l].element[c] >= 0) body(scene.grid.padded(i, j, k));
+  });
+}
+
+// Padded cells that solids own.
 std::vector<std::uint8_t> solid_cells(const Parallel& parallel, const Scene& scene, const State& state,
                                       const Workspace& work) {
   std::vector<std::uint8_t> owned(scene.grid.padded_count(), 0);
   for (std::size_t l = 0; l < scene.solids.size(); ++l)
-    for_band_cells(parallel, state.solids[l].band, [&](std::size_t c, int i, int j, int k) {
-      if (work.solids[l].element[c] >= 0) owned[scene.grid.padded(i, j, k)] = 1;
-    });
+    for_owned_cells(parallel, scene, state, work, l, [&](std::size_t c) { owned[c] = 1; });
   return owned;
+}
+
+// Without fluid and with nothing but compressible solids nothing is incompressible.
+bool has_pressure(const Scene& scene) {
+  bool pressure = scene.params.fluid.present;
+  for (const solid::SolidRest& solid : scene.solids) pressure = pressure || !solid.compressible;
+  return pressure;
+}
+
+// Padded cells with a pressure; empty: all. In vacuum p = 0 outside the solids, in compressible ones p = 0 inside.
+std::vector<std::uint8_t> pressure_cells(const Parallel& parallel, const Scene& scene, const State& state,
+                                         const Workspace& work, const std::vector<std::uint8_t>& owned) {
+  std::vector<std::uint8_t> active;
+  if (!scene.params.fluid.present) active = owned;
+  for (std::size_t l = 0; l < scene.solids.size(); ++l) {
+    if (!scene.solids[l].compressible) continue;
+    if (active.empty()) active.assign(scene.grid.padded_count(), 1);
+    for_owned_cells(parallel, scene, state, work, l, [&](std::size_t c) { active[c] = 0; });
+  }
+  return active;
 }
 
 // b of Eq. 11: where det F has drifted from 1 the solid is asked to grow or shrink back; what it gains the fluid of the
@@ -80,7 +107,7 @@ void compute_volume_source(const Parallel& parallel, const Scene& scene, const S
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     const solid::SolidWork& solid = work.solids[l];
     for_band_cells(parallel, state.solids[l].band, [&](std::size_t c, int i, int j, int k) {
-      if (solid.element[c] < 0) return;
+      if (solid.element[c] < 0 || scene.solids[l].compressible) return;
       const double det = static_cast<double>(solid.volume_ratio[c]);
       work.source[g.padded(i, j, k)] = static_cast<Real>(std::clamp((1.0 - det) / (det * tau), -limit, limit) *
                                                          static_cast<double>(solid.fraction[c]));
@@ -339,14 +366,16 @@ void solve_velocity(const Parallel& parallel, const Scene& scene, double, Worksp
 
 void solve_pressure(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
                     Profile& profile, StepInfo& info) {
-  if (!scene.params.fluid.present && scene.solids.empty()) return;
+  if (!has_pressure(scene)) return;
   ScopedTimer timer(profile, Stage::kPressureSolve);
   const Numerics& numerics = scene.params.numerics;
   const Grid& g = scene.grid;
   if (!work.uniform_ready) {
     std::vector<std::uint8_t> owned, active;
-    if (!scene.solids.empty()) owned = solid_cells(parallel, scene, state, work);
-    if (!scene.params.fluid.present) active = owned;  // in vacuum p = 0 outside the solids
+    if (!scene.solids.empty()) {
+      owned = solid_cells(parallel, scene, state, work);
+      active = pressure_cells(parallel, scene, state, work, owned);
+    }
     work.pressure_system.assemble(parallel, g, scene.params.walls, work.fixed, work.specific_volume, std::move(active),
                                   std::move(owned));
     work.uniform_ready = scene.solids.empty();
@@ -374,7 +403,7 @@ void solve_pressure(const Parallel& parallel, const Scene& scene, double dt, Sta
 
 void project_velocity(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
                       Profile& profile, StepInfo& info) {
-  if (!scene.params.fluid.present && scene.solids.empty()) return;
+  if (!has_pressure(scene)) return;
   const Numerics& numerics = scene.params.numerics;
   std::vector<Real>& q = state.fluid.pressure;
   if (numerics.stiff_correction && !scene.solids.empty()) {

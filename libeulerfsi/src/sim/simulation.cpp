@@ -11,6 +11,7 @@
 #include "fluid/forces.hpp"
 #include "geometry/mesh_sdf.hpp"
 #include "sim/checkpoint.hpp"
+#include "solid/displacement.hpp"
 #include "solid/mass.hpp"
 #include "solid/material_force.hpp"
 #include "solid/momentum.hpp"
@@ -21,6 +22,7 @@ namespace {
 
 constexpr int kMaxRetries = 4;
 constexpr double kRetryTravel = 4.0;        // cells that a solid may have moved in a step before it is repeated smaller
+constexpr double kRetryStrain = 0.5;        // strain of a compressible solid, which no pressure keeps from overshooting
 constexpr double kLostShare = 0.1;          // of a solid's elements; more degenerate ones than that: its shape is lost
 constexpr std::uint64_t kLostElements = 8;  // and no fewer than these
 
@@ -102,6 +104,7 @@ std::size_t Simulation::add_solid(const SolidDesc& desc, geometry::MeshReport& r
   rest.density = desc.density;
   rest.rayleigh_alpha = desc.rayleigh_alpha;
   rest.rayleigh_beta = desc.rayleigh_beta;
+  rest.compressible = desc.compressible;
   rest.distance = geometry::build_signed_distance(desc.surface, kRestSpacing * grid_.h, report, log_);
   rest.surface = desc.surface;
   rest.volume = report.solid_volume;
@@ -257,6 +260,8 @@ StepInfo Simulation::checked_step(double remaining) {
         if (work_.solids[l].element_cell.empty()) reason = "solid " + std::to_string(l + 1) + " has vanished";
         if (!finite(parallel_, state_.solids[l].u) || !finite(parallel_, state_.solids[l].v))
           reason = "solid " + std::to_string(l + 1) + ": a value is not finite";
+        if (solids_[l].compressible && solid::largest_strain_rate(parallel_, state_.solids[l]) * info.dt > kRetryStrain)
+          reason = "solid " + std::to_string(l + 1) + " was strained by more than " + std::to_string(kRetryStrain);
         if (work_.solids[l].max_speed * info.dt > kRetryTravel * grid_.h)
           reason = "solid " + std::to_string(l + 1) + " moved more than " + std::to_string(kRetryTravel) + " cells";
       }

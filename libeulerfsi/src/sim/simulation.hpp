@@ -28,6 +28,7 @@ struct SolidDesc {
   double youngs_modulus = 2e4;
   double poissons_ratio = 0.3;
   double rayleigh_alpha = 0.0, rayleigh_beta = 0.0;
+  bool compressible = false;
   material::Law law = material::Law::kCorotational;
   Vec3d velocity = Vec3d::Zero();
   Vec3d angular_velocity = Vec3d::Zero();

@@ -164,6 +164,24 @@ void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const S
   });
 }
 
+double largest_strain_rate(const Parallel& parallel, const SolidState& state) {
+  const Grid& g = state.band.grid;
+  const std::size_t stride[3] = {1, g.node_stride(1), g.node_stride(2)};
+  return parallel.max(g.cells[2] + 1, 0.0, [&](std::int64_t kk) {
+    const int k = static_cast<int>(kk);
+    Real top = 0;
+    for (int j = 0; j <= g.cells[1]; ++j)
+      for (int i = 0; i <= g.cells[0]; ++i) {
+        const std::size_t n = g.node(i, j, k);
+        const bool inside[3] = {i < g.cells[0], j < g.cells[1], k < g.cells[2]};
+        for (std::size_t a = 0; a < 3; ++a)
+          if (inside[a] && state.valid[n] && state.valid[n + stride[a]])
+            top = std::max(top, (state.v.at(n + stride[a]) - state.v.at(n)).cwiseAbs().maxCoeff());
+      }
+    return static_cast<double>(top) / g.h;
+  });
+}
+
 void follow_solid(const Grid& global, const SolidRest& rest, SolidState& state) {
   const Grid& g = state.band.grid;
   Vec3i lo = {global.cells[0], global.cells[1], global.cells[2]}, hi = {0, 0, 0};

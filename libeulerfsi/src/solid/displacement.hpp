@@ -29,6 +29,9 @@ struct AdvectWorkspace {
 void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const SolidWork& work, SolidState& state,
             AdvectWorkspace& packed);
 
+// Largest difference of a velocity component between neighbouring nodes that hold data, over h [1/s].
+double largest_strain_rate(const Parallel& parallel, const SolidState& state);
+
 // Re-centres the band around the nodes that hold data and are inside the solid.
 void follow_solid(const Grid& global, const SolidRest& rest, SolidState& state);
 

@@ -22,6 +22,7 @@ struct SolidRest {
   material::Elastic elastic;
   double density = 1000.0;  // [kg/m^3]
   double rayleigh_alpha = 0.0, rayleigh_beta = 0.0;
+  bool compressible = false;          // no pressure acts in its cells
   geometry::SignedDistance distance;  // material space
   geometry::TriangleMesh surface;     // as given, material space
   double volume = 0.0;                // of the closed rest shape [m^3]

@@ -46,6 +46,7 @@ class Experiment:
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     spin: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rad/s
     stretch: tuple[float, float, float] | None = None  # initial F = diag(stretch) about the centre
+    compressible: bool = False
     load: float = 0.0  # beta of the body force -beta (x - x_c) [N/m^4]
     settings: tuple[tuple[str, Any], ...] = ()  # fields of EfsiSimulationDef or EfsiSolidDef, the user's last word
     limit: float = 600.0  # wall-clock seconds after which the run is given up
@@ -109,6 +110,7 @@ class Experiment:
             "density": 1000.0 * min(1.0, 1000.0 if self.density_ratio is None else self.density_ratio),
             "youngs_modulus": YOUNGS_MODULUS,
             "poissons_ratio": POISSONS_RATIO,
+            "compressible": int(self.compressible),
             "velocity": self.velocity,
             "angular_velocity": self.spin,
         }
