@@ -3,6 +3,14 @@
 function(efsi_compile_options target)
   target_compile_options(${target} PRIVATE "-ffile-prefix-map=${PROJECT_SOURCE_DIR}/=")
   target_compile_options(${target} PRIVATE -ffp-contract=off -Wall -Wextra -Wpedantic -Wshadow)
+  # Two that -ffp-contract=off does not reach (docs/numerics-choices.md, Build levels). Eigen's own vector code fuses a*b+c and
+  # sums in another order where it may use AVX or NEON. GCC's vectoriser of straight-line code fuses (a*b+c, a*b-c) where the
+  # processor may be taken to do so.
+  target_compile_definitions(${target} PRIVATE EIGEN_DONT_VECTORIZE)
+  string(TOUPPER "CMAKE_CXX_FLAGS_${CMAKE_BUILD_TYPE}" of_build_type)
+  if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND "${CMAKE_CXX_FLAGS} ${${of_build_type}}" MATCHES " -m(arch|avx|fma)")
+    target_compile_options(${target} PRIVATE -fno-tree-slp-vectorize)
+  endif()
   # Nothing reads errno, which keeps loops with a sqrt from being vectorised. Short vectors (grid/packed_field.hpp) are
   # passed between inlined functions only.
   target_compile_options(${target} PRIVATE -fno-math-errno $<$<CXX_COMPILER_ID:GNU>:-Wno-psabi>)
