@@ -7,6 +7,7 @@ namespace efsi::system {
 namespace {
 
 constexpr int kMaxMultigridIterations = 60, kMaxPcrIterations = 500;
+constexpr double kSolidFloor = 1e-3;  // of the whole right-hand side: less divergence in the solids counts as this
 
 template <class Term>
 double sum_cells(const Parallel& parallel, const Grid& g, const Term& term) {
@@ -65,12 +66,16 @@ linalg::SolveStats PressureSystem::solve(const Parallel& parallel, PressureSolve
   }
   options.max_iterations = kMaxMultigridIterations;
   if (!solid_cell_.empty()) {
-    const auto squares = [&](const std::vector<Real>& r) {
-      return sum_cells(parallel, grid_, [&](std::size_t c) {
-        return solid_cell_[c] ? static_cast<double>(r[c]) * static_cast<double>(r[c]) : 0.0;
-      });
+    const auto square = [](const std::vector<Real>& r, std::size_t c) {
+      return static_cast<double>(r[c]) * static_cast<double>(r[c]);
     };
-    const double limit = tolerance * tolerance * squares(rhs_);
+    const auto squares = [this, &parallel, square](const std::vector<Real>& r) {
+      return sum_cells(parallel, grid_, [&](std::size_t c) { return solid_cell_[c] ? square(r, c) : 0.0; });
+    };
+    // A solid that moves rigidly, as in the first step of most scenes, has nothing to be relative to.
+    const double floor =
+        kSolidFloor * kSolidFloor * sum_cells(parallel, grid_, [&](std::size_t c) { return square(rhs_, c); });
+    const double limit = tolerance * tolerance * std::max(squares(rhs_), floor);
     options.also = [squares, limit](const std::vector<Real>& r) { return squares(r) <= limit; };
   }
   const linalg::Operator precondition = [&](const std::vector<Real>& r, std::vector<Real>& z) {

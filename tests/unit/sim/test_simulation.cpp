@@ -237,6 +237,20 @@ TEST_CASE("A state that cannot be advanced is reported as diverged and rolled ba
   CHECK(all_finite(s->state()));
 }
 
+TEST_CASE("The pressure of a first step, in which the solid moves rigidly, converges") {
+  sim::Params p = small_params(2);
+  p.walls.face.fill(grid::Wall::kNoSlip);
+  p.fluid.density = 1.0;
+  sim::SolidDesc d = ball_desc({0.15, 0.15, 0.15}, 0.08);
+  d.velocity = {0.0, -2.0, 0.0};
+  auto s = make_simulation(p, {d});
+  const sim::StepInfo info = s->step(0.005);
+  CHECK(info.unconverged == 0);
+  CHECK(info.pressure_iterations > 0);
+  CHECK(info.pressure_iterations < 30);
+  CHECK(info.divergence_after < 0.02 * info.divergence_before);
+}
+
 TEST_CASE("A solid that has lost its shape ends the run at the last good state") {
   auto s = small_scene(small_params(1));
   s->step(0.005);
