@@ -141,13 +141,14 @@ Extents extents(const TriangleMesh& mesh) {
   return box;
 }
 
-double signed_volume(const TriangleMesh& mesh) {
-  if (mesh.triangles.empty()) return 0.0;
-  const Extents box = extents(mesh);
-  const Vec3d centre = 0.5 * (box.min + box.max);
+double signed_volume(std::span<const Vec3d> points, std::span<const Triangle> triangles) {
+  if (triangles.empty()) return 0.0;
+  Vec3d mean = Vec3d::Zero();
+  for (const Triangle& t : triangles) mean += points[t[0]] + points[t[1]] + points[t[2]];
+  mean /= 3.0 * static_cast<double>(triangles.size());
   double volume = 0.0;
-  for (const Triangle& t : mesh.triangles) {
-    const Vec3d a = mesh.points[t[0]] - centre, b = mesh.points[t[1]] - centre, c = mesh.points[t[2]] - centre;
+  for (const Triangle& t : triangles) {
+    const Vec3d a = points[t[0]] - mean, b = points[t[1]] - mean, c = points[t[2]] - mean;
     volume += a.dot(b.cross(c)) / 6.0;
   }
   return volume;

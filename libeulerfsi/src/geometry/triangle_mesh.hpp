@@ -50,8 +50,9 @@ TriangleMesh triangulate(std::vector<Vec3d> points, std::span<const std::int32_t
 Extents extents(const TriangleMesh& mesh);
 
 // Signed volume [m^3], positive when triangles are counter-clockwise seen from outside. An open mesh is closed by cones
-// from the centre of its extents.
-double signed_volume(const TriangleMesh& mesh);
+// from the mean of its corners, so that it turns and stretches with the mesh.
+double signed_volume(std::span<const Vec3d> points, std::span<const Triangle> triangles);
+inline double signed_volume(const TriangleMesh& mesh) { return signed_volume(mesh.points, mesh.triangles); }
 
 // Unit normal of each point, the area-weighted mean over its triangles; zero for a point without area around it.
 std::vector<Vec3d> vertex_normals(const TriangleMesh& mesh);

@@ -8,6 +8,7 @@
 #include "fluid/forces.hpp"
 #include "grid/boundary.hpp"
 #include "solid/mass.hpp"
+#include "solid/surface.hpp"
 
 namespace efsi::sim {
 namespace {
@@ -96,8 +97,11 @@ std::vector<std::uint8_t> pressure_cells(const Parallel& parallel, const Scene& 
   return active;
 }
 
-// b of Eq. 11: where det F has drifted from 1 the solid is asked to grow or shrink back; what it gains the fluid of the
-// box loses, so that the sum vanishes.
+constexpr double kLargestGrowth = 0.02;  // of a solid's volume in a step, to make up for what its surface has lost
+
+// b of Eq. 11: where det F has drifted from 1 the solid is asked to grow or shrink back, slowly, since det F is rough
+// at the surface. What a solid that touches a wall has lost as a whole its inside gains in the same step. What solids
+// gain the fluid of the box loses, so that the sum vanishes.
 void compute_volume_source(const Parallel& parallel, const Scene& scene, const State& state, double dt,
                            Workspace& work) {
   const Grid& g = scene.grid;
@@ -106,13 +110,17 @@ void compute_volume_source(const Parallel& parallel, const Scene& scene, const S
   double total = 0.0, fluid_cells = static_cast<double>(g.cell_count());
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     const solid::SolidWork& solid = work.solids[l];
-    for_band_cells(parallel, state.solids[l].band, [&](std::size_t c, int i, int j, int k) {
-      if (solid.element[c] < 0 || scene.solids[l].compressible) return;
-      const double det = static_cast<double>(solid.volume_ratio[c]);
-      work.source[g.padded(i, j, k)] = static_cast<Real>(std::clamp((1.0 - det) / (det * tau), -limit, limit) *
-                                                         static_cast<double>(solid.fraction[c]));
-    });
     fluid_cells -= static_cast<double>(solid.element_cell.size());
+    if (scene.solids[l].compressible) continue;
+    const bool lossy = work.velocity_system.touches(l) && state.solids[l].whole && solid::encloses(scene.solids[l]);
+    const double lost = lossy ? 1.0 - solid::volume_ratio(scene.solids[l], state.solids[l]) : 0.0;
+    const double growth = std::clamp(lost, -kLargestGrowth, kLargestGrowth) / dt;
+    for_band_cells(parallel, state.solids[l].band, [&](std::size_t c, int i, int j, int k) {
+      if (solid.element[c] < 0) return;
+      const double det = static_cast<double>(solid.volume_ratio[c]);
+      const double rate = growth + std::clamp((1.0 - det) / (det * tau), -limit, limit);
+      work.source[g.padded(i, j, k)] = static_cast<Real>(rate * static_cast<double>(solid.fraction[c]));
+    });
   }
   if (!scene.params.fluid.present || scene.params.walls.any_open() || fluid_cells < 1.0) return;
   total = parallel.sum(g.cells[2], [&](std::int64_t k) {

@@ -321,9 +321,7 @@ SolidDiagnostics Simulation::diagnose_solid(std::size_t index) {
   d.rest_volume = rest.volume;
   d.rest_volume_cells = state.rest_volume_cells;
   d.volume_cells = work.volume;
-  const double surface_rest = geometry::signed_volume(rest.surface);
-  const double surface_now = geometry::signed_volume({state.surface, rest.surface.triangles});
-  d.volume_mesh = std::abs(surface_rest) > 0.0 ? rest.volume * surface_now / surface_rest : 0.0;
+  d.volume_mesh = rest.volume * solid::volume_ratio(rest, state);
   d.extent_min.setConstant(std::numeric_limits<double>::infinity());
   d.extent_max = -d.extent_min;
   for (const Vec3d& x : state.surface) {

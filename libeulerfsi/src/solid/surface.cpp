@@ -10,6 +10,7 @@ namespace {
 
 constexpr int kNewtonIterations = 8;
 constexpr double kNewtonTolerance = 1e-4;  // cells
+constexpr double kTrustedVolume = 0.2;     // relative difference between the surface's volume and the solid's
 
 Vec3 to_grid(const Grid& g, const Vec3d& x) { return ((x - g.origin) / g.h).cast<Real>(); }
 
@@ -44,6 +45,15 @@ bool sample_displacement(const SolidState& state, const std::array<std::size_t, 
 }
 
 }  // namespace
+
+double volume_ratio(const SolidRest& rest, const SolidState& state) {
+  const double at_rest = geometry::signed_volume(rest.surface);
+  return std::abs(at_rest) > 0.0 ? geometry::signed_volume(state.surface, rest.surface.triangles) / at_rest : 0.0;
+}
+
+bool encloses(const SolidRest& rest) {
+  return std::abs(std::abs(geometry::signed_volume(rest.surface)) / rest.volume - 1.0) < kTrustedVolume;
+}
 
 bool is_whole(const Grid& global, const grid::Walls& walls, const SolidState& state) {
   if (!walls.any_open()) return true;

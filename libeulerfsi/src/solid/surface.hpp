@@ -16,6 +16,11 @@ void correct_surface(const Parallel& parallel, const SolidRest& rest, SolidState
 // Velocities at the surface vertices [m/s].
 void sample_surface_velocity(const Parallel& parallel, const SolidState& state, std::vector<Vec3d>& velocity);
 
+// Volume inside the embedded surface over that at rest; 0 if it encloses none.
+double volume_ratio(const SolidRest& rest, const SolidState& state);
+// Whether the surface bounds the solid; a sheet or parts that overlap do not.
+bool encloses(const SolidRest& rest);
+
 // Whether no vertex has left the box through an open face.
 bool is_whole(const Grid& global, const grid::Walls& walls, const SolidState& state);
 

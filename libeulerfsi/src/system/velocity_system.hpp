@@ -53,6 +53,8 @@ class VelocitySystem {
   // Zero where a wall fixes a component, one elsewhere.
   const std::vector<Real>& free() const { return free_; }
   const std::vector<Real>& node_mass() const { return node_mass_; }
+  // Whether a wall or another solid holds a node of a solid.
+  bool touches(std::size_t solid) const { return free_body_[solid] == 0; }
   std::size_t bytes() const;
 
  private:

@@ -120,6 +120,15 @@ TEST_CASE("Signed volume: box, sphere, torus; negative inside out; the same wher
         Approx(2 * std::numbers::pi * std::numbers::pi / 16).epsilon(3e-3));
   CHECK(signed_volume(shapes::box({0, 0, 0}, {1, 1, 1}, true)) ==
         Approx(signed_volume(shapes::box({1000, -1000, 0}, {1001, -999, 1}, true))));
+  // An open mesh: turned and stretched by F its volume is that times det F.
+  TriangleMesh open = shapes::box({0, 0, 0}, {1, 2, 3}, true);
+  const double before = signed_volume(open);
+  CHECK(before > 3.0);
+  Mat3d f;
+  f << 0.3, -1.2, 0.1, 0.9, 0.2, -0.4, 0.2, 0.5, 1.1;
+  for (Vec3d& x : open.points) x = f * x + Vec3d(5, 6, 7);
+  CHECK(signed_volume(open) == Approx(f.determinant() * before));
+  CHECK(signed_volume({}, {}) == 0.0);
 }
 
 TEST_CASE("Vertex normals point outwards and are weighted by area") {

@@ -79,7 +79,7 @@ TEST_CASE("The fluid does not slip at the surface of a moving solid", "[law]") {
 }
 
 TEST_CASE("A bouncing ball keeps its volume and its mass, by mesh and by cells", "[law]") {
-  // Five cells per radius: a volume within 6 % is asked for here; the bar of 3 % is measured at ten.
+  // Five cells per radius, where a wall takes matter; what is lost comes back while the ball touches it.
   sim::SolidDesc d = ball_desc({0.2, 0.14, 0.2});
   d.velocity = {0, -2.0, 0};
   auto s = make_simulation(box_params({0.4, 0.44, 0.4}), {d});
@@ -105,8 +105,8 @@ TEST_CASE("A bouncing ball keeps its volume and its mass, by mesh and by cells",
   }
   INFO("volume " << lowest << " to " << highest << ", apart by " << apart << ", mass " << mass_low << " to "
                  << mass_high << ", squashed to " << squash << ", rebound " << up << " m/s, energy " << energy);
-  CHECK(lowest > 0.94);
-  CHECK(highest < 1.06);
+  CHECK(lowest > 0.98);
+  CHECK(highest < 1.02);
   CHECK(apart < 0.01);
   CHECK(mass_low > 0.98);
   CHECK(mass_high < 1.02);

@@ -4,6 +4,7 @@
 
 #include "solid/displacement.hpp"
 #include "solid/surface.hpp"
+#include "unit/geometry/shapes.hpp"
 #include "unit/solid/ball.hpp"
 
 using namespace efsi;
@@ -132,6 +133,25 @@ TEST_CASE("The surface follows the map: x - u(x) is the rest position of every v
   solid::sample_surface_velocity(Parallel(1), s.state, velocity);
   for (std::size_t p = 0; p < velocity.size(); ++p)
     CHECK((velocity[p] - Vec3d(s.state.surface[p][1], -s.state.surface[p][0], 1.0)).norm() < 1e-4);
+}
+
+TEST_CASE("The surface's volume over that at rest is det F, whichever way its faces wind", "[law]") {
+  const grid::Grid g = cube_grid(20, 0.02);
+  TestSolid s = make_ball(g, kSoft, Vec3d::Constant(0.2), 0.1);
+  CHECK(solid::volume_ratio(s.rest, s.state) == 0.0);
+  CHECK_FALSE(solid::encloses(s.rest));  // no faces
+  s.rest.surface = geometry::shapes::sphere(0.1, 20);
+  Mat3d f;
+  f << 1.1, 0.2, 0, -0.3, 0.8, 0.1, 0.1, 0, 1.0;
+  for (const bool inward : {false, true}) {
+    if (inward) s.rest.surface = geometry::shapes::inside_out(s.rest.surface);
+    s.state.surface.clear();
+    for (const Vec3d& x : s.rest.surface.points) s.state.surface.push_back(f * x + Vec3d(0.3, 0.2, 0.1));
+    CHECK(solid::volume_ratio(s.rest, s.state) == Approx(f.determinant()));
+    CHECK(solid::encloses(s.rest));
+  }
+  s.rest.surface = geometry::shapes::together(s.rest.surface, s.rest.surface);  // counts everything twice
+  CHECK_FALSE(solid::encloses(s.rest));
 }
 
 TEST_CASE("Motion of a solid gives the same bits for 1, 2, 3 and 8 threads", "[determinism]") {
