@@ -31,7 +31,8 @@ SolveStats pcg(const Parallel& parallel, const Operator& apply, const Operator& 
   }
   const auto done = [&](double r_norm) {
     stats.residual = r_norm / b_norm;
-    return stats.residual <= options.tolerance && (!options.also || options.also(r));
+    return stats.iterations >= options.min_iterations && stats.residual <= options.tolerance &&
+           (!options.also || options.also(r));
   };
 
   // r = b - A x

@@ -17,6 +17,7 @@ struct SolveStats {
 struct SolveOptions {
   double tolerance = 1e-3;  // on |r| / |b|, 2-norm
   int max_iterations = 500;
+  int min_iterations = 0;  // made also when the start passes
   // Optional further demand on the residual, asked when the 2-norm has passed.
   std::function<bool(const std::vector<Real>& residual)> also;
 };

@@ -397,9 +397,7 @@ void solve_pressure(const Parallel& parallel, const Scene& scene, double dt, Sta
   // Holds the pressure between steps and the multiplier of J during one: J^T is minus the gradient, so q = -dt p.
   std::vector<Real>& q = state.fluid.pressure;
   q.resize(g.padded_count(), 0);
-  // The pressure of the last step helps PCR. Multigrid does better from zero: what changed is sharp and at the solids.
-  const bool from_last = numerics.pressure_solver == system::PressureSolver::kPcr;
-  const Real step = from_last ? static_cast<Real>(-dt) : Real(0);
+  const Real step = static_cast<Real>(-dt);
   for (Real& value : q) value *= step;
   const linalg::SolveStats stats = work.pressure_system.solve(parallel, numerics.pressure_solver, work.velocity,
                                                               work.source, numerics.pressure_tolerance, q);

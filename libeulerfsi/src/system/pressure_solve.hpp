@@ -26,7 +26,8 @@ class PressureSystem {
   void assemble(const Parallel& parallel, const Grid& g, const Walls& walls, const std::vector<std::uint8_t>& fixed,
                 const std::vector<Real>& specific_volume, std::vector<std::uint8_t> active,
                 std::vector<std::uint8_t> solid_cell);
-  // Solves for q with J v - source on the right; source: wanted div v per padded cell [1/s], may be empty.
+  // Solves for q with J v - source on the right; source: wanted div v per padded cell [1/s], may be empty. q holds a
+  // guess, which multigrid takes only where it helps.
   linalg::SolveStats solve(const Parallel& parallel, PressureSolver solver, const VectorField& velocity,
                            const std::vector<Real>& source, double tolerance, std::vector<Real>& q);
   // v -= M^-1 J^T q
@@ -36,6 +37,8 @@ class PressureSystem {
 
  private:
   bool closed() const;
+  // Whether q leaves a smaller residual than zero does.
+  bool last_helps(const Parallel& parallel, const linalg::Operator& apply, const std::vector<Real>& q);
   Grid grid_;
   Walls walls_;
   std::vector<std::uint8_t> solid_cell_;
