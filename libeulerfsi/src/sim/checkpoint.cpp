@@ -11,7 +11,7 @@
 namespace efsi::sim {
 namespace {
 
-constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', '2'};
+constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', '3'};
 
 // One walk over the state serves writing, reading and hashing.
 template <class S, class Archive>
@@ -32,6 +32,7 @@ void walk(S& state, Archive& archive) {
     for (auto& c : s.u.c) archive.array(c);
     for (auto& c : s.v.c) archive.array(c);
     archive.array(s.valid);
+    archive.array(s.stiff);
     archive.array(s.surface);
     archive.value(s.rest_volume_cells);
     archive.value(s.whole);

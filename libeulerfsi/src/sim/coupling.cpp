@@ -97,6 +97,7 @@ std::vector<std::uint8_t> pressure_cells(const Parallel& parallel, const Scene& 
   return active;
 }
 
+constexpr double kSlow = 0.3;            // cells per step: a solid at rest, or sliding, at a wall
 constexpr double kLargestGrowth = 0.02;  // of a solid's volume in a step, to make up for what its surface has lost
 
 // b of Eq. 11: where det F has drifted from 1 the solid is asked to grow or shrink back, slowly, since det F is rough
@@ -445,6 +446,14 @@ void project_velocity(const Parallel& parallel, const Scene& scene, double dt, S
   const system::DivergenceNorms after = work.pressure_system.norms(parallel, work.velocity, work.source);
   info.divergence_after = after.all;
   info.divergence_after_solid = after.solid;
+}
+
+void remember_elements(const Scene& scene, const Workspace& work, std::size_t l, double dt, State& state) {
+  const bool slow = work.solids[l].max_speed * dt < kSlow * scene.grid.h;
+  if (slow || !work.velocity_system.touches(l))
+    solid::remember_elements(work.solids[l], state.solids[l]);
+  else
+    state.solids[l].stiff.clear();  // in an impact cells fill and empty faster than the choice may lag
 }
 
 void advect_fluid(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,

@@ -28,6 +28,8 @@ void solve_pressure(const Parallel& parallel, const Scene& scene, double dt, Sta
 // Line 11, Eq. 13, or the projection.
 void project_velocity(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
                       Profile& profile, StepInfo& info);
+// Which cells carry stiffness, for the next step's choice.
+void remember_elements(const Scene& scene, const Workspace& work, std::size_t l, double dt, State& state);
 // Line 22: velocity and smoke.
 void advect_fluid(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
                   Profile& profile);

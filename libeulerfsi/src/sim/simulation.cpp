@@ -438,6 +438,7 @@ void Simulation::set_solid_field(std::size_t index, bool velocity, const float* 
   for (std::size_t a = 0; a < 3; ++a)
     for (std::size_t i = 0; i < n; ++i) field.c[a][i] = static_cast<Real>(values[a * n + i]);
   std::fill(solid.valid.begin(), solid.valid.end(), std::uint8_t{1});
+  solid.stiff.clear();
   work_.masses_ready = false;
   if (velocity) {
     for (const auto& c : field.c)

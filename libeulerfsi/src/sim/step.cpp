@@ -65,6 +65,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
       timer.visited(state.solids[l].surface.size(), sizeof(Vec3d));
     }
     ScopedTimer timer(profile, Stage::kSolidAdvection);
+    remember_elements(scene, work, l, dt, state);
     solid::follow_solid(g, scene.solids[l], state.solids[l]);
   }
   advect_fluid(parallel, scene, dt, state, work, profile);  // Alg. 1 line 22

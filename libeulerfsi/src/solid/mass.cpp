@@ -66,7 +66,8 @@ void find_elements(const SolidState& state, SolidWork& work) {
     for (int j = 0; j < g.cells[1]; ++j)
       for (int i = 0; i < g.cells[0]; ++i) {
         const std::size_t c = g.cell(i, j, k);
-        if (!(work.fraction[c] > kElementFraction)) continue;
+        const Real lag = state.stiff.empty() ? Real(0) : state.stiff[c] ? -kElementLag : kElementLag;
+        if (!(work.fraction[c] > kElementFraction + lag)) continue;
         const std::size_t n = g.node(i, j, k);
         work.element[c] = static_cast<std::int32_t>(work.element_cell.size());
         work.element_cell.push_back(static_cast<std::int32_t>(c));
@@ -139,6 +140,11 @@ void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidSt
   const Real factor = static_cast<Real>(weight / work.total_mass);
   for (Real& m : work.mass) m *= factor;
   work.total_mass = weight;
+}
+
+void remember_elements(const SolidWork& work, SolidState& state) {
+  state.stiff.resize(work.element.size());
+  for (std::size_t c = 0; c < work.element.size(); ++c) state.stiff[c] = work.element[c] >= 0;
 }
 
 }  // namespace efsi::solid

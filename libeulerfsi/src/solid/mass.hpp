@@ -12,10 +12,16 @@ namespace efsi::solid {
 
 // A cell carries stiffness when more than this part of it is solid: on average the elements fill the solid's volume.
 inline constexpr Real kElementFraction = Real(0.5);
+// One that did so in the last step keeps it until this much less of it is solid, one that did not waits for as much
+// more: else a solid at rest takes stiffness up and drops it again in turns, and never comes to rest.
+inline constexpr Real kElementLag = Real(0.1);
 
 // Reads state.u; writes fraction, volume_ratio, element, element_cell, element_corner, carries, mass, volume,
 // total_mass, counted_mass. Counted in cells the mass wavers by some 0.2 % as the solid moves over the grid; a solid
 // that is whole keeps what it weighed at first (state.rest_volume_cells, once that is known).
 void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work);
+
+// Keeps which cells carry stiffness for the next compute_mass: state.stiff.
+void remember_elements(const SolidWork& work, SolidState& state);
 
 }  // namespace efsi::solid

@@ -11,7 +11,8 @@ std::size_t SolidWork::bytes() const {
 }
 
 std::size_t state_bytes(const SolidState& state) {
-  return 6 * state.u.size() * sizeof(Real) + state.valid.size() + state.surface.size() * sizeof(Vec3d);
+  return 6 * state.u.size() * sizeof(Real) + state.valid.size() + state.stiff.size() +
+         state.surface.size() * sizeof(Vec3d);
 }
 
 void SolidWork::resize_elements(int points) {
@@ -58,31 +59,39 @@ Band make_band(const Grid& global, Vec3i lo, Vec3i hi) {
 
 void move_band(SolidState& state, const Band& band) {
   const std::size_t n = band.grid.node_count();
+  const Band& old = state.band;
   VectorField u, v;
   u.assign(n);
   v.assign(n);
-  std::vector<std::uint8_t> valid(n, 0);
-  const Band& old = state.band;
-  if (!state.valid.empty()) {
-    int begin[3], end[3];
-    for (std::size_t a = 0; a < 3; ++a) {
-      begin[a] = std::max(band.lo[a], old.lo[a]);
-      end[a] = std::min(band.lo[a] + band.grid.cells[a], old.lo[a] + old.grid.cells[a]);
-    }
-    for (int k = begin[2]; k <= end[2]; ++k)
-      for (int j = begin[1]; j <= end[1]; ++j)
-        for (int i = begin[0]; i <= end[0]; ++i) {
-          const std::size_t from = old.grid.node(i - old.lo[0], j - old.lo[1], k - old.lo[2]);
-          const std::size_t to = band.grid.node(i - band.lo[0], j - band.lo[1], k - band.lo[2]);
-          u.set(to, state.u.at(from));
-          v.set(to, state.v.at(from));
-          valid[to] = state.valid[from];
-        }
+  std::vector<std::uint8_t> valid(n, 0), stiff(state.stiff.empty() ? 0 : band.grid.cell_count(), 0);
+  int begin[3], end[3];  // nodes that both bands have: begin .. end
+  for (std::size_t a = 0; a < 3; ++a) {
+    begin[a] = std::max(band.lo[a], old.lo[a]);
+    end[a] = std::min(band.lo[a] + band.grid.cells[a], old.lo[a] + old.grid.cells[a]);
   }
+  const auto for_box = [&](int last, const auto& body) {  // body(indices in the old band, in the new one)
+    for (int k = begin[2]; k <= end[2] - last; ++k)
+      for (int j = begin[1]; j <= end[1] - last; ++j)
+        for (int i = begin[0]; i <= end[0] - last; ++i)
+          body(Vec3i{i - old.lo[0], j - old.lo[1], k - old.lo[2]},
+               Vec3i{i - band.lo[0], j - band.lo[1], k - band.lo[2]});
+  };
+  if (!state.valid.empty())
+    for_box(0, [&](const Vec3i& f, const Vec3i& t) {
+      const std::size_t from = old.grid.node(f[0], f[1], f[2]), to = band.grid.node(t[0], t[1], t[2]);
+      u.set(to, state.u.at(from));
+      v.set(to, state.v.at(from));
+      valid[to] = state.valid[from];
+    });
+  if (!stiff.empty())
+    for_box(1, [&](const Vec3i& f, const Vec3i& t) {
+      stiff[band.grid.cell(t[0], t[1], t[2])] = state.stiff[old.grid.cell(f[0], f[1], f[2])];
+    });
   state.band = band;
   state.u = std::move(u);
   state.v = std::move(v);
   state.valid = std::move(valid);
+  state.stiff = std::move(stiff);
 }
 
 }  // namespace efsi::solid

@@ -40,6 +40,7 @@ struct SolidState {
   VectorField u;                    // displacement, band nodes [m]
   VectorField v;                    // velocity, band nodes [m/s]
   std::vector<std::uint8_t> valid;  // band nodes: u and v hold data
+  std::vector<std::uint8_t> stiff;  // band cells: carried stiffness in the last step; empty: not known
   std::vector<Vec3d> surface;       // positions of the embedded surface [m]
   double rest_volume_cells = 0.0;   // by cell fractions, at the first step [m^3]
   std::uint8_t whole = 1;           // no part of it has left through an open face

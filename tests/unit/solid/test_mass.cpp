@@ -79,6 +79,31 @@ TEST_CASE("Mass of cut cells goes to nodes that carry stiffness, and elements fi
     CHECK(s.work.fraction[static_cast<std::size_t>(c)] > solid::kElementFraction);
 }
 
+TEST_CASE("Cells take up stiffness later and drop it later than half full") {
+  TestSolid s = make_ball(cube_grid(18, 0.02), kSoft, Vec3d(0.183, 0.176, 0.181), 0.1);
+  const auto stiff = [&] {
+    solid::compute_mass(Parallel(1), s.rest, s.state, s.work);
+    std::vector<std::uint8_t> marks;
+    for (const std::int32_t e : s.work.element) marks.push_back(e >= 0);
+    return marks;
+  };
+  const auto fresh = stiff();
+  solid::remember_elements(s.work, s.state);
+  CHECK(s.state.stiff == fresh);
+  CHECK(stiff() == fresh);  // a solid at rest keeps its elements
+  for (const bool before : {false, true}) {
+    s.state.stiff.assign(fresh.size(), before);
+    const auto now = stiff();
+    const Real limit = solid::kElementFraction + (before ? -solid::kElementLag : solid::kElementLag);
+    std::size_t changed = 0;
+    for (std::size_t c = 0; c < now.size(); ++c) {
+      CHECK(now[c] == (s.work.fraction[c] > limit));
+      changed += now[c] != fresh[c];
+    }
+    CHECK(changed > 10);
+  }
+}
+
 TEST_CASE("Cells without data carry neither mass nor stiffness") {
   TestSolid s = make_ball(cube_grid(18, 0.02), kSoft, Vec3d::Constant(0.18), 0.1);
   std::fill(s.state.valid.begin(), s.state.valid.end(), std::uint8_t{0});
@@ -98,10 +123,15 @@ TEST_CASE("A band surrounds its solid, stays in the grid and takes its data alon
   CHECK(std::count(state.valid.begin(), state.valid.end(), 1) == 0);
   state.u.set(band.grid.node(6, 3, 4), Vec3(1, 2, 3));
   state.valid[band.grid.node(6, 3, 4)] = 1;
+  state.stiff.assign(band.grid.cell_count(), 0);
+  state.stiff[band.grid.cell(6, 3, 4)] = 1;
   const solid::Band next = solid::make_band(g, {12, 2, 28}, {17, 8, 37});
   solid::move_band(state, next);
   CHECK(std::count(state.valid.begin(), state.valid.end(), 1) == 1);
   const std::size_t n = next.grid.node(6 + band.lo[0] - next.lo[0], 3, 4 + band.lo[2] - next.lo[2]);
   CHECK(state.valid[n] == 1);
   CHECK(state.u.at(n) == Vec3(1, 2, 3));
+  CHECK(state.stiff.size() == next.grid.cell_count());
+  CHECK(std::count(state.stiff.begin(), state.stiff.end(), 1) == 1);
+  CHECK(state.stiff[next.grid.cell(6 + band.lo[0] - next.lo[0], 3, 4 + band.lo[2] - next.lo[2])] == 1);
 }
