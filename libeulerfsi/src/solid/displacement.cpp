@@ -84,32 +84,57 @@ EFSI_KERNEL void carry_row(const PackedSampler& nodes, const Vec3i& points, cons
   }
 }
 
-// Second sweep, forwards: the error of going there and back, half of it is taken off. u also takes what x has moved.
-EFSI_KERNEL void correct_row(const PackedSampler& nodes, const Vec3i& points, const Row& row, Real step, Real h,
-                             const std::uint8_t* layer, const std::uint8_t* reached, const AdvectWorkspace& packed,
-                             SolidState& state) {
+// Second sweep, forwards: half the error of going there and back, (0, 0, 0, 0) where the place ahead is not surrounded
+// by data.
+EFSI_KERNEL void measure_row(const PackedSampler& nodes, const Vec3i& points, const Row& row, Real step,
+                             const std::uint8_t* layer, AdvectWorkspace& packed) {
   const PackedSampler sampler = nodes;
-  const PackedField &u = packed.u, &v = packed.v, &first_u = packed.first_u, &first_v = packed.first_v;
+  for (int i = 0; i < row.count; ++i) {
+    const std::size_t n = row.node + static_cast<std::size_t>(i);
+    Quad error_u = {0, 0, 0, 0}, error_v = error_u;
+    if (layer[n] == 0) {
+      const Quad x = position(row, i), v0 = grid::load_quad(packed.v.at(n));
+      const PackedSampler::Place ahead = sampler.place(sampler.keep_inside(sampler.trace_rk3(packed.v, x, v0, -step)));
+      if (corner_marks(points, layer, ahead.node).any == 0) {
+        error_u = Real(0.5) * (grid::load_quad(packed.u.at(n)) - sampler.value(packed.first_u, ahead));
+        error_v = Real(0.5) * (v0 - sampler.value(packed.first_v, ahead));
+        error_u[3] = error_v[3] = 1;
+      }
+    }
+    grid::store_quad(packed.error_u.at(n), error_u);
+    grid::store_quad(packed.error_v.at(n), error_v);
+  }
+}
+
+constexpr Real kLeastWeight = Real(1e-3);  // of known errors around a place
+
+// Takes the error off. Where it is not known, at the edge of the data, the error at x_d is taken (the scheme of Beam
+// and Warming) and there are no new extremes. u also takes what x has moved.
+EFSI_KERNEL void correct_row(const PackedSampler& nodes, const Row& row, Real step, Real h, const std::uint8_t* reached,
+                             const AdvectWorkspace& packed, SolidState& state) {
+  const PackedSampler sampler = nodes;
   for (int i = 0; i < row.count; ++i) {
     const std::size_t n = row.node + static_cast<std::size_t>(i);
     Quad u_new = {0, 0, 0, 0}, v_new = u_new;
     if (reached[n]) {
-      const Quad x = position(row, i), v0 = grid::load_quad(v.at(n));
-      const Quad from = sampler.keep_inside(sampler.trace_rk3(v, x, v0, step));
-      const Quad to = sampler.keep_inside(sampler.trace_rk3(v, x, v0, -step));
-      u_new = grid::load_quad(first_u.at(n));
-      v_new = grid::load_quad(first_v.at(n));
-      const PackedSampler::Place ahead = sampler.place(to);
-      if (corner_marks(points, reached, ahead.node).all == 0x0101) {
-        u_new = u_new + Real(0.5) * (grid::load_quad(u.at(n)) - sampler.value(first_u, ahead));
-        v_new = v_new + Real(0.5) * (v0 - sampler.value(first_v, ahead));
-        if (layer[n] != 0) {  // no new extremes outside the data
-          const PackedSampler::Place behind = sampler.place(from);
-          u_new = sampler.limit(u, behind, u_new);
-          v_new = sampler.limit(v, behind, v_new);
+      const Quad x = position(row, i), v0 = grid::load_quad(packed.v.at(n));
+      const Quad from = sampler.keep_inside(sampler.trace_rk3(packed.v, x, v0, step));
+      Quad error_u = grid::load_quad(packed.error_u.at(n)), error_v = grid::load_quad(packed.error_v.at(n));
+      u_new = grid::load_quad(packed.first_u.at(n));
+      v_new = grid::load_quad(packed.first_v.at(n));
+      if (error_u[3] > 0) {
+        u_new += error_u;
+        v_new += error_v;
+      } else {
+        const PackedSampler::Place behind = sampler.place(from);
+        error_u = sampler.value(packed.error_u, behind);
+        error_v = sampler.value(packed.error_v, behind);
+        if (error_u[3] > kLeastWeight) {
+          u_new = sampler.limit(packed.u, behind, u_new + error_u / error_u[3]);
+          v_new = sampler.limit(packed.v, behind, v_new + error_v / error_v[3]);
         }
       }
-      u_new = u_new + h * (x - from);
+      u_new += h * (x - from);
     }
     for (std::size_t a = 0; a < 3; ++a) {
       state.u.c[a][n] = u_new[a];
@@ -127,7 +152,7 @@ void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const S
   const Real step = static_cast<Real>(dt / g.h);
   const bool paper = scheme == AdvectionScheme::kPaper;
   const std::size_t count = g.node_count();
-  for (PackedField* field : {&packed.u, &packed.v, &packed.first_u, &packed.first_v}) field->resize(count);
+  for (PackedField* field : packed.fields()) field->resize(count);
   state.valid.resize(count);
   const auto for_rows = [&](const auto& body) {
     parallel.for_each(g.cells[2] + 1, [&](std::int64_t k) {
@@ -149,9 +174,9 @@ void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const S
               packed.first_v, state.valid.data());
   });
   if (!paper) {
+    for_rows([&](const Row& row) { measure_row(sampler, g.nodes(), row, step, work.layer.data(), packed); });
     for_rows([&](const Row& row) {
-      correct_row(sampler, g.nodes(), row, step, static_cast<Real>(g.h), work.layer.data(), state.valid.data(), packed,
-                  state);
+      correct_row(sampler, row, step, static_cast<Real>(g.h), state.valid.data(), packed, state);
     });
     return;
   }

@@ -5,6 +5,8 @@
 // (docs/deviations.md). The paper's own way (u + dt v, then linear semi-Lagrangian) is AdvectionScheme::kPaper.
 #pragma once
 
+#include <array>
+
 #include "base/parallel.hpp"
 #include "grid/boundary.hpp"
 #include "grid/packed_field.hpp"
@@ -19,10 +21,14 @@ enum class AdvectionScheme : std::int32_t { kMacCormack = 0, kPaper = 1 };
 void update_velocity(const Parallel& parallel, const Grid& global, const VectorField& velocity, SolidState& state,
                      SolidWork& work);
 
-// Packed fields of the band, shared by the solids: u and v before the advection, and after its first sweep.
+// Packed fields of the band, shared by the solids: u and v before the advection, after its first sweep, and half the
+// error of that. The fourth value of an error is 1 where it is known, 0 elsewhere.
 struct AdvectWorkspace {
-  grid::PackedField u, v, first_u, first_v;
-  std::size_t bytes() const { return u.bytes() + v.bytes() + first_u.bytes() + first_v.bytes(); }
+  grid::PackedField u, v, first_u, first_v, error_u, error_v;
+  std::array<grid::PackedField*, 6> fields() { return {&u, &v, &first_u, &first_v, &error_u, &error_v}; }
+  std::size_t bytes() const {
+    return u.bytes() + v.bytes() + first_u.bytes() + first_v.bytes() + error_u.bytes() + error_v.bytes();
+  }
 };
 
 // Lines 19, 20 for u, and the transport of v by the same trace. Marks the nodes that hold data afterwards.

@@ -90,6 +90,34 @@ TEST_CASE("Solid and fluid in a periodic box keep their momentum", "[law]") {
   }
 }
 
+TEST_CASE("A ball hits the floor in small steps without losing its shape or gaining energy", "[law]") {
+  // 0.05 of a cell per step: whatever a step adds at the surface adds up here.
+  sim::Params p = box_params({0.4, 0.3, 0.4});
+  p.cfl_solid = 0.05;
+  sim::SolidDesc d = ball_desc({0.2, 0.12, 0.2}, kRadius);
+  d.velocity = {0.0, -4.0, 0.0};
+  auto s = make_simulation(p, {d});
+  const auto first = s->diagnose_solid(0);
+  const auto energy = [](const auto& now) {
+    return now.kinetic_energy + now.elastic_energy + now.mass * 9.8 * now.center[1];
+  };
+  double highest = 0.0, low = 1.0, high = 1.0, up = 0.0;
+  std::uint64_t clamped = 0;
+  while (s->state().time < 0.06) {
+    const auto info = s->step(0.06 - s->state().time);
+    const auto now = s->diagnose_solid(0);
+    clamped += info.degenerate_cells;
+    highest = std::max(highest, energy(now));
+    low = std::min(low, info.min_det_f);
+    high = std::max(high, info.max_det_f);
+    up = std::max(up, now.momentum[1] / now.mass);
+  }
+  INFO("energy " << highest / energy(first) << ", det F " << low << " to " << high << ", up " << up << " m/s");
+  CHECK(clamped == 0);
+  CHECK(highest < 1.05 * energy(first));
+  CHECK(up > 1.5);
+}
+
 TEST_CASE("A spinning ball keeps its spin, and its energy does not grow", "[law]") {
   sim::Params p = box_params(Vec3d::Ones());
   p.gravity.setZero();
