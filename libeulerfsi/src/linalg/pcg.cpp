@@ -1,5 +1,6 @@
 #include "linalg/pcg.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "linalg/reduce.hpp"
@@ -7,7 +8,8 @@
 namespace efsi::linalg {
 namespace {
 
-constexpr int kBestInterval = 8;  // iterations
+constexpr int kBestInterval = 8;    // iterations
+constexpr double kRounding = 1e-6;  // of |b|: a residual below is noise
 
 }  // namespace
 
@@ -29,8 +31,9 @@ SolveStats pcg(const Parallel& parallel, const Operator& apply, const Operator& 
     stats.converged = false;
     return stats;
   }
+  double reference = b_norm;
   const auto done = [&](double r_norm) {
-    stats.residual = r_norm / b_norm;
+    stats.residual = r_norm / reference;
     return stats.iterations >= options.min_iterations && stats.residual <= options.tolerance &&
            (!options.also || options.also(r));
   };
@@ -41,7 +44,9 @@ SolveStats pcg(const Parallel& parallel, const Operator& apply, const Operator& 
     apply(x, q);
     add_scaled(parallel, r, -1.0, q);
   }
-  if (done(norm(parallel, r))) return stats;
+  const double start = norm(parallel, r);
+  if (options.against_start) reference = std::max(start, kRounding * b_norm / options.tolerance);
+  if (done(start)) return stats;
   // The best iterate so far, looked at now and then: b may lie outside the range of A.
   best = x;
   double best_residual = stats.residual;

@@ -448,6 +448,11 @@ void project_velocity(const Parallel& parallel, const Scene& scene, double dt, S
   info.divergence_after_solid = after.solid;
 }
 
+solid::RigidMotion transport_frame(const Scene& scene, const Workspace& work, std::size_t l) {
+  const bool moving = scene.params.numerics.conserve_momentum && !work.velocity_system.touches(l);
+  return moving ? solid::rigid_motion(work.solid_momenta[l]) : solid::RigidMotion{};
+}
+
 void remember_elements(const Scene& scene, const Workspace& work, std::size_t l, double dt, State& state) {
   const bool slow = work.solids[l].max_speed * dt < kSlow * scene.grid.h;
   if (slow || !work.velocity_system.touches(l))

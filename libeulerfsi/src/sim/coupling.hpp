@@ -28,6 +28,9 @@ void solve_pressure(const Parallel& parallel, const Scene& scene, double dt, Sta
 // Line 11, Eq. 13, or the projection.
 void project_velocity(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
                       Profile& profile, StepInfo& info);
+// The frame in which a solid's velocity field keeps its shape for the step: that of the rigid body with its momenta; at
+// rest while it touches a wall, which holds the field where it is.
+solid::RigidMotion transport_frame(const Scene& scene, const Workspace& work, std::size_t l);
 // Which cells carry stiffness, for the next step's choice.
 void remember_elements(const Scene& scene, const Workspace& work, std::size_t l, double dt, State& state);
 // Line 22: velocity and smoke.

@@ -12,6 +12,7 @@ Numerics numerics_of(Preset preset) {
   if (preset == Preset::kPaper2016) {
     n.velocity_solver = system::VelocitySolver::kPcr;
     n.pressure_solver = system::PressureSolver::kPcr;
+    n.velocity_tolerance = 1e-3;
     n.pressure_tolerance = 0.02;
     n.points_per_element = 8;
     n.solid_advection = solid::AdvectionScheme::kPaper;

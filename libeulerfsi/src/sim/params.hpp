@@ -19,7 +19,7 @@ enum class Preset : std::int32_t { kProduction = 0, kPaper2016 = 1 };
 struct Numerics {
   system::VelocitySolver velocity_solver = system::VelocitySolver::kPcg;
   system::PressureSolver pressure_solver = system::PressureSolver::kMultigridPcg;
-  double velocity_tolerance = 1e-3;
+  double velocity_tolerance = 0.01;
   double pressure_tolerance = 0.018;
   int points_per_element = 1;
   solid::AdvectionScheme solid_advection = solid::AdvectionScheme::kMacCormack;

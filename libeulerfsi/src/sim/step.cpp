@@ -55,8 +55,8 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
     }
     {
       ScopedTimer timer(profile, Stage::kSolidAdvection);
-      solid::advect(parallel, numerics.solid_advection, dt, work.solids[l], state.solids[l],  // Alg. 1 lines 19, 20
-                    work.solid_advect);
+      solid::advect(parallel, numerics.solid_advection, dt, transport_frame(scene, work, l),  // Alg. 1 lines 19, 20
+                    work.solids[l], state.solids[l], work.solid_advect);
     }
     {
       ScopedTimer timer(profile, Stage::kSurface);

@@ -1,5 +1,6 @@
 #include "solid/displacement.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cstring>
@@ -64,40 +65,90 @@ EFSI_INLINE CornerMarks corner_marks(const Vec3i& n, const std::uint8_t* mark, s
           static_cast<std::uint16_t>(pair[0] & pair[1] & pair[2] & pair[3])};
 }
 
+// A motion of the frame over a step, in grid units: y -> c + s + R (y - c).
+class FrameMotion {
+ public:
+  FrameMotion(const Grid& g, const RigidMotion& frame, double dt) {
+    const Vec3d turn = frame.angular * dt;
+    if (frame.linear.isZero() && turn.isZero()) return;
+    center_ = quad((frame.center - g.origin) / g.h);
+    shift_ = quad(frame.linear * (dt / g.h));
+    spin_ = quad(turn);
+    const Mat3d r = Eigen::AngleAxisd(turn.norm(), turn.stableNormalized()).toRotationMatrix();
+    for (int a = 0; a < 3; ++a) {
+      column_[a] = quad(r.col(a));
+      row_[a] = quad(r.row(a));
+    }
+  }
+  EFSI_INLINE Quad forward(const Quad& y) const { return center_ + shift_ + times(column_, y - center_); }
+  EFSI_INLINE Quad back(const Quad& x) const { return center_ + times(row_, x - center_ - shift_); }
+  // Cells per step.
+  EFSI_INLINE Quad velocity(const Quad& x) const {
+    const Quad r = x - center_;
+    return shift_ + Quad{spin_[1] * r[2] - spin_[2] * r[1], spin_[2] * r[0] - spin_[0] * r[2],
+                         spin_[0] * r[1] - spin_[1] * r[0], 0};
+  }
+
+ private:
+  static Quad quad(const Vec3d& v) {
+    return Quad{static_cast<Real>(v[0]), static_cast<Real>(v[1]), static_cast<Real>(v[2]), 0};
+  }
+  static EFSI_INLINE Quad times(const Quad columns[3], const Quad& x) {
+    return columns[0] * x[0] + columns[1] * x[1] + columns[2] * x[2];
+  }
+  Quad center_ = {0, 0, 0, 0}, shift_ = {0, 0, 0, 0}, spin_ = {0, 0, 0, 0};
+  Quad column_[3] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}, row_[3] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
+};
+
+// Where what is at x after the step was before it, and where what is at x before it will be: the flow v of the frame,
+// and the frame's motion after that.
+EFSI_INLINE Quad place_before(const PackedSampler& sampler, const FrameMotion& frame, const PackedField& v,
+                              const Quad& x, Real step) {
+  const Quad y = frame.back(x);
+  return sampler.keep_inside(sampler.trace_rk3(v, y, sampler.value(v, y), step));
+}
+EFSI_INLINE Quad place_after(const PackedSampler& sampler, const FrameMotion& frame, const PackedField& v,
+                             const Quad& x, const Quad& v0, Real step) {
+  return sampler.keep_inside(frame.forward(sampler.trace_rk3(v, x, v0, -step)));
+}
+
 // First sweep: f1(x) = f(x_d). reached: 1 where all around x_d there is data.
-EFSI_KERNEL void carry_row(const PackedSampler& nodes, const Vec3i& points, const Row& row, bool paper, Real step,
-                           const std::uint8_t* layer, const PackedField& u, const PackedField& v, PackedField& first_u,
-                           PackedField& first_v, std::uint8_t* reached) {
+EFSI_KERNEL void carry_row(const PackedSampler& nodes, const FrameMotion& motion, const Vec3i& points, const Row& row,
+                           bool paper, Real step, const std::uint8_t* layer, const PackedField& u, const PackedField& v,
+                           PackedField& first_u, PackedField& first_v, std::uint8_t* reached) {
   const PackedSampler sampler = nodes;
+  const FrameMotion frame = motion;
   for (int i = 0; i < row.count; ++i) {
     const std::size_t n = row.node + static_cast<std::size_t>(i);
     reached[n] = 0;
     if (layer[n] == grid::kNoLayer) continue;
-    const Quad x = position(row, i), v0 = grid::load_quad(v.at(n));
-    const Quad from = paper ? sampler.trace_midpoint(v, x, v0, step) : sampler.trace_rk3(v, x, v0, step);
-    const PackedSampler::Place at = sampler.place(sampler.keep_inside(from));
+    const Quad x = position(row, i);
+    const Quad from = paper ? sampler.keep_inside(sampler.trace_midpoint(v, x, grid::load_quad(v.at(n)), step))
+                            : place_before(sampler, frame, v, x, step);
+    const PackedSampler::Place at = sampler.place(from);
     static_assert(kExtensionLayers < 0x80 && grid::kNoLayer >= 0x80);
     if (corner_marks(points, layer, at.node).any & 0x8080) continue;
     grid::store_quad(first_u.at(n), sampler.value(u, at));
-    grid::store_quad(first_v.at(n), sampler.value(v, at));
+    grid::store_quad(first_v.at(n), sampler.value(v, at) + frame.velocity(from) / step);
     reached[n] = 1;
   }
 }
 
 // Second sweep, forwards: half the error of going there and back, (0, 0, 0, 0) where the place ahead is not surrounded
 // by data.
-EFSI_KERNEL void measure_row(const PackedSampler& nodes, const Vec3i& points, const Row& row, Real step,
-                             const std::uint8_t* layer, AdvectWorkspace& packed) {
+EFSI_KERNEL void measure_row(const PackedSampler& nodes, const FrameMotion& motion, const Vec3i& points, const Row& row,
+                             Real step, const std::uint8_t* layer, AdvectWorkspace& packed) {
   const PackedSampler sampler = nodes;
+  const FrameMotion frame = motion;
   for (int i = 0; i < row.count; ++i) {
     const std::size_t n = row.node + static_cast<std::size_t>(i);
     Quad error_u = {0, 0, 0, 0}, error_v = error_u;
     if (layer[n] == 0) {
       const Quad x = position(row, i), v0 = grid::load_quad(packed.v.at(n));
-      const PackedSampler::Place ahead = sampler.place(sampler.keep_inside(sampler.trace_rk3(packed.v, x, v0, -step)));
+      const PackedSampler::Place ahead = sampler.place(place_after(sampler, frame, packed.v, x, v0, step));
       if (corner_marks(points, layer, ahead.node).any == 0) {
         error_u = Real(0.5) * (grid::load_quad(packed.u.at(n)) - sampler.value(packed.first_u, ahead));
-        error_v = Real(0.5) * (v0 - sampler.value(packed.first_v, ahead));
+        error_v = Real(0.5) * (v0 + frame.velocity(x) / step - sampler.value(packed.first_v, ahead));
         error_u[3] = error_v[3] = 1;
       }
     }
@@ -110,15 +161,15 @@ constexpr Real kLeastWeight = Real(1e-3);  // of known errors around a place
 
 // Takes the error off. Where it is not known, at the edge of the data, the error at x_d is taken (the scheme of Beam
 // and Warming) and there are no new extremes. u also takes what x has moved.
-EFSI_KERNEL void correct_row(const PackedSampler& nodes, const Row& row, Real step, Real h, const std::uint8_t* reached,
-                             const AdvectWorkspace& packed, SolidState& state) {
+EFSI_KERNEL void correct_row(const PackedSampler& nodes, const FrameMotion& motion, const Row& row, Real step, Real h,
+                             const std::uint8_t* reached, const AdvectWorkspace& packed, SolidState& state) {
   const PackedSampler sampler = nodes;
+  const FrameMotion frame = motion;
   for (int i = 0; i < row.count; ++i) {
     const std::size_t n = row.node + static_cast<std::size_t>(i);
     Quad u_new = {0, 0, 0, 0}, v_new = u_new;
     if (reached[n]) {
-      const Quad x = position(row, i), v0 = grid::load_quad(packed.v.at(n));
-      const Quad from = sampler.keep_inside(sampler.trace_rk3(packed.v, x, v0, step));
+      const Quad x = position(row, i), from = place_before(sampler, frame, packed.v, x, step);
       Quad error_u = grid::load_quad(packed.error_u.at(n)), error_v = grid::load_quad(packed.error_v.at(n));
       u_new = grid::load_quad(packed.first_u.at(n));
       v_new = grid::load_quad(packed.first_v.at(n));
@@ -131,7 +182,8 @@ EFSI_KERNEL void correct_row(const PackedSampler& nodes, const Row& row, Real st
         error_v = sampler.value(packed.error_v, behind);
         if (error_u[3] > kLeastWeight) {
           u_new = sampler.limit(packed.u, behind, u_new + error_u / error_u[3]);
-          v_new = sampler.limit(packed.v, behind, v_new + error_v / error_v[3]);
+          const Quad moving = frame.velocity(from) / step;
+          v_new = moving + sampler.limit(packed.v, behind, v_new - moving + error_v / error_v[3]);
         }
       }
       u_new += h * (x - from);
@@ -145,10 +197,11 @@ EFSI_KERNEL void correct_row(const PackedSampler& nodes, const Row& row, Real st
 
 }  // namespace
 
-void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const SolidWork& work, SolidState& state,
-            AdvectWorkspace& packed) {
+void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const RigidMotion& frame,
+            const SolidWork& work, SolidState& state, AdvectWorkspace& packed) {
   const Grid& g = state.band.grid;
   const PackedSampler sampler(g);
+  const FrameMotion motion(g, frame, dt);
   const Real step = static_cast<Real>(dt / g.h);
   const bool paper = scheme == AdvectionScheme::kPaper;
   const std::size_t count = g.node_count();
@@ -162,21 +215,22 @@ void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const S
   };
   const Real lead = paper ? static_cast<Real>(dt) : Real(0);  // paper: u + dt v at the nodes (line 19)
   for_rows([&](const Row& row) {
-    for (std::size_t n = row.node; n < row.node + static_cast<std::size_t>(row.count); ++n) {
+    for (int i = 0; i < row.count; ++i) {
+      const std::size_t n = row.node + static_cast<std::size_t>(i);
       const Quad u = {state.u.c[0][n], state.u.c[1][n], state.u.c[2][n], 0};
       const Quad v = {state.v.c[0][n], state.v.c[1][n], state.v.c[2][n], 0};
       grid::store_quad(packed.u.at(n), u + lead * v);
-      grid::store_quad(packed.v.at(n), v);
+      grid::store_quad(packed.v.at(n), v - motion.velocity(position(row, i)) / step);
     }
   });
   for_rows([&](const Row& row) {
-    carry_row(sampler, g.nodes(), row, paper, step, work.layer.data(), packed.u, packed.v, packed.first_u,
+    carry_row(sampler, motion, g.nodes(), row, paper, step, work.layer.data(), packed.u, packed.v, packed.first_u,
               packed.first_v, state.valid.data());
   });
   if (!paper) {
-    for_rows([&](const Row& row) { measure_row(sampler, g.nodes(), row, step, work.layer.data(), packed); });
+    for_rows([&](const Row& row) { measure_row(sampler, motion, g.nodes(), row, step, work.layer.data(), packed); });
     for_rows([&](const Row& row) {
-      correct_row(sampler, row, step, static_cast<Real>(g.h), state.valid.data(), packed, state);
+      correct_row(sampler, motion, row, step, static_cast<Real>(g.h), state.valid.data(), packed, state);
     });
     return;
   }

@@ -1,8 +1,9 @@
 // Purpose: motion of a solid's reference map and of its own velocity.
 // Paper: Alg. 1 lines 13, 18 (velocity), 19 (u += dt v), 20 (semi-Lagrangian advection of u); Sec. 4.3.
 //   u^{n+1}(x) = u^n(x_d) + (x - x_d), x_d the point from which the solid's velocity leads to x
-// Departs from the paper: the back-trace is third order and the advection is corrected (MacCormack); no particles
-// (docs/deviations.md). The paper's own way (u + dt v, then linear semi-Lagrangian) is AdvectionScheme::kPaper.
+// Departs from the paper: the back-trace is third order, in a frame that moves with the solid, and the advection is
+// corrected (MacCormack); no particles (docs/deviations.md). The paper's own way (u + dt v, then linear
+// semi-Lagrangian) is AdvectionScheme::kPaper.
 #pragma once
 
 #include <array>
@@ -10,6 +11,7 @@
 #include "base/parallel.hpp"
 #include "grid/boundary.hpp"
 #include "grid/packed_field.hpp"
+#include "solid/momentum.hpp"
 #include "solid/solid.hpp"
 
 namespace efsi::solid {
@@ -21,8 +23,8 @@ enum class AdvectionScheme : std::int32_t { kMacCormack = 0, kPaper = 1 };
 void update_velocity(const Parallel& parallel, const Grid& global, const VectorField& velocity, SolidState& state,
                      SolidWork& work);
 
-// Packed fields of the band, shared by the solids: u and v before the advection, after its first sweep, and half the
-// error of that. The fourth value of an error is 1 where it is known, 0 elsewhere.
+// Packed fields of the band, shared by the solids: u, and v seen from the frame, before the advection; u and v after
+// its first sweep, and half the error of that. The fourth value of an error is 1 where it is known, 0 elsewhere.
 struct AdvectWorkspace {
   grid::PackedField u, v, first_u, first_v, error_u, error_v;
   std::array<grid::PackedField*, 6> fields() { return {&u, &v, &first_u, &first_v, &error_u, &error_v}; }
@@ -32,8 +34,12 @@ struct AdvectWorkspace {
 };
 
 // Lines 19, 20 for u, and the transport of v by the same trace. Marks the nodes that hold data afterwards.
-void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const SolidWork& work, SolidState& state,
-            AdvectWorkspace& packed);
+// frame: the velocity field keeps its shape for the step in a frame with this motion; at rest: in that of the grid.
+// Elastic waves ride on the solid: where the field stays on the grid while the solid moves, a wave's displacement gets
+// out of step with its velocity by half of what the solid moves, and waves that run with it grow
+// (docs/numerics-choices.md).
+void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const RigidMotion& frame,
+            const SolidWork& work, SolidState& state, AdvectWorkspace& packed);
 
 // Largest difference of a velocity component between neighbouring nodes that hold data, over h [1/s].
 double largest_strain_rate(const Parallel& parallel, const SolidState& state);

@@ -36,13 +36,20 @@ Momenta MomentSums::momenta(const Vec3d& origin) const {
   return out;
 }
 
-RigidMotion missing_motion(const Momenta& target, const Momenta& now) {
+RigidMotion rigid_motion(const Momenta& momenta) {
   RigidMotion motion;
-  if (!(now.mass > 0.0)) return motion;
-  const Vec3d linear = (target.linear - now.linear) / now.mass;
-  const Vec3d angular = now.inertia.ldlt().solve(target.angular - now.angular);
-  if (linear.allFinite() && angular.allFinite()) motion = {now.center, linear, angular};
+  if (!(momenta.mass > 0.0)) return motion;
+  const Vec3d linear = momenta.linear / momenta.mass;
+  const Vec3d angular = momenta.inertia.ldlt().solve(momenta.angular);
+  if (linear.allFinite() && angular.allFinite()) motion = {momenta.center, linear, angular};
   return motion;
+}
+
+RigidMotion missing_motion(const Momenta& target, const Momenta& now) {
+  Momenta missing = now;
+  missing.linear = target.linear - now.linear;
+  missing.angular = target.angular - now.angular;
+  return rigid_motion(missing);
 }
 
 Momenta measure_momenta(const Parallel& parallel, const Band& band, const SolidWork& work, const Grid& nodes,

@@ -39,6 +39,8 @@ struct RigidMotion {
   Vec3d center = Vec3d::Zero(), linear = Vec3d::Zero(), angular = Vec3d::Zero();
   Vec3d at(const Vec3d& x) const { return linear + angular.cross(x - center); }
 };
+// Of a rigid body with these momenta; none where its mass or its inertia vanishes.
+RigidMotion rigid_motion(const Momenta& momenta);
 // What `now` lacks to have the momenta of `target`, whose centre is the same but for what the body has moved.
 RigidMotion missing_motion(const Momenta& target, const Momenta& now);
 

@@ -26,7 +26,7 @@ void add_surface(TestSolid& s, const Vec3d& center, double radius) {
 
 // Moves the solid by one step of a velocity field given in the whole world.
 void move(TestSolid& s, const std::function<Vec3d(const Vec3d&)>& velocity, double dt, solid::AdvectionScheme scheme,
-          int threads = 1) {
+          int threads = 1, const solid::RigidMotion& frame = {}) {
   const Parallel parallel(threads);
   const grid::Grid& g = s.global;
   grid::VectorField v;
@@ -39,7 +39,7 @@ void move(TestSolid& s, const std::function<Vec3d(const Vec3d&)>& velocity, doub
   solid::update_velocity(parallel, g, v, s.state, s.work);
   solid::predict_surface(parallel, dt, s.state);
   solid::AdvectWorkspace packed;
-  solid::advect(parallel, scheme, dt, s.work, s.state, packed);
+  solid::advect(parallel, scheme, dt, frame, s.work, s.state, packed);
   solid::correct_surface(parallel, s.rest, s.state);
   solid::follow_solid(g, s.rest, s.state);
 }
