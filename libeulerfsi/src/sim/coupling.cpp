@@ -342,8 +342,13 @@ void assemble_velocity_system(const Parallel& parallel, const Scene& scene, doub
   if (scene.solids.empty()) return;
   ScopedTimer timer(profile, Stage::kComputeG);
   std::vector<system::SolidRef> refs;
-  for (std::size_t l = 0; l < scene.solids.size(); ++l)
-    refs.push_back({&scene.solids[l], &state.solids[l], &work.solids[l]});
+  for (std::size_t l = 0; l < scene.solids.size(); ++l) {
+    const solid::SolidRest& rest = scene.solids[l];
+    const double share = scene.params.numerics.implicit_share_by_pace
+                             ? system::least_implicit_share(dt, std::sqrt(rest.elastic.mu / rest.density), scene.grid.h)
+                             : 1.0;
+    refs.push_back({&rest, &state.solids[l], &work.solids[l], share});
+  }
   work.velocity_system.assemble(parallel, scene.grid, work.fixed, refs, work.mass, dt);
   // f* = M (v + dt f_ext / m) + dt f_int
   work.velocity_system.gather(parallel, work.velocity, work.v_star);

@@ -11,8 +11,14 @@ namespace efsi::system {
 namespace {
 
 constexpr std::size_t kLanes = solid::kBlock;
+constexpr double kLeastShare = 0.5;  // stable with a linear material whatever the step
+constexpr double kShareOfPace = 0.4;
 
 }  // namespace
+
+double least_implicit_share(double dt, double shear_speed, double h) {
+  return std::clamp(kShareOfPace * dt * shear_speed / h, kLeastShare, 1.0);
+}
 
 void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, const std::vector<std::uint8_t>& fixed,
                               std::span<const SolidRef> solids, const std::vector<Real>& mass, double dt) {
@@ -60,7 +66,7 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
         }
     unknown_begin_.push_back(node_.size());
     element_begin_.push_back(element_begin_.back() + static_cast<std::int32_t>(s.work->element_cell.size()));
-    stiffness_factor_.push_back(static_cast<Real>(dt * dt + dt * s.rest->rayleigh_beta));
+    stiffness_factor_.push_back(static_cast<Real>(s.implicit_share * dt * dt + dt * s.rest->rayleigh_beta));
   }
 
   node_mass_.resize(node_.size());

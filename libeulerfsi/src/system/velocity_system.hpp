@@ -22,7 +22,14 @@ struct SolidRef {
   const solid::SolidRest* rest;
   solid::SolidState* state;
   solid::SolidWork* work;
+  double implicit_share = 1.0;  // s in M + dt C + s dt^2 K; 1 is Eq. 8
 };
+
+// The smallest share of the stiffness that leaves a step stable and damps what it cannot resolve: 1/2 where elastic
+// waves pass no more than a cell or so in a step, 1 (backward Euler) where they pass many. Half of it takes half as
+// much energy from a swing, and the velocity is that of the middle of the step (docs/numerics-choices.md). shear_speed:
+// of elastic waves [m/s].
+double least_implicit_share(double dt, double shear_speed, double h);
 
 enum class VelocitySolver : std::int32_t { kPcg = 0, kPcr = 1 };
 
@@ -74,7 +81,7 @@ class VelocitySystem {
   std::vector<Real> inertia_;                        // M + dt alpha M_s per unknown [kg]
   std::vector<Real> node_mass_;                      // M per unknown [kg]
   std::vector<Real> free_;
-  std::vector<Real> stiffness_factor_;  // dt^2 + dt beta per solid
+  std::vector<Real> stiffness_factor_;  // share dt^2 + dt beta per solid
   std::vector<Real> inverse_diagonal_;
   std::vector<Real> element_out_;  // block, 24 values, lane
   std::vector<Real> masked_;

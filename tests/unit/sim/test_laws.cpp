@@ -118,7 +118,7 @@ TEST_CASE("Noise in the map of a ball that flies through vacuum dies away at eve
     }
     INFO(cells << " cells per step: elastic energy " << start << " J after a step, " << late
                << " J at most in the last ten");
-    CHECK(late < 0.1 * start);
+    CHECK(late < 0.5 * start);
   }
 }
 
@@ -146,7 +146,7 @@ TEST_CASE("A ball hits the floor in small steps without losing its shape or gain
   }
   INFO("energy " << highest / energy(first) << ", det F " << low << " to " << high << ", up " << up << " m/s");
   CHECK(clamped == 0);
-  CHECK(highest < 1.05 * energy(first));
+  CHECK(highest < 1.1 * energy(first));
   CHECK(up > 1.5);
 }
 
@@ -169,7 +169,8 @@ TEST_CASE("A spinning ball keeps its spin, and its energy does not grow", "[law]
 
 TEST_CASE("A stretched ball in vacuum swings at the frequency of Lamb's spheroidal mode", "[law]") {
   // omega R / c_s = 2.665622 for l = 2 of an incompressible sphere. Two sign changes of the same direction are a
-  // period; 7 cells per radius and 40 backward Euler steps a period leave 8 %.
+  // period; 7 cells per radius leave 6 %. Half of the stiffness is implicit: a period keeps 0.38 of the
+  // energy, backward Euler 0.14.
   constexpr double kRoot = 2.665622, kPi = 3.14159265358979323846;
   const double period = 2.0 * kPi * kRadius / (kRoot * std::sqrt(kShearModulus / 1000.0));
   sim::Params p = box_params(Vec3d::Ones());
@@ -192,8 +193,11 @@ TEST_CASE("A stretched ball in vacuum swings at the frequency of Lamb's spheroid
     CHECK(d.kinetic_energy + d.elastic_energy < 1.01 * start);
   }
   REQUIRE(crossings.size() == 3);
-  INFO("period " << crossings[2] - crossings[0] << " s, exact " << period << " s");
-  CHECK(crossings[2] - crossings[0] == Approx(period).epsilon(0.08));
+  const auto end = s->diagnose_solid(0);
+  const double kept = (end.kinetic_energy + end.elastic_energy) / start;
+  INFO("period " << crossings[2] - crossings[0] << " s, exact " << period << " s, energy kept " << kept);
+  CHECK(crossings[2] - crossings[0] == Approx(period).epsilon(0.07));
+  CHECK(kept > 0.3);
 }
 
 TEST_CASE("A ball under a lasting load towards its centre is not compressed", "[law]") {

@@ -115,7 +115,7 @@ TEST_CASE("A bouncing ball keeps its volume and its mass, by mesh and by cells",
   CHECK(leak < 0.02);
   CHECK(leak_solid < 0.02);
   // No energy out of nothing.
-  CHECK(energy < 1.02 * (start.kinetic_energy + start.mass * 9.8 * start.center[1]));
+  CHECK(energy < 1.03 * (start.kinetic_energy + start.mass * 9.8 * start.center[1]));
 }
 
 TEST_CASE("A squashed ball returns to its rest shape", "[law]") {
