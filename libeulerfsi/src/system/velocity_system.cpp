@@ -11,7 +11,7 @@ namespace efsi::system {
 namespace {
 
 constexpr std::size_t kLanes = solid::kBlock;
-constexpr double kLeastShare = 0.5;  // stable with a linear material whatever the step
+constexpr double kLeastShare = 0.6;  // from 1/2 on a step is stable with a linear material
 constexpr double kShareOfPace = 0.4;
 
 }  // namespace

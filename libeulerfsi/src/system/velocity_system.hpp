@@ -25,10 +25,9 @@ struct SolidRef {
   double implicit_share = 1.0;  // s in M + dt C + s dt^2 K; 1 is Eq. 8
 };
 
-// The smallest share of the stiffness that leaves a step stable and damps what it cannot resolve: 1/2 where elastic
-// waves pass no more than a cell or so in a step, 1 (backward Euler) where they pass many. Half of it takes half as
-// much energy from a swing, and the velocity is that of the middle of the step (docs/numerics-choices.md). shear_speed:
-// of elastic waves [m/s].
+// The share of the stiffness that leaves a step stable and damps what it cannot resolve: 0.6 where elastic waves pass
+// no more than a cell or so in a step, 1 (backward Euler) where they pass many. A mode of frequency omega loses share
+// (omega dt)^2 of its energy in a step (docs/numerics-choices.md). shear_speed: of elastic waves [m/s].
 double least_implicit_share(double dt, double shear_speed, double h);
 
 enum class VelocitySolver : std::int32_t { kPcg = 0, kPcr = 1 };

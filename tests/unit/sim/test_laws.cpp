@@ -169,7 +169,7 @@ TEST_CASE("A spinning ball keeps its spin, and its energy does not grow", "[law]
 
 TEST_CASE("A stretched ball in vacuum swings at the frequency of Lamb's spheroidal mode", "[law]") {
   // omega R / c_s = 2.665622 for l = 2 of an incompressible sphere. Two sign changes of the same direction are a
-  // period; 7 cells per radius leave 6 %. Half of the stiffness is implicit: a period keeps 0.38 of the
+  // period; 7 cells per radius leave 6 %. 0.6 of the stiffness is implicit: a period keeps 0.3 of the
   // energy, backward Euler 0.14.
   constexpr double kRoot = 2.665622, kPi = 3.14159265358979323846;
   const double period = 2.0 * kPi * kRadius / (kRoot * std::sqrt(kShearModulus / 1000.0));
@@ -197,7 +197,7 @@ TEST_CASE("A stretched ball in vacuum swings at the frequency of Lamb's spheroid
   const double kept = (end.kinetic_energy + end.elastic_energy) / start;
   INFO("period " << crossings[2] - crossings[0] << " s, exact " << period << " s, energy kept " << kept);
   CHECK(crossings[2] - crossings[0] == Approx(period).epsilon(0.07));
-  CHECK(kept > 0.3);
+  CHECK(kept > 0.25);
 }
 
 TEST_CASE("A ball under a lasting load towards its centre is not compressed", "[law]") {
