@@ -2,14 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "linalg/reduce.hpp"
 
 namespace efsi::linalg {
 namespace {
 
-constexpr int kBestInterval = 8;    // iterations
-constexpr double kRounding = 1e-6;  // of |b|: a residual below is noise
+constexpr int kBestInterval = 8;                                          // iterations
+constexpr double kRounding = 8.0 * std::numeric_limits<Real>::epsilon();  // of |b|: a residual below is noise
 
 }  // namespace
 
