@@ -14,7 +14,7 @@ typedef struct EfsiStepInfo {
   uint64_t steps; /* steps that this call made */
   uint64_t velocity_iterations;
   uint64_t pressure_iterations;
-  double velocity_residual;      /* relative, last solve */
+  double velocity_residual;      /* relative, last solve, to what the preset stops on */
   double pressure_residual;      /* relative, last solve, in the norm that the preset stops on */
   double divergence_before;      /* 2-norm of div v before the projection [1/s] */
   double divergence_after;       /* 2-norm of div of the velocity that moves u and smoke [1/s] */
