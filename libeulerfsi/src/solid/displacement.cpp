@@ -114,10 +114,11 @@ EFSI_INLINE Quad place_after(const PackedSampler& sampler, const FrameMotion& fr
 
 // First sweep: f1(x) = f(x_d). reached: 1 where all around x_d there is data.
 EFSI_KERNEL void carry_row(const PackedSampler& nodes, const FrameMotion& motion, const Vec3i& points, const Row& row,
-                           bool paper, Real step, const std::uint8_t* layer, const PackedField& u, const PackedField& v,
-                           PackedField& first_u, PackedField& first_v, std::uint8_t* reached) {
+                           bool paper, Real step, const std::uint8_t* layer, AdvectWorkspace& packed,
+                           std::uint8_t* reached) {
   const PackedSampler sampler = nodes;
   const FrameMotion frame = motion;
+  const PackedField& v = packed.v;
   for (int i = 0; i < row.count; ++i) {
     const std::size_t n = row.node + static_cast<std::size_t>(i);
     reached[n] = 0;
@@ -128,8 +129,9 @@ EFSI_KERNEL void carry_row(const PackedSampler& nodes, const FrameMotion& motion
     const PackedSampler::Place at = sampler.place(from);
     static_assert(kExtensionLayers < 0x80 && grid::kNoLayer >= 0x80);
     if (corner_marks(points, layer, at.node).any & 0x8080) continue;
-    grid::store_quad(first_u.at(n), sampler.value(u, at));
-    grid::store_quad(first_v.at(n), sampler.value(v, at) + frame.velocity(from) / step);
+    grid::store_quad(packed.from.at(n), from);
+    grid::store_quad(packed.first_u.at(n), sampler.value(packed.u, at));
+    grid::store_quad(packed.first_v.at(n), sampler.value(v, at) + frame.velocity(from) / step);
     reached[n] = 1;
   }
 }
@@ -169,7 +171,7 @@ EFSI_KERNEL void correct_row(const PackedSampler& nodes, const FrameMotion& moti
     const std::size_t n = row.node + static_cast<std::size_t>(i);
     Quad u_new = {0, 0, 0, 0}, v_new = u_new;
     if (reached[n]) {
-      const Quad x = position(row, i), from = place_before(sampler, frame, packed.v, x, step);
+      const Quad x = position(row, i), from = grid::load_quad(packed.from.at(n));
       Quad error_u = grid::load_quad(packed.error_u.at(n)), error_v = grid::load_quad(packed.error_v.at(n));
       u_new = grid::load_quad(packed.first_u.at(n));
       v_new = grid::load_quad(packed.first_v.at(n));
@@ -201,12 +203,11 @@ void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const R
             const SolidWork& work, SolidState& state, AdvectWorkspace& packed) {
   const Grid& g = state.band.grid;
   const PackedSampler sampler(g);
-  const FrameMotion motion(g, frame, dt);
   const Real step = static_cast<Real>(dt / g.h);
   const bool paper = scheme == AdvectionScheme::kPaper;
-  const std::size_t count = g.node_count();
-  for (PackedField* field : packed.fields()) field->resize(count);
-  state.valid.resize(count);
+  const FrameMotion motion(g, paper ? RigidMotion{} : frame, dt);
+  packed.resize(g.node_count());
+  state.valid.resize(g.node_count());
   const auto for_rows = [&](const auto& body) {
     parallel.for_each(g.cells[2] + 1, [&](std::int64_t k) {
       for (int j = 0; j <= g.cells[1]; ++j)
@@ -224,8 +225,7 @@ void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const R
     }
   });
   for_rows([&](const Row& row) {
-    carry_row(sampler, motion, g.nodes(), row, paper, step, work.layer.data(), packed.u, packed.v, packed.first_u,
-              packed.first_v, state.valid.data());
+    carry_row(sampler, motion, g.nodes(), row, paper, step, work.layer.data(), packed, state.valid.data());
   });
   if (!paper) {
     for_rows([&](const Row& row) { measure_row(sampler, motion, g.nodes(), row, step, work.layer.data(), packed); });

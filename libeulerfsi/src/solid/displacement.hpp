@@ -23,20 +23,27 @@ enum class AdvectionScheme : std::int32_t { kMacCormack = 0, kPaper = 1 };
 void update_velocity(const Parallel& parallel, const Grid& global, const VectorField& velocity, SolidState& state,
                      SolidWork& work);
 
-// Packed fields of the band, shared by the solids: u, and v seen from the frame, before the advection; u and v after
-// its first sweep, and half the error of that. The fourth value of an error is 1 where it is known, 0 elsewhere.
+// Packed fields of the band, shared by the solids: u, and v seen from the frame, before the advection; x_d; u and v
+// after its first sweep, and half the error of that. The fourth value of an error is 1 where it is known, 0 elsewhere.
 struct AdvectWorkspace {
-  grid::PackedField u, v, first_u, first_v, error_u, error_v;
-  std::array<grid::PackedField*, 6> fields() { return {&u, &v, &first_u, &first_v, &error_u, &error_v}; }
+  grid::PackedField u, v, from, first_u, first_v, error_u, error_v;
+  static constexpr std::array kFields = {
+      &AdvectWorkspace::u,       &AdvectWorkspace::v,       &AdvectWorkspace::from,   &AdvectWorkspace::first_u,
+      &AdvectWorkspace::first_v, &AdvectWorkspace::error_u, &AdvectWorkspace::error_v};
+  void resize(std::size_t nodes) {
+    for (const auto field : kFields) (this->*field).resize(nodes);
+  }
   std::size_t bytes() const {
-    return u.bytes() + v.bytes() + first_u.bytes() + first_v.bytes() + error_u.bytes() + error_v.bytes();
+    std::size_t sum = 0;
+    for (const auto field : kFields) sum += (this->*field).bytes();
+    return sum;
   }
 };
 
 // Lines 19, 20 for u, and the transport of v by the same trace. Marks the nodes that hold data afterwards.
-// frame: the velocity field keeps its shape for the step in a frame with this motion; at rest: in that of the grid.
-// Elastic waves ride on the solid: where the field stays on the grid while the solid moves, a wave's displacement gets
-// out of step with its velocity by half of what the solid moves, and waves that run with it grow
+// frame: the velocity field keeps its shape for the step in a frame with this motion; at rest: in that of the grid, as
+// always in kPaper. Elastic waves ride on the solid: where the field stays on the grid while the solid moves, a wave's
+// displacement gets out of step with its velocity by half of what the solid moves, and waves that run with it grow
 // (docs/numerics-choices.md).
 void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const RigidMotion& frame,
             const SolidWork& work, SolidState& state, AdvectWorkspace& packed);

@@ -191,8 +191,8 @@ linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolve
   const linalg::Operator g = [&](const std::vector<Real>& in, std::vector<Real>& out) { apply(parallel, in, out); };
   linalg::SolveOptions options;
   options.tolerance = tolerance;
-  options.against_start = solver == VelocitySolver::kPcg;
   if (solver == VelocitySolver::kPcr) return linalg::pcr(parallel, g, inverse_diagonal_, b, x, options, pcr_);
+  options.against_start = true;
   const linalg::Operator jacobi = [&](const std::vector<Real>& r, std::vector<Real>& z) {
     linalg::multiply(parallel, z, inverse_diagonal_, r);
   };
