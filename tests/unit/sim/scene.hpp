@@ -64,6 +64,17 @@ inline std::unique_ptr<sim::Simulation> make_simulation(const sim::Params& p,
   return s;
 }
 
+// The same values at every call, within range / 2 of 0.
+inline std::vector<float> noise(std::size_t count, float range) {
+  std::vector<float> values(count);
+  std::uint32_t state = 12345;
+  for (float& x : values) {
+    state = state * 1664525u + 1013904223u;
+    x = range * (static_cast<float>(state >> 8) / 16777216.0f - 0.5f);
+  }
+  return values;
+}
+
 inline bool all_finite(const sim::State& state) {
   const auto check = [](const std::vector<Real>& v) {
     for (Real x : v)

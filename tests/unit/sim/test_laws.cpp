@@ -100,15 +100,7 @@ TEST_CASE("Noise in the map of a ball that flies through vacuum dies away at eve
     sim::SolidDesc d = ball_desc({0.2, 0.14, 0.2}, kRadius);
     d.velocity = {0.0, cells * p.voxel_size / 0.002, 0.0};
     auto s = make_simulation(p, {d});
-    const solid::SolidState& solid = s->state().solids[0];
-    const std::size_t count = solid.band.grid.node_count();
-    std::uint32_t random = 12345;
-    std::vector<float> u(3 * count);
-    for (float& x : u) {
-      random = random * 1664525u + 1013904223u;
-      x = 4e-5f * (static_cast<float>(random >> 8) / 16777216.0f - 0.5f);
-    }
-    s->set_solid_field(0, false, u.data());
+    s->set_solid_field(0, false, noise(3 * s->state().solids[0].band.grid.node_count(), 4e-5f).data());
     double start = 0.0, late = 0.0;
     for (int n = 0; n < 50; ++n) {
       s->step(0.002);

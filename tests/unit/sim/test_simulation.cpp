@@ -288,14 +288,7 @@ TEST_CASE("Absurd speeds are survived or reported") {
 
 TEST_CASE("A random displacement inside a solid ends without a value that is not finite") {
   auto s = small_scene(small_params(1));
-  const grid::Grid g = s->state().solids[0].band.grid;
-  std::vector<float> u(3 * g.node_count());
-  std::uint32_t state = 12345;
-  for (float& x : u) {
-    state = state * 1664525u + 1013904223u;
-    x = 0.08f * (static_cast<float>(state >> 8) / 16777216.0f - 0.5f);
-  }
-  s->set_solid_field(0, false, u.data());
+  s->set_solid_field(0, false, noise(3 * s->state().solids[0].band.grid.node_count(), 0.08f).data());
   try {
     s->advance(0.05, {});
   } catch (const Error& error) {
