@@ -11,7 +11,7 @@ extern "C" {
 struct EfsiSim;
 
 #define EFSI_FIELD_VELOCITY 0           /* v, nodes, 3 components [m/s] */
-#define EFSI_FIELD_PRESSURE 1           /* p, cells [Pa] */
+#define EFSI_FIELD_PRESSURE 1           /* p less what is hydrostatic in the fluid, cells [Pa] */
 #define EFSI_FIELD_SMOKE_DENSITY 2      /* cells */
 #define EFSI_FIELD_SMOKE_TEMPERATURE 3  /* cells [K] */
 #define EFSI_FIELD_SOLID_FRACTION 4     /* part of each cell that solids fill, cells */

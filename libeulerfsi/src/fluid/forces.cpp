@@ -57,12 +57,6 @@ void vorticity_plane(const Grid& g, const VectorField& velocity, int k, Vorticit
   }
 }
 
-// out = in + kick where there is matter; s: specific volume. out may be in.
-EFSI_KERNEL void push_row(int n, Real kick, const Real* s, const Real* in, Real* out) {
-#pragma omp simd
-  for (int i = 0; i < n; ++i) out[i] = in[i] + (s[i] > 0 ? kick : Real(0));
-}
-
 // v += kick (N x omega) at interior nodes of a row, N the direction in which |omega| grows; only where the node and its
 // 6 neighbours are all fluid. m: magnitude, s: specific volume, w: vorticity.
 EFSI_KERNEL void confine_row(int n, Real kick, Real fluid_volume, const Rows& m, const Rows& s, const Real* w_x,
@@ -84,9 +78,9 @@ EFSI_KERNEL void confine_row(int n, Real kick, Real fluid_volume, const Rows& m,
   }
 }
 
-// out = in + push + confinement f = epsilon h (N x omega). The vorticity lives on three planes that pass through the
+// out = in + confinement f = epsilon h (N x omega). The vorticity lives on three planes that pass through the
 // grid.
-void add_confinement(const Parallel& parallel, const Grid& g, double epsilon, double dt, const Vec3& push,
+void add_confinement(const Parallel& parallel, const Grid& g, double epsilon, double dt,
                      const std::vector<Real>& specific_volume, Real fluid_volume, const VectorField& in,
                      VectorField& out) {
   const Real kick = static_cast<Real>(epsilon * g.h * dt);
@@ -102,8 +96,7 @@ void add_confinement(const Parallel& parallel, const Grid& g, double epsilon, do
       for (int j = 0; j <= g.cells[1]; ++j) {
         const std::size_t n = g.node(0, j, k), r = g.node(0, j, 0);
         const Real* s = specific_volume.data() + n;
-        for (std::size_t a = 0; a < 3; ++a)
-          push_row(count, push[static_cast<Eigen::Index>(a)], s, in.c[a].data() + n, out.c[a].data() + n);
+        for (std::size_t a = 0; a < 3; ++a) std::copy_n(in.c[a].data() + n, count, out.c[a].data() + n);
         if (k == 0 || j == 0 || k == g.cells[2] || j == g.cells[1]) continue;
         const VorticityPlane& here = vorticity(k);
         const Real* m = here.magnitude.data() + r;
@@ -132,24 +125,15 @@ std::uint64_t add_body_forces(const Parallel& parallel, const Grid& g, const Flu
                               const Vec3d& gravity, double dt, const std::vector<Real>& specific_volume,
                               VectorField& velocity) {
   std::uint64_t visited = 0;
+  if (!params.present) return visited;
   const Real fluid_volume = static_cast<Real>(1.0 / params.density);
-  const Vec3 push = (dt * gravity).cast<Real>();
-  if (params.present && params.vorticity_confinement > 0.0) {
+  if (params.vorticity_confinement > 0.0) {
     for (auto& component : state.velocity.c) component.resize(g.node_count());
-    add_confinement(parallel, g, params.vorticity_confinement, dt, push, specific_volume, fluid_volume, velocity,
+    add_confinement(parallel, g, params.vorticity_confinement, dt, specific_volume, fluid_volume, velocity,
                     state.velocity);
     std::swap(velocity.c, state.velocity.c);
     visited += g.node_count();
-  } else if (!push.isZero(0)) {
-    parallel.for_each(static_cast<std::int64_t>(g.cells[1] + 1) * (g.cells[2] + 1), [&](std::int64_t row) {
-      const std::size_t n = static_cast<std::size_t>(row) * g.node_stride(1);
-      for (std::size_t a = 0; a < 3; ++a) {
-        Real* v = velocity.c[a].data() + n;
-        push_row(g.cells[0] + 1, push[static_cast<Eigen::Index>(a)], specific_volume.data() + n, v, v);
-      }
-    });
   }
-  if (!params.present) return visited;
   const bool by_smoke = params.smoke_buoyancy != 0.0 && !state.smoke.empty();
   const bool by_heat = params.temperature_buoyancy != 0.0 && !state.temperature.empty();
   if ((by_smoke || by_heat) && gravity.norm() > 0.0) {

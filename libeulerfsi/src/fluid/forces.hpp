@@ -7,9 +7,9 @@
 
 namespace efsi::fluid {
 
-// velocity += dt gravity where there is matter (specific volume > 0); += dt (buoyancy + confinement) at nodes whose
-// specific volume equals the fluid's. state: smoke and temperature are read; its velocity, which `velocity` stands for
-// during a step, is scratch. Returns the number of nodes visited.
+// velocity += dt (buoyancy of smoke + confinement) at nodes whose specific volume equals the fluid's. The weight of
+// matter is not in it. state: smoke and temperature are read; its velocity, which `velocity` stands for during a step,
+// is scratch. Returns the number of nodes visited.
 std::uint64_t add_body_forces(const Parallel& parallel, const Grid& g, const FluidParams& params, FluidState& state,
                               const Vec3d& gravity, double dt, const std::vector<Real>& specific_volume,
                               VectorField& velocity);

@@ -240,6 +240,42 @@ void combine_masses(const Parallel& parallel, const Scene& scene, const State& s
   }
 }
 
+// The nodes at the surfaces of solids along which the fluid slips: not at walls, nor where solids meet. Before the
+// masses of solids are added to work.mass.
+void find_slip_nodes(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work) {
+  work.slip = {};
+  if (!scene.params.numerics.fluid_slips || !scene.params.fluid.present || scene.solids.empty()) return;
+  const Grid& g = scene.grid;
+  const std::vector<std::uint8_t> owned = solid_cells(parallel, scene, state, work);
+  std::vector<std::uint8_t> carriers(g.node_count(), 0);
+  for (std::size_t l = 0; l < scene.solids.size(); ++l)
+    for_band_nodes(parallel, state.solids[l].band, [&](std::size_t local, int i, int j, int k) {
+      if (work.solids[l].carries[local]) ++carriers[g.node(i, j, k)];
+    });
+  std::vector<std::vector<system::SlipNode>> planes(static_cast<std::size_t>(g.cells[2] + 1));
+  for (std::size_t l = 0; l < scene.solids.size(); ++l)
+    for_band_nodes(parallel, state.solids[l].band, [&](std::size_t local, int i, int j, int k) {
+      const std::size_t n = g.node(i, j, k);
+      const bool face = i == 0 || j == 0 || k == 0 || i == g.cells[0] || j == g.cells[1] || k == g.cells[2];
+      const Real solid_mass = work.solids[l].mass[local], fluid_mass = work.mass[n];
+      if (face || carriers[n] != 1 || !work.solids[l].carries[local] || !(solid_mass > 0) || !(fluid_mass > 0)) return;
+      system::SlipNode node{n, i, j, k, l, 0, Vec3::Zero(), solid_mass, fluid_mass};
+      for (std::size_t a = 0; a < 8; ++a) {
+        const auto& corner = grid::kCorner[a];
+        if (!owned[g.padded(i - corner[0], j - corner[1], k - corner[2])]) continue;
+        node.solid_cells = static_cast<std::uint8_t>(node.solid_cells | (1u << a));
+        for (std::size_t axis = 0; axis < 3; ++axis)
+          node.normal[static_cast<Eigen::Index>(axis)] += corner[axis] ? 1 : -1;
+      }
+      if (node.normal.isZero()) return;  // solid on opposite sides
+      node.normal.normalize();
+      planes[static_cast<std::size_t>(k)].push_back(node);
+    });
+  std::vector<system::SlipNode> nodes;
+  for (const auto& plane : planes) nodes.insert(nodes.end(), plane.begin(), plane.end());
+  work.slip = system::SlipNodes(g, std::move(nodes));
+}
+
 // 1 along periodic axes of a box from which nothing flows out.
 Vec3d conserved_axes(const Scene& scene) {
   const grid::Walls& walls = scene.params.walls;
@@ -289,26 +325,77 @@ void compute_masses(const Parallel& parallel, const Scene& scene, const State& s
   }
   ScopedTimer timer(profile, Stage::kFluidForces);
   combine_masses(parallel, scene, state, work, timer);
+  find_slip_nodes(parallel, scene, state, work);
   work.masses_ready = true;
 }
 
-void combine_velocities(const Parallel& parallel, const Scene& scene, State& state, Workspace& work) {
+namespace {
+
+constexpr double kMostLift = 10.0;
+
+// What gravity changes in the velocities of the fluid and of each solid in a step [m/s].
+struct Weight {
+  Vec3 fluid;
+  std::vector<Vec3> solids;
+};
+
+// Weight less the buoyancy in an ambient density, whose hydrostatic pressure the pressure leaves out: the fluid's. So a
+// solid floats by what it weighs and not by how the stairs of its cells sum up the pressure, and what has the fluid's
+// density stays at rest. A light solid is not pushed with more than kMostLift times its weight, which the pressure
+// would have to take back.
+Weight weight_in_step(const Scene& scene, double dt, const Workspace& work) {
+  const bool fluid = scene.params.fluid.present;
+  double ambient = fluid ? scene.params.fluid.density : 0.0;
+  for (const solid::SolidRest& solid : scene.solids) ambient = std::min(ambient, kMostLift * solid.density);
+  const Vec3d kick = dt * scene.params.gravity;
+  Weight weight;
+  weight.fluid = ((fluid ? 1.0 - ambient / scene.params.fluid.density : 0.0) * kick).cast<Real>();
+  for (std::size_t l = 0; l < scene.solids.size(); ++l) {
+    const solid::SolidRest& rest = scene.solids[l];
+    const double mass = work.solids[l].total_mass;
+    const double density = rest.compressible && mass > 0.0 ? mass / work.solids[l].volume : rest.density;
+    weight.solids.push_back(((1.0 - ambient / density) * kick).cast<Real>());
+  }
+  return weight;
+}
+
+}  // namespace
+
+void combine_velocities(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work) {
   const Grid& g = scene.grid;
+  const Weight weight = weight_in_step(scene, dt, work);
   if (scene.params.fluid.present)
     std::swap(work.velocity.c, state.fluid.velocity.c);  // the advection gives it back
   else
     for (auto& component : work.velocity.c) fill(parallel, component, g.node_count(), Real(0));
+  if (!weight.fluid.isZero(0))
+    for (std::size_t a = 0; a < 3; ++a) {
+      Real* v = work.velocity.c[a].data();
+      const Real kick = weight.fluid[static_cast<Eigen::Index>(a)];
+      parallel.for_each(static_cast<std::int64_t>(g.node_count()), [=](std::int64_t n) { v[n] += kick; });
+    }
+  std::vector<Vec3> fluid_velocity;  // at slip nodes, where nothing is mixed
+  for (const system::SlipNode& n : work.slip.nodes()) fluid_velocity.push_back(work.velocity.at(n.node));
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     const solid::SolidState& solid = state.solids[l];
+    const Real* push = weight.solids[l].data();
     for_band_nodes(parallel, solid.band, [&](std::size_t local, int i, int j, int k) {
       const Real m = work.solids[l].mass[local];
       if (!(m > 0)) return;
       const std::size_t n = g.node(i, j, k);
       const Real total = work.mass[n] + m;
       for (std::size_t a = 0; a < 3; ++a)
-        work.velocity.c[a][n] = (work.mass[n] * work.velocity.c[a][n] + m * solid.v.c[a][local]) / total;
+        work.velocity.c[a][n] = (work.mass[n] * work.velocity.c[a][n] + m * (solid.v.c[a][local] + push[a])) / total;
       work.mass[n] = total;
     });
+  }
+  for (std::size_t t = 0; t < fluid_velocity.size(); ++t) {
+    const system::SlipNode& n = work.slip.nodes()[t];
+    const solid::SolidState& solid = state.solids[n.solid];
+    const Vec3i& lo = solid.band.lo;
+    work.slip.solid_velocity()[t] =
+        weight.solids[n.solid] + solid.v.at(solid.band.grid.node(n.i - lo[0], n.j - lo[1], n.k - lo[2]));
+    work.velocity.set(n.node, fluid_velocity[t]);
   }
   if (scene.solids.empty() && work.uniform_ready) return;
   const double h3 = g.h * g.h * g.h;
@@ -334,6 +421,7 @@ void add_external_forces(const Parallel& parallel, const Scene& scene, double dt
   const std::uint64_t visited = fluid::add_body_forces(parallel, g, scene.params.fluid, state.fluid,
                                                        scene.params.gravity, dt, work.specific_volume, work.velocity);
   timer.visited(visited, 4 * sizeof(Real));
+  work.slip.share_normal(parallel, work.velocity);
   enforce_walls(parallel, g, work.fixed, work.velocity);
 }
 
@@ -349,16 +437,20 @@ void assemble_velocity_system(const Parallel& parallel, const Scene& scene, doub
                              : 1.0;
     refs.push_back({&rest, &state.solids[l], &work.solids[l], share});
   }
-  work.velocity_system.assemble(parallel, scene.grid, work.fixed, refs, work.mass, dt);
+  work.velocity_system.assemble(parallel, scene.grid, work.fixed, refs, work.mass, work.slip, dt);
   // f* = M (v + dt f_ext / m) + dt f_int
-  work.velocity_system.gather(parallel, work.velocity, work.v_star);
+  {
+    const system::SolidView view(parallel, work.slip, work.velocity);
+    work.velocity_system.gather(parallel, work.velocity, work.v_star);
+  }
   work.velocity_system.internal_force(parallel, work.f_star);
-  const auto& mass = work.velocity_system.node_mass();
+  std::vector<Real> momentum;
+  work.velocity_system.multiply_mass(parallel, work.v_star, momentum);
   const auto& free = work.velocity_system.free();
   const Real step = static_cast<Real>(dt);
   parallel.for_each(work.velocity_system.unknowns(), [&](std::int64_t u) {
     for (std::size_t i = 3 * static_cast<std::size_t>(u); i < 3 * static_cast<std::size_t>(u) + 3; ++i)
-      work.f_star[i] = free[i] * (mass[static_cast<std::size_t>(u)] * work.v_star[i] + step * work.f_star[i]);
+      work.f_star[i] = free[i] * (momentum[i] + step * work.f_star[i]);
   });
   timer.visited(static_cast<std::uint64_t>(work.velocity_system.unknowns()), 30 * sizeof(Real));
 }
@@ -374,7 +466,11 @@ void solve_velocity(const Parallel& parallel, const Scene& scene, double, Worksp
   info.velocity_residual = stats.residual;
   info.unconverged += !stats.converged;
   if (numerics.conserve_momentum) work.velocity_system.conserve_momentum(parallel, work.f_star, work.v_star);
-  work.velocity_system.scatter(parallel, work.v_star, work.velocity);
+  {
+    const system::SolidView view(parallel, work.slip, work.velocity);
+    work.velocity_system.scatter(parallel, work.v_star, work.velocity);
+  }
+  work.slip.follow_solid(parallel, work.velocity);
   timer.visited(static_cast<std::uint64_t>(work.velocity_system.unknowns()), 15 * sizeof(Real));
 }
 
@@ -391,7 +487,7 @@ void solve_pressure(const Parallel& parallel, const Scene& scene, double dt, Sta
       active = pressure_cells(parallel, scene, state, work, owned);
     }
     work.pressure_system.assemble(parallel, g, scene.params.walls, work.fixed, work.specific_volume, std::move(active),
-                                  std::move(owned));
+                                  std::move(owned), &work.slip);
     work.uniform_ready = scene.solids.empty();
   }
   work.source.clear();
@@ -480,6 +576,8 @@ void advect_fluid(const Parallel& parallel, const Scene& scene, double dt, State
         fluid::advect_smoke(parallel, scene.grid, corrected, dt, work.cell_fraction, state.fluid, work.advect);
     timer.visited(512 * tiles, 6 * sizeof(Real));
   }
+  for (const system::SlipNode& n : work.slip.nodes())  // fluid like any other: corrected
+    work.specific_volume[n.node] = static_cast<Real>(1.0 / scene.params.fluid.density);
   ScopedTimer timer(profile, Stage::kFluidAdvection);
   const std::uint64_t tiles =
       fluid::advect_velocity(parallel, scene.grid, corrected, dt, work.specific_volume,
@@ -490,12 +588,14 @@ void advect_fluid(const Parallel& parallel, const Scene& scene, double dt, State
 void measure_momentum(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work) {
   const Grid& g = scene.grid;
   work.solid_momenta.clear();
-  for (std::size_t l = 0; l < scene.solids.size(); ++l)
+  for (std::size_t l = 0; l < scene.solids.size(); ++l) {
+    const system::SolidView view(parallel, work.slip, work.velocity);
     work.solid_momenta.push_back(
         solid::measure_momenta(parallel, state.solids[l].band, work.solids[l], g, work.velocity));
+  }
   if (scene.solids.empty() || conserved_axes(scene).isZero()) return;
   const FluidSums all = sum_fluid(parallel, g, work.mass, work.velocity);  // work.mass: all matter
-  work.fluid_momentum = all.momentum;
+  work.fluid_momentum = all.momentum + work.slip.relative_momentum(work.velocity);
   for (const solid::Momenta& solid : work.solid_momenta) work.fluid_momentum -= solid.linear;
 }
 

@@ -1,5 +1,6 @@
 // Purpose: the lines of Algorithm 1 that join solids and fluid on the common grid.
-// Paper: Alg. 1 lines 7-11, 22; Sec. 4.2 (one velocity at a node: no slip between solid and fluid).
+// Paper: Alg. 1 lines 7-11, 22; Sec. 4.2. Where the paper has one velocity at a node, the fluid slips
+// (docs/deviations.md).
 #pragma once
 
 #include "sim/step.hpp"
@@ -10,10 +11,10 @@ namespace efsi::sim {
 // components.
 void compute_masses(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work,
                     Profile& profile);
-// v = sum_l m_l v_l / sum_l m_l over the solids and the fluid. Takes the fluid's velocity out of the state until its
-// advection.
-void combine_velocities(const Parallel& parallel, const Scene& scene, State& state, Workspace& work);
-// v += dt f_ext / m, emitters, walls.
+// v = sum_l m_l v_l / sum_l m_l over the solids and the fluid, each with its weight less its buoyancy; at slip nodes
+// the two stay apart. Takes the fluid's velocity out of the state until its advection.
+void combine_velocities(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work);
+// v += dt f_ext / m of the other forces, emitters, walls.
 void add_external_forces(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
                          ScopedTimer& timer);
 // Line 8: G and f* on the nodes that carry solids.

@@ -21,6 +21,7 @@ Numerics numerics_of(Preset preset) {
     n.implicit_share_by_pace = false;
     n.volume_source = false;
     n.conserve_momentum = false;
+    n.fluid_slips = false;
   }
   return n;
 }

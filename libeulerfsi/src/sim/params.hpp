@@ -29,6 +29,7 @@ struct Numerics {
   // The share of the stiffness that is implicit follows what elastic waves pass in a step; false: all of it (Eq. 8).
   bool implicit_share_by_pace = true;
   bool volume_source = true;      // b of Eq. 11 pulls det F back to 1
+  bool fluid_slips = true;        // beside a solid the fluid has a velocity of its own
   bool conserve_momentum = true;  // transport keeps linear and angular momentum
 };
 

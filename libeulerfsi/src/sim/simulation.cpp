@@ -364,7 +364,7 @@ FluidDiagnostics Simulation::diagnose_fluid() {
           s.speed = std::max(s.speed, part > 0.0 ? v.norm() : 0.0);
           for (int x = 0; x < 3; ++x) divergence += (grid::kCorner[a][x] ? v[x] : -v[x]) / (4.0 * grid_.h);
         }
-        s.divergence = std::max(s.divergence, std::abs(divergence));
+        if (part == 1.0) s.divergence = std::max(s.divergence, std::abs(divergence));
       }
   });
   for (const Sums& s : planes) {

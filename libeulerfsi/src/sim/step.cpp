@@ -33,7 +33,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   }
   {
     ScopedTimer timer(profile, Stage::kFluidForces);
-    combine_velocities(parallel, scene, state, work);
+    combine_velocities(parallel, scene, dt, state, work);
     add_external_forces(parallel, scene, dt, state, work, timer);
   }
   assemble_velocity_system(parallel, scene, dt, state, work, profile);  // Alg. 1 line 8
@@ -46,6 +46,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   for (std::size_t l = 0; l < solids; ++l) {  // lines 12-21
     {
       ScopedTimer timer(profile, Stage::kSolidAdvection);
+      const system::SolidView view(parallel, work.slip, work.velocity);
       solid::update_velocity(parallel, g, work.velocity, state.solids[l], work.solids[l]);  // Alg. 1 lines 13, 18
       timer.visited(work.solids[l].layer.size(), 12 * sizeof(Real));
     }

@@ -8,12 +8,14 @@
 #include "solid/displacement.hpp"
 #include "solid/momentum.hpp"
 #include "system/pressure_solve.hpp"
+#include "system/slip.hpp"
 #include "system/velocity_system.hpp"
 
 namespace efsi::sim {
 
 struct Workspace {
-  grid::VectorField velocity;         // the one velocity of Eq. 11 at the nodes [m/s]
+  grid::VectorField velocity;         // the velocity of Eq. 11 at the nodes, at slip nodes the fluid's [m/s]
+  system::SlipNodes slip;             // nodes where the fluid slips along a solid
   std::vector<std::uint8_t> fixed;    // per node: bit a: component a is fixed by a wall
   std::vector<Real> mass;             // all matter per node [kg]
   std::vector<Real> specific_volume;  // 1/density per node [m^3/kg]

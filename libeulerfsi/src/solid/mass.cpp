@@ -10,6 +10,8 @@
 namespace efsi::solid {
 namespace {
 
+constexpr double kMostWeight = 2.0;  // of an element: crumbs of a solid do not become rigid
+
 // Cells: further away the plane phi = 0 misses the cell. Half the cell's diagonal times a bound of the length of
 // F^-T grad phi, clamped as below; the slope of a distance is at most 1 along each axis.
 double cutting_distance(const Mat3d& inverse_f) {
@@ -113,6 +115,15 @@ void lump_mass(const Parallel& parallel, const SolidRest& rest, const SolidState
   });
 }
 
+// The elements stand for the whole body in the elastic energy, as their corners do in the mass.
+void weigh_elements(const SolidRest& rest, const Grid& g, SolidWork& work) {
+  double elements = 0.0;  // their rest volume in cells
+  for (std::int32_t c : work.element_cell)
+    elements += 1.0 / static_cast<double>(work.volume_ratio[static_cast<std::size_t>(c)]);
+  const double mass = rest.density * g.h * g.h * g.h * elements;
+  work.element_weight = mass > 0.0 ? std::clamp(work.total_mass / mass, 1.0 / kMostWeight, kMostWeight) : 1.0;
+}
+
 }  // namespace
 
 void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work) {
@@ -136,10 +147,12 @@ void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidSt
   });
   work.counted_mass = work.total_mass;
   const double weight = rest.density * state.rest_volume_cells;
-  if (!state.whole || !(work.total_mass > 0.0) || !(weight > 0.0)) return;
-  const Real factor = static_cast<Real>(weight / work.total_mass);
-  for (Real& m : work.mass) m *= factor;
-  work.total_mass = weight;
+  if (state.whole && work.total_mass > 0.0 && weight > 0.0) {
+    const Real factor = static_cast<Real>(weight / work.total_mass);
+    for (Real& m : work.mass) m *= factor;
+    work.total_mass = weight;
+  }
+  weigh_elements(rest, g, work);
 }
 
 void remember_elements(const SolidWork& work, SolidState& state) {

@@ -101,6 +101,9 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
   const std::size_t elements = work.element_cell.size();
   const auto points = static_cast<std::size_t>(points_per_element);
   work.resize_elements(points_per_element);
+  material::Elastic elastic = rest.elastic;
+  elastic.mu *= work.element_weight;
+  elastic.lambda *= work.element_weight;
 
   struct Range {
     double low = std::numeric_limits<double>::infinity(), high = 0.0, energy = 0.0;
@@ -122,9 +125,9 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
         const Deformation d = deformation_from_displacement(displacement_gradient(u, gradients, g.h));
         double energy = 0.0;
         const double volume = g.h * g.h * g.h / (static_cast<double>(points) * d.det);
-        ElementPoint point = linearise(rest.elastic, d, volume, energy);
+        ElementPoint point = linearise(elastic, d, volume, energy);
         if (points == 1) {
-          const double k = kHourglassFactor * rest.elastic.mu * g.h;
+          const double k = kHourglassFactor * elastic.mu * g.h;
           point.hourglass[0] = static_cast<Real>(k);
           for (int i = 0; i < 3; ++i) point.hourglass[i + 1] = static_cast<Real>(k / (d.stretch[i] * d.stretch[i]));
           for (const auto& sign : kHourglassSign) {

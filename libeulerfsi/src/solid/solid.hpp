@@ -80,6 +80,7 @@ struct SolidWork {
   std::uint64_t degenerate = 0;
   double volume = 0.0;  // by cell fractions [m^3]
   double total_mass = 0.0, counted_mass = 0.0;
+  double element_weight = 1.0;  // mass of the solid over that of its elements
   double elastic_energy = 0.0;  // [J]
   double max_speed = 0.0;
 

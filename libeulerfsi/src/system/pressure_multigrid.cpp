@@ -220,7 +220,8 @@ void set_mobility(const Parallel& parallel, const std::vector<Real>& specific_vo
 
 void PressureMultigrid::build(const Parallel& parallel, const Grid& g, const Walls& walls,
                               const std::vector<std::uint8_t>& fixed, const std::vector<Real>& specific_volume,
-                              std::vector<std::uint8_t> active) {
+                              std::vector<std::uint8_t> active, const SlipNodes* slip) {
+  slip_ = slip;
   std::size_t count = 0;
   const auto prepare = [&](const Grid& level_grid, const Walls& level_walls) -> Level& {
     if (levels_.size() <= count) levels_.emplace_back();
@@ -268,17 +269,40 @@ void PressureMultigrid::build(const Parallel& parallel, const Grid& g, const Wal
     set_mobility(parallel, level.specific_volume, level.op);
     compute_pressure_diagonal(parallel, level.op);
   }
+  if (slip_ && !slip_->empty()) {
+    std::vector<Real>& d = levels_[0].op.inverse_diagonal;
+    slip_->for_diagonal_terms(parallel, [&](std::size_t c, Real value) {
+      if (d[c] > 0) d[c] = 1 / (1 / d[c] + value);
+    });
+  }
 }
 
 void PressureMultigrid::apply(const Parallel& parallel, std::vector<Real>& x, std::vector<Real>& y) const {
   grid::fill_ghosts(finest().grid, x, Real(0));
   apply_pressure_operator(parallel, finest(), x, y);
+  add_slip(parallel, x, Real(1), y);
 }
 
 void PressureMultigrid::smooth(const Parallel& parallel, const PressureLevel& level, const std::vector<Real>& b,
                                std::vector<Real>& x, int step) const {
   grid::fill_ghosts(level.grid, x, Real(0));
-  smooth_pressure(parallel, level, b, kWeights[step % kDegree], x);
+  const Real weight = kWeights[step % kDegree];
+  const bool slips = slip_ && &level == &finest();
+  std::vector<SlipNodes::Pair> excess;  // of x before the step
+  if (slips) excess = slip_->excess(parallel, x);
+  smooth_pressure(parallel, level, b, weight, x);
+  if (slips)
+    slip_->for_terms(parallel, excess,
+                     [&](std::size_t c, Real value) { x[c] -= weight * level.inverse_diagonal[c] * value; });
+}
+
+void PressureMultigrid::add_slip(const Parallel& parallel, const std::vector<Real>& x, Real sign,
+                                 std::vector<Real>& y) const {
+  if (!slip_) return;
+  const auto& active = finest().active;
+  slip_->for_terms(parallel, slip_->excess(parallel, x), [&](std::size_t c, Real value) {
+    if (active.empty() || active[c]) y[c] += sign * value;
+  });
 }
 
 void PressureMultigrid::cycle(const Parallel& parallel, std::size_t l, const std::vector<Real>& b,
@@ -302,6 +326,7 @@ void PressureMultigrid::cycle(const Parallel& parallel, std::size_t l, const std
   Level& coarse = levels_[l + 1];
   grid::fill_ghosts(level.op.grid, x, Real(0));
   apply_pressure_operator(parallel, level.op, x, level.residual, &b);
+  if (l == 0) add_slip(parallel, x, Real(-1), level.residual);
   restrict_residual(parallel, level.op, level.residual, coarse.op, coarse.b);
   cycle(parallel, l + 1, coarse.b, coarse.x);
   prolong_and_add(parallel, coarse.op, coarse.x, level.op, x);

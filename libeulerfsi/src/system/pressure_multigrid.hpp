@@ -5,6 +5,7 @@
 #pragma once
 
 #include "system/divergence.hpp"
+#include "system/slip.hpp"
 
 namespace efsi::system {
 
@@ -12,9 +13,11 @@ class PressureMultigrid {
  public:
   // Rebuilds all levels. specific_volume: 1/density per node [m^3/kg]; 0: the node does not move.
   // active: padded cells with an equation; empty: all.
-  // fixed: per node of the finest grid, components that walls fix.
+  // fixed: per node of the finest grid, components that walls fix. slip: nodes of the finest grid with two velocities,
+  // or none; read until the next build.
   void build(const Parallel& parallel, const Grid& g, const Walls& walls, const std::vector<std::uint8_t>& fixed,
-             const std::vector<Real>& specific_volume, std::vector<std::uint8_t> active);
+             const std::vector<Real>& specific_volume, std::vector<std::uint8_t> active,
+             const SlipNodes* slip = nullptr);
   const PressureLevel& finest() const { return levels_.front().op; }
   // y = A x; fills the ghosts of x.
   void apply(const Parallel& parallel, std::vector<Real>& x, std::vector<Real>& y) const;
@@ -31,7 +34,10 @@ class PressureMultigrid {
   void cycle(const Parallel& parallel, std::size_t l, const std::vector<Real>& b, std::vector<Real>& x);
   void smooth(const Parallel& parallel, const PressureLevel& level, const std::vector<Real>& b, std::vector<Real>& x,
               int step) const;
+  // y += sign (A - A_1) x on the finest level, A_1 without slip. Ghosts of x must be filled.
+  void add_slip(const Parallel& parallel, const std::vector<Real>& x, Real sign, std::vector<Real>& y) const;
   std::vector<Level> levels_;
+  const SlipNodes* slip_ = nullptr;
 };
 
 }  // namespace efsi::system

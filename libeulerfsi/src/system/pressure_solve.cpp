@@ -26,11 +26,12 @@ double sum_cells(const Parallel& parallel, const Grid& g, const Term& term) {
 
 void PressureSystem::assemble(const Parallel& parallel, const Grid& g, const Walls& walls,
                               const std::vector<std::uint8_t>& fixed, const std::vector<Real>& specific_volume,
-                              std::vector<std::uint8_t> active, std::vector<std::uint8_t> solid_cell) {
+                              std::vector<std::uint8_t> active, std::vector<std::uint8_t> solid_cell, SlipNodes* slip) {
+  slip_ = slip;
   grid_ = g;
   walls_ = walls;
   solid_cell_ = std::move(solid_cell);
-  multigrid_.build(parallel, g, walls, fixed, specific_volume, std::move(active));
+  multigrid_.build(parallel, g, walls, fixed, specific_volume, std::move(active), slip);
 }
 
 bool PressureSystem::closed() const { return !walls_.any_open() && multigrid_.finest().active.empty(); }
@@ -49,6 +50,7 @@ bool PressureSystem::last_helps(const Parallel& parallel, const linalg::Operator
 linalg::SolveStats PressureSystem::solve(const Parallel& parallel, PressureSolver solver, const VectorField& velocity,
                                          const std::vector<Real>& source, double tolerance, std::vector<Real>& q) {
   compute_divergence(parallel, grid_, velocity, divergence_);
+  if (slip_) slip_->correct_divergence(parallel, velocity, divergence_);
   rhs_.assign(grid_.padded_count(), 0);
   const double volume = grid_.h * grid_.h * grid_.h;
   const auto& active = multigrid_.finest().active;
@@ -100,14 +102,16 @@ linalg::SolveStats PressureSystem::solve(const Parallel& parallel, PressureSolve
   return linalg::pcg(parallel, apply, precondition, rhs_, q, options, pcg_);
 }
 
-void PressureSystem::project(const Parallel& parallel, std::vector<Real>& q, VectorField& velocity) const {
+void PressureSystem::project(const Parallel& parallel, std::vector<Real>& q, VectorField& velocity) {
   grid::fill_ghosts(grid_, q, Real(0));
   subtract_pressure_gradient(parallel, multigrid_.finest(), q, velocity);
+  if (slip_) slip_->subtract_gradient(parallel, q, velocity);
 }
 
 DivergenceNorms PressureSystem::norms(const Parallel& parallel, const VectorField& velocity,
                                       const std::vector<Real>& source) {
   compute_divergence(parallel, grid_, velocity, divergence_);
+  if (slip_) slip_->correct_divergence(parallel, velocity, divergence_);
   const auto& active = multigrid_.finest().active;
   const auto value = [&](std::size_t c) {
     if (!active.empty() && !active[c]) return 0.0;

@@ -22,16 +22,16 @@ class PressureSystem {
  public:
   // specific_volume: 1/density per node, 0 where nothing moves [m^3/kg]; active: cells with an equation, empty: all.
   // solid_cell: padded cells owned by solids, may be empty; the tolerance is demanded of them by themselves, too.
-  // fixed: per node, components that walls fix.
+  // fixed: per node, components that walls fix. slip: nodes with two velocities, or none; used until the next call.
   void assemble(const Parallel& parallel, const Grid& g, const Walls& walls, const std::vector<std::uint8_t>& fixed,
                 const std::vector<Real>& specific_volume, std::vector<std::uint8_t> active,
-                std::vector<std::uint8_t> solid_cell);
+                std::vector<std::uint8_t> solid_cell, SlipNodes* slip = nullptr);
   // Solves for q with J v - source on the right; source: wanted div v per padded cell [1/s], may be empty. q holds a
   // guess, which multigrid takes only where it helps.
   linalg::SolveStats solve(const Parallel& parallel, PressureSolver solver, const VectorField& velocity,
                            const std::vector<Real>& source, double tolerance, std::vector<Real>& q);
   // v -= M^-1 J^T q
-  void project(const Parallel& parallel, std::vector<Real>& q, VectorField& velocity) const;
+  void project(const Parallel& parallel, std::vector<Real>& q, VectorField& velocity);
   DivergenceNorms norms(const Parallel& parallel, const VectorField& velocity, const std::vector<Real>& source);
   std::size_t bytes() const;
 
@@ -44,6 +44,7 @@ class PressureSystem {
   std::vector<std::uint8_t> solid_cell_;
   std::vector<Real> divergence_, rhs_;  // padded cells
   PressureMultigrid multigrid_;
+  SlipNodes* slip_ = nullptr;
   linalg::PcgWorkspace pcg_;
   linalg::PcrWorkspace pcr_;
 };

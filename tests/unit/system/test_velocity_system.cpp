@@ -44,7 +44,7 @@ struct Scene {
       for (std::size_t n = 0; n < mass.size(); ++n) mass[n] += s.work.mass[n];  // bands are the whole grid
       refs.push_back({&s.rest, &s.state, &s.work});
     }
-    system.assemble(Parallel(threads), g, fixed, refs, mass, kDt);
+    system.assemble(Parallel(threads), g, fixed, refs, mass, {}, kDt);
   }
   std::vector<Real> random_vector(unsigned seed) const {
     std::mt19937 random(seed);

@@ -1,0 +1,129 @@
+// Purpose: nodes at the surface of a solid that hold two velocities, the solid's and that of the fluid beside it.
+//
+// A cell sees the velocity of what owns it: the solid's in cells that carry stiffness, the fluid's in all others. Along
+// the normal n both velocities are one, across it each has its own mass m_s, m_f, so that an inviscid fluid slips:
+//   v_s -= n n.g / (m_s + m_f) + (I - n n^T) g_s / m_s,   g_s, g_f: J^T q of the solid's and of the fluid's cells,
+//   v_f -= n n.g / (m_s + m_f) + (I - n n^T) g_f / m_f,   g = g_s + g_f
+// n is the normal of the cells' stairs, parallel to the g_s of a constant pressure: no pressure as such pushes along
+// the surface, and what the pressure does in the solid does not act on the fluid's own velocity at all.
+#pragma once
+
+#include <vector>
+
+#include "base/parallel.hpp"
+#include "grid/grid.hpp"
+
+namespace efsi::system {
+
+struct SlipNode {
+  std::size_t node;  // of the grid
+  int i, j, k;       // on no face of the box
+  std::size_t solid;
+  std::uint8_t solid_cells;  // bit a: the cell that has this node as corner a (grid::kCorner) belongs to the solid
+  Vec3 normal;
+  Real solid_mass, fluid_mass;  // [kg]
+};
+
+class SlipNodes {
+ public:
+  SlipNodes() = default;
+  // nodes: in ascending order of their planes k.
+  SlipNodes(const grid::Grid& g, std::vector<SlipNode> nodes);
+  bool empty() const { return nodes_.empty(); }
+  const std::vector<SlipNode>& nodes() const { return nodes_; }
+  // v_s; the fields below hold v_f at these nodes.
+  std::vector<Vec3>& solid_velocity() { return solid_velocity_; }
+  // Exchanges v_s and v_f.
+  void swap(const Parallel& parallel, grid::VectorField& velocity);
+  // Gives v_s and v_f the same component along n and keeps their momentum.
+  void share_normal(const Parallel& parallel, grid::VectorField& velocity);
+  // Gives v_f the component of v_s along n.
+  void follow_solid(const Parallel& parallel, grid::VectorField& velocity) const;
+  // div v_f [1/s] at padded cells -> of the velocity that each cell sees.
+  void correct_divergence(const Parallel& parallel, const grid::VectorField& velocity,
+                          std::vector<Real>& divergence) const;
+
+  // A = J W J^T with two velocities here is A_1, with one velocity of mass m_s + m_f, and more: (A - A_1) x.
+  struct Pair {
+    Vec3 solid, fluid;
+  };
+  std::vector<Pair> excess(const Parallel& parallel, const std::vector<Real>& x) const;  // what nodes give their cells
+  // Calls body(padded cell, value) for the terms of (A - A_1) x, which add up.
+  template <class Body>
+  void for_terms(const Parallel& parallel, const std::vector<Pair>& excess, const Body& body) const {
+    for_cells(parallel, [&](std::size_t t, std::size_t corner, std::size_t cell) {
+      body(cell, side(corner).dot(in_solid(nodes_[t], corner) ? excess[t].solid : excess[t].fluid));
+    });
+  }
+  // Calls body(padded cell, value) for the terms of the diagonal of A - A_1.
+  template <class Body>
+  void for_diagonal_terms(const Parallel& parallel, const Body& body) const {
+    for_cells(parallel, [&](std::size_t t, std::size_t corner, std::size_t cell) {
+      const SlipNode& n = nodes_[t];
+      const Real mobility = 1 / (in_solid(n, corner) ? n.solid_mass : n.fluid_mass) - 1 / (n.solid_mass + n.fluid_mass);
+      body(cell, area() * area() * mobility * across(n.normal, side(corner)).squaredNorm());
+    });
+  }
+  // After v_f -= g / (m_s + m_f): what is left to do for both velocities.
+  void subtract_gradient(const Parallel& parallel, const std::vector<Real>& q, grid::VectorField& velocity);
+  // sum of m_s (v_s - v_f) [kg m/s]
+  Vec3d relative_momentum(const grid::VectorField& velocity) const;
+  std::size_t bytes() const;
+
+ private:
+  static bool in_solid(const SlipNode& n, std::size_t corner) { return n.solid_cells >> corner & 1u; }
+  static Vec3 across(const Vec3& normal, const Vec3& v) { return v - normal.dot(v) * normal; }
+  // +-1 per component: on which side of the cell's center the corner lies.
+  static Vec3 side(std::size_t corner) {
+    const auto& c = grid::kCorner[corner];
+    return Vec3(c[0] ? Real(1) : Real(-1), c[1] ? Real(1) : Real(-1), c[2] ? Real(1) : Real(-1));
+  }
+  std::size_t cell_at(const SlipNode& n, std::size_t corner) const {
+    const auto& c = grid::kCorner[corner];
+    return grid_.padded(n.i - c[0], n.j - c[1], n.k - c[2]);
+  }
+  Real area() const { return static_cast<Real>(grid_.h * grid_.h / 4.0); }
+  // Calls body(index, corner, padded cell) for the cells around the nodes; layers of cells in parallel.
+  template <class Body>
+  void for_cells(const Parallel& parallel, const Body& body) const {
+    if (nodes_.empty()) return;
+    parallel.for_each(grid_.cells[2], [&](std::int64_t layer) {
+      const auto k = static_cast<std::size_t>(layer);
+      for (std::size_t t = plane_begin_[k]; t < plane_begin_[k + 2]; ++t)
+        for (std::size_t corner = 0; corner < 8; ++corner)
+          if (nodes_[t].k - grid::kCorner[corner][2] == static_cast<int>(layer))
+            body(t, corner, cell_at(nodes_[t], corner));
+    });
+  }
+  template <class Body>
+  void for_nodes(const Parallel& parallel, const Body& body) const {
+    parallel.for_each(static_cast<std::int64_t>(nodes_.size()),
+                      [&](std::int64_t t) { body(nodes_[static_cast<std::size_t>(t)], static_cast<std::size_t>(t)); });
+  }
+  Pair impulses(const SlipNode& node, const std::vector<Real>& q) const;
+  static Pair slip(const SlipNode& node, const Pair& g);
+
+  grid::Grid grid_;
+  std::vector<SlipNode> nodes_;
+  std::vector<std::size_t> plane_begin_;  // first node of each plane of nodes, and the end
+  std::vector<Vec3> solid_velocity_;
+};
+
+// While it lives the field holds what the solids see.
+class SolidView {
+ public:
+  SolidView(const Parallel& parallel, SlipNodes& slip, grid::VectorField& velocity)
+      : parallel_(parallel), slip_(slip), velocity_(velocity) {
+    slip_.swap(parallel_, velocity_);
+  }
+  SolidView(const SolidView&) = delete;
+  SolidView& operator=(const SolidView&) = delete;
+  ~SolidView() { slip_.swap(parallel_, velocity_); }
+
+ private:
+  const Parallel& parallel_;
+  SlipNodes& slip_;
+  grid::VectorField& velocity_;
+};
+
+}  // namespace efsi::system

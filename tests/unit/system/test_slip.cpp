@@ -1,0 +1,212 @@
+// Purpose: two velocities at the nodes of a surface: the pressure operator against assembled matrices, and its laws.
+#include <catch2/catch.hpp>
+
+#include "reference/assembled_slip.hpp"
+#include "unit/system/pressure_case.hpp"
+
+using namespace efsi;
+using namespace efsi::test;
+
+namespace {
+
+constexpr double kTolerance = sizeof(Real) == 8 ? 1e-12 : 5e-6;
+
+// A ball of `density` times the fluid's in a box, its surface along the faces of cells.
+struct SlipCase : PressureCase {
+  system::SlipNodes slip;
+  std::vector<std::uint8_t> owned;  // padded cells
+
+  SlipCase(Vec3i cells, double density)
+      : PressureCase("slip", cells, std::array<grid::Wall, 6>{}, density), owned(g.padded_count(), 0) {
+    const Vec3d center = g.h * Vec3d(0.5 * cells[0] + 0.3, 0.5 * cells[1] - 0.2, 0.5 * cells[2] + 0.1);
+    for (int k = 0; k < cells[2]; ++k)
+      for (int j = 0; j < cells[1]; ++j)
+        for (int i = 0; i < cells[0]; ++i)
+          owned[g.padded(i, j, k)] = (g.cell_center(i, j, k) - center).norm() < 0.3 * g.h * cells[0];
+    std::vector<system::SlipNode> nodes;
+    const double eighth = g.h * g.h * g.h / 8.0;
+    for (int k = 1; k < cells[2]; ++k)
+      for (int j = 1; j < cells[1]; ++j)
+        for (int i = 1; i < cells[0]; ++i) {
+          system::SlipNode n{g.node(i, j, k), i, j, k, 0, 0, Vec3::Zero(), 0, 0};
+          int inside = 0;
+          for (std::size_t a = 0; a < 8; ++a) {
+            const auto& c = grid::kCorner[a];
+            if (!owned[g.padded(i - c[0], j - c[1], k - c[2])]) continue;
+            ++inside;
+            n.solid_cells = static_cast<std::uint8_t>(n.solid_cells | (1u << a));
+            n.normal += Vec3(c[0] ? 1 : -1, c[1] ? 1 : -1, c[2] ? 1 : -1);
+          }
+          specific_volume[n.node] = static_cast<Real>(8.0 / (inside * density + 8 - inside));
+          if (inside == 0 || inside == 8 || n.normal.isZero()) continue;
+          n.normal.normalize();
+          n.solid_mass = static_cast<Real>(density * eighth * inside);
+          n.fluid_mass = static_cast<Real>(eighth * (8 - inside));
+          nodes.push_back(n);
+        }
+    slip = system::SlipNodes(g, std::move(nodes));
+  }
+
+  system::PressureSystem system(int threads = 1) {
+    system::PressureSystem out;
+    out.assemble(Parallel(threads), g, walls, fixed, specific_volume, {}, owned, &slip);
+    return out;
+  }
+
+  // Random velocities, the same along the normals.
+  grid::VectorField random_velocities(unsigned seed) {
+    grid::VectorField v = random_velocity(seed);
+    const grid::VectorField other = random_velocity(seed + 7);
+    for (std::size_t t = 0; t < slip.nodes().size(); ++t) slip.solid_velocity()[t] = other.at(slip.nodes()[t].node);
+    slip.share_normal(Parallel(1), v);
+    return v;
+  }
+
+  double kinetic_energy(const grid::VectorField& v) {
+    double sum = 0.0;
+    std::vector<std::uint8_t> two(g.node_count(), 0);
+    for (std::size_t t = 0; t < slip.nodes().size(); ++t) {
+      const system::SlipNode& n = slip.nodes()[t];
+      two[n.node] = 1;
+      sum += static_cast<double>(n.solid_mass) * slip.solid_velocity()[t].cast<double>().squaredNorm() +
+             static_cast<double>(n.fluid_mass) * v.at(n.node).cast<double>().squaredNorm();
+    }
+    for (int k = 0; k <= g.cells[2]; ++k)
+      for (int j = 0; j <= g.cells[1]; ++j)
+        for (int i = 0; i <= g.cells[0]; ++i) {
+          const std::size_t n = g.node(i, j, k);
+          double volume = g.h * g.h * g.h;
+          const int at[3] = {i, j, k};
+          for (std::size_t a = 0; a < 3; ++a) volume *= at[a] == 0 || at[a] == g.cells[a] ? 0.5 : 1.0;
+          if (!two[n]) sum += volume / static_cast<double>(specific_volume[n]) * v.at(n).cast<double>().squaredNorm();
+        }
+    return 0.5 * sum;
+  }
+};
+
+Eigen::VectorXd to_vector(const grid::Grid& g, const std::vector<Real>& cells) {
+  Eigen::VectorXd v(static_cast<Eigen::Index>(g.cell_count()));
+  for (int k = 0; k < g.cells[2]; ++k)
+    for (int j = 0; j < g.cells[1]; ++j)
+      for (int i = 0; i < g.cells[0]; ++i)
+        v[static_cast<Eigen::Index>(g.cell(i, j, k))] = static_cast<double>(cells[g.padded(i, j, k)]);
+  return v;
+}
+
+}  // namespace
+
+TEST_CASE("With two velocities at surface nodes divergence, operator and projection are the assembled ones") {
+  for (const double density : {0.1, 1.0, 1000.0}) {
+    INFO("density ratio " << density);
+    SlipCase c({7, 6, 8}, density);
+    REQUIRE(c.slip.nodes().size() > 40);
+    const reference::AssembledSlip twin(c.g, c.walls, c.specific_volume, c.slip);
+    const Eigen::MatrixXd a = twin.j * twin.w * twin.j.transpose();
+    system::PressureMultigrid multigrid;
+    const Parallel parallel(2);
+    multigrid.build(parallel, c.g, c.walls, c.fixed, c.specific_volume, {}, &c.slip);
+    std::vector<Real> p = c.random_cells(31), y(p.size(), 0);
+    multigrid.apply(parallel, p, y);
+    const Eigen::VectorXd expected = a * to_vector(c.g, p);
+    CHECK((to_vector(c.g, y) - expected).norm() < kTolerance * expected.norm());
+    const Eigen::VectorXd inverse = to_vector(c.g, multigrid.finest().inverse_diagonal);
+    for (Eigen::Index i = 0; i < inverse.size(); ++i)
+      CHECK(inverse[i] * a(i, i) == Approx(1.0).epsilon(10 * kTolerance));
+
+    system::PressureSystem system = c.system();
+    grid::VectorField v = c.random_velocities(5);
+    const Eigen::VectorXd before = twin.unknowns(v, c.slip), q = to_vector(c.g, p);
+    const double norm = (twin.j * before).norm() / (c.g.h * c.g.h * c.g.h);
+    CHECK(system.norms(parallel, v, {}).all == Approx(norm).epsilon(10 * kTolerance));
+    system.project(parallel, p, v);
+    const Eigen::VectorXd after = before - twin.w * twin.j.transpose() * q;
+    CHECK((twin.unknowns(v, c.slip) - after).norm() < kTolerance * after.norm());
+  }
+}
+
+TEST_CASE("The preconditioner is symmetric and positive definite where the fluid slips") {
+  for (const double density : {0.01, 1000.0}) {
+    SlipCase c({16, 14, 13}, density);
+    system::PressureMultigrid multigrid;
+    const Parallel parallel(1);
+    multigrid.build(parallel, c.g, c.walls, c.fixed, c.specific_volume, {}, &c.slip);
+    for (unsigned seed = 1; seed <= 3; ++seed) {
+      const std::vector<Real> r = c.random_cells(seed), s = c.random_cells(seed + 50);
+      std::vector<Real> br(r.size(), 0), bs(r.size(), 0);
+      multigrid.precondition(parallel, r, br);
+      multigrid.precondition(parallel, s, bs);
+      const double rr = c.dot(r, br), ss = c.dot(s, bs);
+      CHECK(rr > 0.0);
+      CHECK(ss > 0.0);
+      CHECK(std::abs(c.dot(s, br) - c.dot(r, bs)) < 2 * kTolerance * std::sqrt(rr * ss));
+    }
+  }
+}
+
+TEST_CASE("The projection of solid and fluid takes energy, keeps what slips and is idempotent", "[law]") {
+  for (const double density : {0.1, 10.0, 1000.0}) {
+    INFO("density ratio " << density);
+    SlipCase c({16, 14, 15}, density);
+    const Parallel parallel(1);
+    system::PressureSystem system = c.system();
+    grid::VectorField v = c.random_velocities(11);
+    const double start = c.kinetic_energy(v), before = system.norms(parallel, v, {}).all;
+    std::vector<Real> q(c.g.padded_count(), 0);
+    const auto stats = system.solve(parallel, system::PressureSolver::kMultigridPcg, v, {}, 1e-3, q);
+    CHECK(stats.converged);
+    CHECK(stats.iterations < 30);
+    system.project(parallel, q, v);
+    CHECK(system.norms(parallel, v, {}).all < 2e-3 * before);
+    const double once = c.kinetic_energy(v);
+    CHECK(once < start);
+    double slip = 0.0, tied = 0.0;
+    for (std::size_t t = 0; t < c.slip.nodes().size(); ++t) {
+      const Vec3 jump = c.slip.solid_velocity()[t] - v.at(c.slip.nodes()[t].node);
+      tied = std::max(tied, static_cast<double>(std::abs(jump.dot(c.slip.nodes()[t].normal))));
+      slip = std::max(slip, static_cast<double>(jump.norm()));
+    }
+    CHECK(tied < 1e-5);
+    CHECK(slip > 0.5);
+    std::vector<Real> again(c.g.padded_count(), 0);
+    system.solve(parallel, system::PressureSolver::kMultigridPcg, v, {}, 1e-3, again);
+    system.project(parallel, again, v);
+    CHECK(c.kinetic_energy(v) == Approx(once).epsilon(1e-4));
+  }
+}
+
+TEST_CASE("A constant pressure moves nothing, and inner pressures keep the momentum of solid and fluid", "[law]") {
+  SlipCase c({14, 12, 13}, 20.0);
+  const Parallel parallel(1);
+  system::PressureSystem system = c.system();
+  grid::VectorField v = c.random_velocities(3);
+  const grid::VectorField start = v;
+  const std::vector<Vec3> solids = c.slip.solid_velocity();
+  std::vector<Real> one(c.g.padded_count(), 1);
+  system.project(parallel, one, v);
+  for (std::size_t t = 0; t < solids.size(); ++t) {
+    CHECK((c.slip.solid_velocity()[t] - solids[t]).norm() < 1e-5);
+    const std::size_t n = c.slip.nodes()[t].node;
+    CHECK((v.at(n) - start.at(n)).norm() < 1e-5);
+  }
+
+  const auto momentum = [&] {
+    Vec3d sum = Vec3d::Zero();
+    const double full = c.g.h * c.g.h * c.g.h;
+    for (int k = 1; k < c.g.cells[2]; ++k)
+      for (int j = 1; j < c.g.cells[1]; ++j)
+        for (int i = 1; i < c.g.cells[0]; ++i) {
+          const std::size_t n = c.g.node(i, j, k);
+          sum += full / static_cast<double>(c.specific_volume[n]) * v.at(n).cast<double>();
+        }
+    return Vec3d(sum + c.slip.relative_momentum(v));
+  };
+  std::vector<Real> inner = c.random_cells(9);
+  for (int k = 0; k < c.g.cells[2]; ++k)
+    for (int j = 0; j < c.g.cells[1]; ++j)
+      for (int i = 0; i < c.g.cells[0]; ++i)
+        if (i == 0 || j == 0 || k == 0 || i == c.g.cells[0] - 1 || j == c.g.cells[1] - 1 || k == c.g.cells[2] - 1)
+          inner[c.g.padded(i, j, k)] = 0;
+  const Vec3d before = momentum();
+  system.project(parallel, inner, v);
+  CHECK((momentum() - before).norm() < 1e-5 * c.g.h * c.g.h * static_cast<double>(c.g.cell_count()));
+}
