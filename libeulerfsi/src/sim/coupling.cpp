@@ -629,7 +629,7 @@ void measure(const Parallel& parallel, const Scene& scene, State& state, const W
     state.solid_speed = std::max(state.solid_speed, solid.max_speed);
     info.min_det_f = l == 0 ? solid.min_det_f : std::min(info.min_det_f, solid.min_det_f);
     info.max_det_f = l == 0 ? solid.max_det_f : std::max(info.max_det_f, solid.max_det_f);
-    info.degenerate_cells += solid.degenerate;
+    info.degenerate_cells += solid.degenerate + solid.rejected;
   }
   info.max_speed_solid = state.solid_speed;
   if (!scene.params.fluid.present) return;

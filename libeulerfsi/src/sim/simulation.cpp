@@ -137,7 +137,7 @@ std::size_t Simulation::add_solid(const SolidDesc& desc, geometry::MeshReport& r
   }
   solid::move_band(state, solid::make_band(grid_, lo, hi));
   const grid::Grid& g = state.band.grid;
-  std::fill(state.valid.begin(), state.valid.end(), std::uint8_t{1});
+  std::fill(state.valid.begin(), state.valid.end(), solid::kKnown);
   Vec3d center = Vec3d::Zero();
   double volume = 0.0;
   for (const auto& t : desc.surface.triangles) {  // centre of volume
@@ -437,7 +437,7 @@ void Simulation::set_solid_field(std::size_t index, bool velocity, const float* 
   const std::size_t n = field.size();
   for (std::size_t a = 0; a < 3; ++a)
     for (std::size_t i = 0; i < n; ++i) field.c[a][i] = static_cast<Real>(values[a * n + i]);
-  std::fill(solid.valid.begin(), solid.valid.end(), std::uint8_t{1});
+  std::fill(solid.valid.begin(), solid.valid.end(), solid::kKnown);
   solid.stiff.clear();
   work_.masses_ready = false;
   if (velocity) {

@@ -53,16 +53,20 @@ EFSI_INLINE Quad position(const Row& row, int i) {
   return Quad{static_cast<Real>(i), static_cast<Real>(row.j), static_cast<Real>(row.k), 0};
 }
 
-// The marks of the 8 nodes around a place, two per number: combined by | or &.
+// The marks of the 8 nodes around a place, two per number: combined by | or &; has_zero: whether a mark is 0, where
+// none has its high bit set.
 struct CornerMarks {
   std::uint16_t any, all;
+  bool has_zero;
 };
 EFSI_INLINE CornerMarks corner_marks(const Vec3i& n, const std::uint8_t* mark, std::size_t node) {
   const std::size_t row = static_cast<std::size_t>(n[0]), slab = row * static_cast<std::size_t>(n[1]);
   std::uint16_t pair[4];
   for (std::size_t e = 0; e < 4; ++e) std::memcpy(pair + e, mark + node + (e & 1) * row + (e >> 1) * slab, 2);
+  unsigned counted = 0x8080;  // the high bit of a byte stays where no mark in it is 0
+  for (const unsigned marks : pair) counted &= (marks | 0x8080u) - 0x0101u;
   return {static_cast<std::uint16_t>(pair[0] | pair[1] | pair[2] | pair[3]),
-          static_cast<std::uint16_t>(pair[0] & pair[1] & pair[2] & pair[3])};
+          static_cast<std::uint16_t>(pair[0] & pair[1] & pair[2] & pair[3]), counted != 0x8080};
 }
 
 // A motion of the frame over a step, in grid units: y -> c + s + R (y - c).
@@ -112,7 +116,7 @@ EFSI_INLINE Quad place_after(const PackedSampler& sampler, const FrameMotion& fr
   return sampler.keep_inside(frame.forward(sampler.trace_rk3(v, x, v0, -step)));
 }
 
-// First sweep: f1(x) = f(x_d). reached: 1 where all around x_d there is data.
+// First sweep: f1(x) = f(x_d). reached: what the nodes hold, kNoData where not all around x_d there is data.
 EFSI_KERNEL void carry_row(const PackedSampler& nodes, const FrameMotion& motion, const Vec3i& points, const Row& row,
                            bool paper, Real step, const std::uint8_t* layer, AdvectWorkspace& packed,
                            std::uint8_t* reached) {
@@ -121,18 +125,19 @@ EFSI_KERNEL void carry_row(const PackedSampler& nodes, const FrameMotion& motion
   const PackedField& v = packed.v;
   for (int i = 0; i < row.count; ++i) {
     const std::size_t n = row.node + static_cast<std::size_t>(i);
-    reached[n] = 0;
+    reached[n] = kNoData;
     if (layer[n] == grid::kNoLayer) continue;
     const Quad x = position(row, i);
     const Quad from = paper ? sampler.keep_inside(sampler.trace_midpoint(v, x, grid::load_quad(v.at(n)), step))
                             : place_before(sampler, frame, v, x, step);
     const PackedSampler::Place at = sampler.place(from);
     static_assert(kExtensionLayers < 0x80 && grid::kNoLayer >= 0x80);
-    if (corner_marks(points, layer, at.node).any & 0x8080) continue;
+    const CornerMarks around = corner_marks(points, layer, at.node);
+    if (around.any & 0x8080) continue;
     grid::store_quad(packed.from.at(n), from);
     grid::store_quad(packed.first_u.at(n), sampler.value(packed.u, at));
     grid::store_quad(packed.first_v.at(n), sampler.value(v, at) + frame.velocity(from) / step);
-    reached[n] = 1;
+    reached[n] = paper || around.any == 0 ? kKnown : around.has_zero ? kEdge : kExtended;
   }
 }
 

@@ -2,6 +2,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "grid/plane_cut.hpp"
@@ -20,19 +21,47 @@ double cutting_distance(const Mat3d& inverse_f) {
   return 0.5 * std::sqrt(3.0) * std::clamp(1.05 * std::sqrt(3.0) * norm, 0.25, 4.0) + 1e-6;
 }
 
+constexpr double kMostCrushed = 0.2, kMostStretched = 3.0;  // stretches that are believed at the edge of the data
+constexpr double kSplinterGrowth = 1.25;  // of the volume of an element that is torn off, or its inverse
+constexpr std::size_t kSplinter = 3;      // elements
+
+// Of a cell that carries stiffness more than this is solid.
+Real least_fraction(const SolidState& state, std::size_t c) {
+  if (state.stiff.empty()) return kElementFraction;
+  return kElementFraction + (state.stiff[c] ? -kElementLag : kElementLag);
+}
+
+bool is_positive(const Mat3d& m) {
+  return m(0, 0) > 0.0 && m(0, 0) * m(1, 1) > m(0, 1) * m(1, 0) && m.determinant() > 0.0;
+}
+
+// Whether a cell's map can be the solid's: of what the extension made up nothing is, and of what it had a part in
+// nothing that is inverted or out of shape. Beside folds and thin parts the extension leads back into the solid.
+bool is_credible(std::uint8_t nearest, std::uint8_t farthest, const Mat3d& inverse_f) {
+  if (farthest == kKnown) return true;
+  if (nearest == kExtended || !(inverse_f.determinant() > 0.0)) return false;
+  const Mat3d squares = inverse_f.transpose() * inverse_f;
+  return is_positive(squares - Mat3d::Identity() / (kMostStretched * kMostStretched)) &&
+         is_positive(Mat3d::Identity() / (kMostCrushed * kMostCrushed) - squares);
+}
+
 void compute_fractions(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work) {
   const Grid& g = state.band.grid;
   const auto corner = grid::corner_offsets(g);
   work.fraction.assign(g.cell_count(), 0);
   work.volume_ratio.assign(g.cell_count(), 1);
+  std::vector<std::uint64_t> rejected(static_cast<std::size_t>(g.cells[2]), 0);
   parallel.for_each(g.cells[2], [&](std::int64_t kk) {
     const int k = static_cast<int>(kk);
     for (int j = 0; j < g.cells[1]; ++j)
       for (int i = 0; i < g.cells[0]; ++i) {
         const std::size_t n = g.node(i, j, k);
-        bool valid = true;
-        for (std::size_t offset : corner) valid = valid && state.valid[n + offset];
-        if (!valid) continue;
+        std::uint8_t nearest = kExtended, farthest = kNoData;
+        for (std::size_t offset : corner) {
+          nearest = std::min(nearest, state.valid[n + offset]);
+          farthest = std::max(farthest, state.valid[n + offset]);
+        }
+        if (nearest == kNoData) continue;
         Vec3d u[8], mean = Vec3d::Zero();
         for (std::size_t a = 0; a < 8; ++a) {
           u[a] = state.u.at(n + corner[a]).cast<double>();
@@ -51,15 +80,70 @@ void compute_fractions(const Parallel& parallel, const SolidRest& rest, const So
           fraction = grid::plane_cut_fraction(phi / (length * g.h), normal);
         }
         const std::size_t c = g.cell(i, j, k);
+        if (fraction > 0.0 && !is_credible(nearest, farthest, inverse_f)) {
+          rejected[static_cast<std::size_t>(k)] += static_cast<Real>(fraction) > least_fraction(state, c);
+          continue;
+        }
         work.fraction[c] = static_cast<Real>(fraction);
         work.volume_ratio[c] = static_cast<Real>(1.0 / inverse_det);
       }
   });
+  work.rejected = 0;
+  for (const std::uint64_t cells : rejected) work.rejected += cells;
+}
+
+// Whether the full cells that a full cell reaches over faces are kSplinter or fewer with it.
+bool is_splinter(const Grid& g, const std::vector<std::uint8_t>& full, const Vec3i& cell) {
+  std::array<Vec3i, kSplinter> part{cell};
+  std::size_t count = 1;
+  for (std::size_t p = 0; p < count; ++p)
+    for (std::size_t side = 0; side < 6; ++side) {
+      Vec3i next = part[p];
+      int& index = next[side / 2];
+      index += side % 2 ? 1 : -1;
+      if (index < 0 || index >= g.cells[side / 2] || !full[g.cell(next[0], next[1], next[2])]) continue;
+      if (std::find(part.begin(), part.begin() + count, next) != part.begin() + count) continue;
+      if (count == kSplinter) return false;
+      part[count++] = next;
+    }
+  return true;
+}
+
+// Splinters that have changed their volume are taken away: the map that extends from a single element covers the whole
+// rest shape, and what is torn off would grow into a solid of its own. Where the solid is, the extension of the rest
+// gives the place its map back.
+void remove_splinters(const SolidState& state, std::vector<std::uint8_t>& full, SolidWork& work) {
+  const Grid& g = state.band.grid;
+  const auto corner = grid::corner_offsets(g);
+  std::vector<std::size_t> splinters;
+  bool others = false;
+  for (int k = 0; k < g.cells[2]; ++k)
+    for (int j = 0; j < g.cells[1]; ++j)
+      for (int i = 0; i < g.cells[0]; ++i) {
+        const std::size_t c = g.cell(i, j, k), n = g.node(i, j, k);
+        if (!full[c]) continue;
+        const double det = static_cast<double>(work.volume_ratio[c]);
+        const auto known = [&](std::size_t offset) { return state.valid[n + offset] == kKnown; };
+        if (std::max(det, 1.0 / det) > kSplinterGrowth && !std::all_of(corner.begin(), corner.end(), known) &&
+            is_splinter(g, full, {i, j, k}))
+          splinters.push_back(c);
+        else
+          others = true;
+      }
+  if (!others) return;
+  for (const std::size_t c : splinters) {
+    full[c] = 0;
+    work.fraction[c] = 0;
+  }
+  work.rejected += splinters.size();
 }
 
 void find_elements(const SolidState& state, SolidWork& work) {
   const Grid& g = state.band.grid;
   const auto corner = grid::corner_offsets(g);
+  std::vector<std::uint8_t> full(g.cell_count());
+  for (std::size_t c = 0; c < full.size(); ++c) full[c] = work.fraction[c] > least_fraction(state, c);
+  remove_splinters(state, full, work);
   work.element.assign(g.cell_count(), -1);
   work.carries.assign(g.node_count(), 0);
   work.element_cell.clear();
@@ -68,8 +152,7 @@ void find_elements(const SolidState& state, SolidWork& work) {
     for (int j = 0; j < g.cells[1]; ++j)
       for (int i = 0; i < g.cells[0]; ++i) {
         const std::size_t c = g.cell(i, j, k);
-        const Real lag = state.stiff.empty() ? Real(0) : state.stiff[c] ? -kElementLag : kElementLag;
-        if (!(work.fraction[c] > kElementFraction + lag)) continue;
+        if (!full[c]) continue;
         const std::size_t n = g.node(i, j, k);
         work.element[c] = static_cast<std::int32_t>(work.element_cell.size());
         work.element_cell.push_back(static_cast<std::int32_t>(c));

@@ -34,12 +34,16 @@ struct Band {
   Vec3i lo{0, 0, 0};
 };
 
+// What a node of the band holds: nothing; u and v as given, or that came from among the nodes that carried the solid;
+// that came from between these and the extension; that the extension made up.
+inline constexpr std::uint8_t kNoData = 0, kKnown = 1, kEdge = 2, kExtended = 3;
+
 // State: survives a step.
 struct SolidState {
   Band band;
   VectorField u;                    // displacement, band nodes [m]
   VectorField v;                    // velocity, band nodes [m/s]
-  std::vector<std::uint8_t> valid;  // band nodes: u and v hold data
+  std::vector<std::uint8_t> valid;  // band nodes: kNoData, or where u and v came from in the last step
   std::vector<std::uint8_t> stiff;  // band cells: carried stiffness in the last step; empty: not known
   std::vector<Vec3d> surface;       // positions of the embedded surface [m]
   double rest_volume_cells = 0.0;   // by cell fractions, at the first step [m^3]
@@ -78,7 +82,8 @@ struct SolidWork {
   std::vector<std::uint8_t> layer;    // band nodes: 0 data, k: k-th layer of the extension, 255: none
   double min_det_f = 1.0, max_det_f = 1.0;
   std::uint64_t degenerate = 0;
-  double volume = 0.0;  // by cell fractions [m^3]
+  std::uint64_t rejected = 0;  // cells whose map was not believed
+  double volume = 0.0;         // by cell fractions [m^3]
   double total_mass = 0.0, counted_mass = 0.0;
   double element_weight = 1.0;  // mass of the solid over that of its elements
   double elastic_energy = 0.0;  // [J]

@@ -197,6 +197,30 @@ TEST_CASE("The surface's volume over that at rest is det F, whichever way its fa
   CHECK_FALSE(solid::encloses(s.rest));
 }
 
+TEST_CASE("After a step the nodes know whether their map came from data or from the extension") {
+  const Vec3d center = Vec3d::Constant(0.2);
+  const double h = 0.02, speed = 0.5 * h / 0.01;  // half a cell along x
+  for (const auto scheme : {solid::AdvectionScheme::kMacCormack, solid::AdvectionScheme::kPaper}) {
+    TestSolid s = make_ball(cube_grid(20, h), kSoft, center, 0.08);
+    move(
+        s, [&](const Vec3d&) { return Vec3d(speed, 0, 0); }, 0.01, scheme);
+    const grid::Grid& g = s.state.band.grid;
+    const auto origin = [&](double cells) {  // of the node that far from the centre along x
+      const Vec3d p = (center + Vec3d(cells * h, 0, 0) - g.origin) / h;
+      return static_cast<int>(
+          s.state.valid[g.node(static_cast<int>(std::lround(p[0])), static_cast<int>(std::lround(p[1])),
+                               static_cast<int>(std::lround(p[2])))]);
+    };
+    const bool paper = scheme == solid::AdvectionScheme::kPaper;
+    CHECK(origin(-3) == solid::kKnown);
+    CHECK(origin(4) == solid::kKnown);
+    CHECK(origin(5) == (paper ? solid::kKnown : solid::kEdge));
+    CHECK(origin(-4) == (paper ? solid::kKnown : solid::kEdge));
+    CHECK(origin(6) == (paper ? solid::kKnown : solid::kExtended));
+    CHECK(origin(-5) == (paper ? solid::kKnown : solid::kExtended));
+  }
+}
+
 TEST_CASE("Motion of a solid gives the same bits for 1, 2, 3 and 8 threads", "[determinism]") {
   const auto run = [](int threads) {
     const Vec3d center(0.2, 0.21, 0.19);

@@ -114,6 +114,65 @@ TEST_CASE("Cells without data carry neither mass nor stiffness") {
   CHECK(s.work.element_cell.empty());
 }
 
+TEST_CASE("What the extension made up is no solid, and what it had a part in only while it is in shape") {
+  // The whole ball a second time: a map that leads back into it.
+  TestSolid s = make_ball(cube_grid(18, 0.02), kSoft, Vec3d::Constant(0.18), 0.1);
+  const auto elements = [&](std::uint8_t origin, const Vec3d& stretch) {
+    const Vec3d center = Vec3d::Constant(0.18);
+    set_displacement(s, [&](const Vec3d& x) -> Vec3d { return x - center - (x - center).cwiseQuotient(stretch); });
+    std::fill(s.state.valid.begin(), s.state.valid.end(), origin);
+    solid::compute_mass(Parallel(2), s.rest, s.state, s.work);
+    return s.work.element_cell.size();
+  };
+  const Vec3d rest = Vec3d::Ones(), torn(3.2, 0.5, 0.625), crushed(0.19, 2.3, 2.3), inverted(1, 1, -1);
+  const std::size_t all = elements(solid::kKnown, rest);
+  CHECK(all > 300);
+  CHECK(elements(solid::kEdge, rest) == all);
+  CHECK(elements(solid::kEdge, Vec3d(2.8, 0.6, 0.6)) > 300);
+  CHECK(s.work.rejected == 0);
+  CHECK(elements(solid::kExtended, rest) == 0);
+  CHECK(s.work.rejected > 300);
+  CHECK(s.work.volume == 0.0);
+  for (const Vec3d& stretch : {torn, crushed, inverted}) {
+    CHECK(elements(solid::kKnown, stretch) > 300);  // given as it is
+    CHECK(s.work.rejected == 0);
+    CHECK(elements(solid::kEdge, stretch) == 0);
+    CHECK(s.work.rejected > 300);
+  }
+}
+
+TEST_CASE("A splinter that has changed its volume is taken away, one that has not stays") {
+  // Up to three cells of a ball beside the ball, at stretch s.
+  const grid::Grid g = cube_grid(18, 0.02);
+  const auto elements = [&](int cells, double stretch, std::uint8_t origin) {
+    TestSolid s = make_ball(g, kSoft, Vec3d(0.1, 0.18, 0.18), 0.06);
+    const Vec3d from(14 * g.h, 9 * g.h, 9 * g.h), to = from + g.h * Vec3d(cells, 1, 1);
+    const auto in_splinter = [&](const Vec3d& x) {
+      return (x - from).minCoeff() > -1e-6 && (to - x).minCoeff() > -1e-6;
+    };
+    set_displacement(s, [&](const Vec3d& x) -> Vec3d {
+      return in_splinter(x) ? Vec3d(x - Vec3d(0.1, 0.18, 0.18) - (x - from) / stretch) : Vec3d::Zero();
+    });
+    for (int k = 0; k <= g.cells[2]; ++k)
+      for (int j = 0; j <= g.cells[1]; ++j)
+        for (int i = 0; i <= g.cells[0]; ++i)
+          if (in_splinter(g.node_position(i, j, k)))
+            s.state.valid[s.state.band.grid.node(i, j, k)] = origin;
+          else if (i > 11)
+            s.state.valid[s.state.band.grid.node(i, j, k)] = solid::kNoData;
+    solid::compute_mass(Parallel(1), s.rest, s.state, s.work);
+    CHECK((s.work.rejected == 0 || s.work.rejected == static_cast<std::uint64_t>(cells)));
+    return s.work.element_cell.size();
+  };
+  const std::size_t ball = elements(3, 1.4, solid::kEdge);
+  for (int cells = 1; cells <= 3; ++cells) {
+    CHECK(elements(cells, 1.4, solid::kEdge) == ball);
+    CHECK(elements(cells, 1.0, solid::kEdge) == ball + static_cast<std::size_t>(cells));
+    CHECK(elements(cells, 1.4, solid::kKnown) == ball + static_cast<std::size_t>(cells));
+  }
+  CHECK(elements(4, 1.4, solid::kEdge) == ball + 4);
+}
+
 TEST_CASE("A band surrounds its solid, stays in the grid and takes its data along when it moves") {
   const grid::Grid g = cube_grid(40, 0.1);
   const solid::Band band = solid::make_band(g, {10, 2, 30}, {15, 8, 39});
