@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -122,7 +123,7 @@ def test_a_solid_torn_to_shreds_ends_with_4_and_keeps_the_good_frames(cli, scene
     shot = ["--set", "Ball.velocity=(0, -40, 0)", "--set", "Ball.youngsModulus=100", "--frames", "1-12"]
     done = cli("simulate", scene, *shot)
     assert done.returncode == 4, done.stderr
-    assert "solid 1 has lost its shape" in done.stderr and "diverged at time" in done.stderr
+    assert re.search("diverged at time .*: solid 1 has (lost its shape|vanished)", done.stderr)
     manifest = json.loads((tmp_path / "small_cache/manifest.json").read_text())
     assert manifest["status"] == "failed" and 1 <= len(manifest["frames"]) < 12
 
