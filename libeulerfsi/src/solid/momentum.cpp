@@ -45,6 +45,19 @@ RigidMotion rigid_motion(const Momenta& momenta) {
   return motion;
 }
 
+RigidMotion rigid_motion(const Momenta& momenta, unsigned held_axes) {
+  if (held_axes == 0) return rigid_motion(momenta);
+  RigidMotion motion;
+  if (!(momenta.mass > 0.0)) return motion;
+  motion.center = momenta.center;
+  for (int a = 0; a < 3; ++a) {
+    if (!(held_axes & (1u << a))) motion.linear[a] = momenta.linear[a] / momenta.mass;
+    if (held_axes == (1u << a) && momenta.inertia(a, a) > 0.0)
+      motion.angular[a] = momenta.angular[a] / momenta.inertia(a, a);
+  }
+  return motion;
+}
+
 RigidMotion missing_motion(const Momenta& target, const Momenta& now) {
   Momenta missing = now;
   missing.linear = target.linear - now.linear;

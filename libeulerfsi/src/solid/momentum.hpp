@@ -41,6 +41,9 @@ struct RigidMotion {
 };
 // Of a rigid body with these momenta; none where its mass or its inertia vanishes.
 RigidMotion rigid_motion(const Momenta& momenta);
+// The same for a body that plane walls hold along some axes (bit a: axis a): it slides along the others, and turns
+// about the axis of the only wall.
+RigidMotion rigid_motion(const Momenta& momenta, unsigned held_axes);
 // What `now` lacks to have the momenta of `target`, whose centre is the same but for what the body has moved.
 RigidMotion missing_motion(const Momenta& target, const Momenta& now);
 

@@ -69,6 +69,11 @@ linalg::SolveStats PressureSystem::solve(const Parallel& parallel, PressureSolve
   });
 
   q.resize(grid_.padded_count());
+  if (!active.empty())  // a cell that the solid has left keeps no pressure
+    parallel.for_ranges(static_cast<std::int64_t>(q.size()), [&](std::int64_t begin, std::int64_t end) {
+      for (auto c = static_cast<std::size_t>(begin); c < static_cast<std::size_t>(end); ++c)
+        if (!active[c]) q[c] = 0;
+    });
   linalg::SolveOptions options;
   options.tolerance = tolerance;
   const linalg::Operator apply = [&](const std::vector<Real>& x, std::vector<Real>& y) {

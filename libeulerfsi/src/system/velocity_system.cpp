@@ -12,6 +12,7 @@ namespace {
 constexpr std::size_t kLanes = solid::kBlock;
 constexpr double kLeastShare = 0.6;  // from 1/2 on a step is stable with a linear material
 constexpr double kShareOfPace = 0.4;
+constexpr std::uint8_t kAllAxes = 7;
 
 }  // namespace
 
@@ -35,7 +36,7 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
   element_begin_.assign(1, 0);
   stiffness_factor_.clear();
   unknown_begin_.assign(1, 0);
-  free_body_.assign(solids_.size(), 1);
+  held_.assign(solids_.size(), 0);
 
   // Unknowns in node order per solid, solids in order.
   std::vector<double> damping;
@@ -55,11 +56,11 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
             node_.push_back(n);
             damping.push_back(0.0);
             for (unsigned a = 0; a < 3; ++a) free_.push_back(fixed[n] & (1u << a) ? Real(0) : Real(1));
-            if (fixed[n]) free_body_[l] = 0;
+            held_[l] = static_cast<std::uint8_t>(held_[l] | fixed[n]);
           } else {
             const auto first =
                 std::upper_bound(unknown_begin_.begin(), unknown_begin_.end(), static_cast<std::size_t>(unknown));
-            free_body_[static_cast<std::size_t>(first - unknown_begin_.begin()) - 1] = free_body_[l] = 0;
+            held_[static_cast<std::size_t>(first - unknown_begin_.begin()) - 1] = held_[l] = kAllAxes;
           }
           damping[static_cast<std::size_t>(unknown)] +=
               dt * s.rest->rayleigh_alpha * static_cast<double>(s.work->mass[local]);
@@ -256,13 +257,13 @@ solid::RigidMotion VelocitySystem::missing_motion(const Parallel& parallel, std:
     }
   });
   for (std::size_t c = 1; c < chunks; ++c) sums[0].add(sums[c]);
-  return chunks > 0 ? solid::rigid_motion(sums[0].momenta(origin)) : solid::RigidMotion{};
+  return chunks > 0 ? solid::rigid_motion(sums[0].momenta(origin), held_[solid]) : solid::RigidMotion{};
 }
 
 void VelocitySystem::conserve_momentum(const Parallel& parallel, const std::vector<Real>& b,
                                        std::vector<Real>& x) const {
   for (std::size_t l = 0; l < solids_.size(); ++l) {
-    if (!free_body_[l]) continue;
+    if (held_[l] == kAllAxes) continue;
     const std::size_t begin = unknown_begin_[l], end = unknown_begin_[l + 1];
     for (int pass = 0; pass < (normal_.empty() ? 1 : 2); ++pass) {
       const solid::RigidMotion missing = missing_motion(parallel, l, b, x);

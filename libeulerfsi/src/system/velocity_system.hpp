@@ -50,9 +50,9 @@ class VelocitySystem {
   // Solves G x = b.
   linalg::SolveStats solve(const Parallel& parallel, VelocitySolver solver, const std::vector<Real>& b,
                            std::vector<Real>& x, double tolerance);
-  // Internal forces sum to nothing and turn nothing: gives each solid that touches neither wall nor solid the linear
-  // and angular momentum of b. The solve does that up to its tolerance and to the turning of the stress during the
-  // step.
+  // Internal forces sum to nothing and turn nothing: gives each solid the linear and angular momentum of b, as far as
+  // walls leave it free; solids that touch each other are left alone. The solve does that up to its tolerance and to
+  // the turning of the stress during the step.
   void conserve_momentum(const Parallel& parallel, const std::vector<Real>& b, std::vector<Real>& x) const;
 
   // Copies between global node fields and vectors of unknowns.
@@ -63,7 +63,7 @@ class VelocitySystem {
   // y = M x
   void multiply_mass(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y) const;
   // Whether a wall or another solid holds a node of a solid.
-  bool touches(std::size_t solid) const { return free_body_[solid] == 0; }
+  bool touches(std::size_t solid) const { return held_[solid] != 0; }
   std::size_t bytes() const;
 
  private:
@@ -80,7 +80,7 @@ class VelocitySystem {
   std::vector<std::int32_t> element_begin_;          // first element of each solid, and the end
   std::vector<std::int32_t> unknown_of_node_;        // global node -> unknown, -1
   std::vector<std::size_t> unknown_begin_;           // first unknown of each solid, and the end
-  std::vector<std::uint8_t> free_body_;              // per solid: shares no node and no wall fixes one
+  std::vector<std::uint8_t> held_;                   // per solid: bit a: a wall fixes axis a; 7: shares a node
   std::vector<std::size_t> node_;                    // unknown -> global node
   std::vector<std::size_t> block_begin_;             // first block of each solid, and the end
   std::vector<std::int32_t> corner_;                 // unknowns: block, corner, lane

@@ -315,3 +315,23 @@ TEST_CASE("A ball on the floor stays there and keeps its volume and its energy",
   CHECK(creep < 1e-3 * 0.02);
   CHECK(highest < 1e-4);
 }
+
+TEST_CASE("A ball that slides over the floor keeps its momentum along it and its turn about the vertical", "[law]") {
+  sim::Params p = box_params({0.6, 0.3, 0.5});
+  p.fluid.present = false;
+  sim::SolidDesc d = ball_desc({0.2, 0.1, 0.2}, kRadius);
+  d.velocity = {0.5, 0.0, 0.2};
+  d.angular_velocity = {0.0, 4.0, 0.0};
+  auto s = make_simulation(p, {d});
+  s->step(0.005);
+  const auto start = s->diagnose_solid(0);
+  for (int n = 0; n < 40; ++n) {
+    s->step(0.005);
+    const auto now = s->diagnose_solid(0);
+    INFO("after " << n + 1 << " steps: " << now.momentum.transpose() << ", turn " << now.angular_momentum[1]);
+    CHECK(now.momentum[0] == Approx(start.momentum[0]).epsilon(1e-4));
+    CHECK(now.momentum[2] == Approx(start.momentum[2]).epsilon(1e-4));
+    CHECK(now.angular_momentum[1] == Approx(start.angular_momentum[1]).epsilon(1e-3));
+  }
+  CHECK(s->diagnose_solid(0).center[0] > 0.28);
+}

@@ -74,6 +74,22 @@ TEST_CASE("Restored momenta are those of the target, by a rigid motion, for ever
   CHECK((strain + strain.transpose()).norm() < 1e-3 * strain.norm());
 }
 
+TEST_CASE("A body that walls hold moves along them and turns about the normal of the only one") {
+  solid::Momenta m;
+  m.mass = 2.0;
+  m.linear = {1, 2, 3};
+  m.angular = {4, 5, 6};
+  m.inertia = Vec3d(1, 2, 3).asDiagonal();
+  CHECK(solid::rigid_motion(m, 0).linear == Vec3d(0.5, 1, 1.5));
+  CHECK(solid::rigid_motion(m, 0).angular.isApprox(Vec3d(4, 2.5, 2)));
+  const solid::RigidMotion floor = solid::rigid_motion(m, 2), edge = solid::rigid_motion(m, 3);
+  CHECK(floor.linear == Vec3d(0.5, 0, 1.5));
+  CHECK(floor.angular == Vec3d(0, 2.5, 0));
+  CHECK(edge.linear == Vec3d(0, 0, 1.5));
+  CHECK(edge.angular == Vec3d(0, 0, 0));
+  CHECK(solid::rigid_motion(m, 7).linear == Vec3d(0, 0, 0));
+}
+
 TEST_CASE("A body without mass is left as it is") {
   TestSolid s = make_moving_ball([](const Vec3d& x) { return x; });
   std::fill(s.work.mass.begin(), s.work.mass.end(), Real(0));

@@ -203,6 +203,12 @@ TEST_CASE("Cells without an equation have no pressure and are left alone") {
   for (int i = 0; i < 14; ++i)
     if (i < 4 || i >= 10) CHECK(q[c.g.padded(i, 6, 6)] == 0);
   CHECK(v.at(c.g.node(1, 2, 3)) == start.at(c.g.node(1, 2, 3)));
+  // Neither do they keep one of the last step.
+  std::vector<Real> last = q;
+  for (int i = 10; i < 14; ++i) last[c.g.padded(i, 6, 6)] = 5;
+  grid::VectorField again = start;
+  system.solve(parallel, PressureSolver::kMultigridPcg, again, {}, tolerance, last);
+  for (int i = 10; i < 14; ++i) CHECK(last[c.g.padded(i, 6, 6)] == 0);
 }
 
 TEST_CASE("Multigrid needs few iterations whatever the density ratio") {
