@@ -17,7 +17,7 @@ typedef struct EfsiSim EfsiSim;
 
 #define EFSI_WALL_SLIP 0     /* normal velocity zero (default) */
 #define EFSI_WALL_NO_SLIP 1  /* velocity zero */
-#define EFSI_WALL_OPEN 2     /* pressure zero, flow in and out */
+#define EFSI_WALL_OPEN 2     /* the pressure of the fluid at rest, flow in and out */
 #define EFSI_WALL_PERIODIC 3 /* both faces of an axis must be periodic */
 
 /* Scene-wide settings; fields and limits as in libeulerfsi/parameters.toml, scope "domain". */
