@@ -240,8 +240,8 @@ void combine_masses(const Parallel& parallel, const Scene& scene, const State& s
   }
 }
 
-// The nodes at the surfaces of solids along which the fluid slips: not at walls, nor where solids meet. Before the
-// masses of solids are added to work.mass.
+// The nodes at the surfaces of solids along which the fluid slips: not at walls, nor where solids meet, nor at gaps of
+// less than a cell, whose corners all belong to solids. Before the masses of solids are added to work.mass.
 void find_slip_nodes(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work) {
   work.slip = {};
   if (!scene.params.numerics.fluid_slips || !scene.params.fluid.present || scene.solids.empty()) return;
@@ -252,6 +252,10 @@ void find_slip_nodes(const Parallel& parallel, const Scene& scene, const State& 
     for_band_nodes(parallel, state.solids[l].band, [&](std::size_t local, int i, int j, int k) {
       if (work.solids[l].carries[local]) ++carriers[g.node(i, j, k)];
     });
+  const auto is_gap = [&](int i, int j, int k) {
+    return std::all_of(std::begin(grid::kCorner), std::end(grid::kCorner),
+                       [&](const auto& c) { return carriers[g.node(i + c[0], j + c[1], k + c[2])] > 0; });
+  };
   std::vector<std::vector<system::SlipNode>> planes(static_cast<std::size_t>(g.cells[2] + 1));
   for (std::size_t l = 0; l < scene.solids.size(); ++l)
     for_band_nodes(parallel, state.solids[l].band, [&](std::size_t local, int i, int j, int k) {
@@ -262,7 +266,10 @@ void find_slip_nodes(const Parallel& parallel, const Scene& scene, const State& 
       system::SlipNode node{n, i, j, k, l, 0, Vec3::Zero(), solid_mass, fluid_mass};
       for (std::size_t a = 0; a < 8; ++a) {
         const auto& corner = grid::kCorner[a];
-        if (!owned[g.padded(i - corner[0], j - corner[1], k - corner[2])]) continue;
+        if (!owned[g.padded(i - corner[0], j - corner[1], k - corner[2])]) {
+          if (is_gap(i - corner[0], j - corner[1], k - corner[2])) return;
+          continue;
+        }
         node.solid_cells = static_cast<std::uint8_t>(node.solid_cells | (1u << a));
         for (std::size_t axis = 0; axis < 3; ++axis)
           node.normal[static_cast<Eigen::Index>(axis)] += corner[axis] ? 1 : -1;
@@ -331,7 +338,7 @@ void compute_masses(const Parallel& parallel, const Scene& scene, const State& s
 
 namespace {
 
-constexpr double kMostLift = 10.0;
+constexpr double kMostLift = 1.0;
 
 // What gravity changes in the velocities of the fluid and of each solid in a step [m/s].
 struct Weight {
@@ -341,12 +348,12 @@ struct Weight {
 
 // Weight less the buoyancy in an ambient density, whose hydrostatic pressure the pressure leaves out: the fluid's. So a
 // solid floats by what it weighs and not by how the stairs of its cells sum up the pressure, and what has the fluid's
-// density stays at rest. A light solid is not pushed with more than kMostLift times its weight, which the pressure
-// would have to take back.
+// density stays at rest. A light solid is not pushed up with more than kMostLift times its weight, which the elastic
+// solve would follow before the pressure answers; the rest of its buoyancy is the pressure's.
 Weight weight_in_step(const Scene& scene, double dt, const Workspace& work) {
   const bool fluid = scene.params.fluid.present;
   double ambient = fluid ? scene.params.fluid.density : 0.0;
-  for (const solid::SolidRest& solid : scene.solids) ambient = std::min(ambient, kMostLift * solid.density);
+  for (const solid::SolidRest& solid : scene.solids) ambient = std::min(ambient, (1.0 + kMostLift) * solid.density);
   const Vec3d kick = dt * scene.params.gravity;
   Weight weight;
   weight.fluid = ((fluid ? 1.0 - ambient / scene.params.fluid.density : 0.0) * kick).cast<Real>();

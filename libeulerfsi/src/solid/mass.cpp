@@ -21,7 +21,7 @@ double cutting_distance(const Mat3d& inverse_f) {
   return 0.5 * std::sqrt(3.0) * std::clamp(1.05 * std::sqrt(3.0) * norm, 0.25, 4.0) + 1e-6;
 }
 
-constexpr double kMostCrushed = 0.2, kMostStretched = 3.0;  // stretches that are believed at the edge of the data
+constexpr double kMostCrushed = 0.2, kMostStretched = 5.0;  // stretches that are believed at the edge of the data
 constexpr double kSplinterGrowth = 1.25;  // of the volume of an element that is torn off, or its inverse
 constexpr std::size_t kSplinter = 3;      // elements
 
