@@ -293,7 +293,7 @@ void VelocitySystem::scatter(const Parallel& parallel, const std::vector<Real>& 
 
 std::size_t VelocitySystem::bytes() const {
   return (inertia_.size() + node_mass_.size() + free_.size() + inverse_diagonal_.size() + element_out_.size() +
-          masked_.size()) *
+          masked_.size() + sliding_.size() + 3 * normal_.size()) *
              sizeof(Real) +
          (unknown_of_node_.size() + corner_.size() + gather_begin_.size() + gather_.size()) * sizeof(std::int32_t) +
          node_.size() * sizeof(std::size_t) + pcg_.bytes();
