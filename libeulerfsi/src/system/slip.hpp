@@ -19,8 +19,8 @@ struct SlipNode {
   std::size_t node;  // of the grid
   int i, j, k;       // on no face of the box
   std::size_t solid;
-  std::uint8_t solid_cells;  // bit a: the cell that has this node as corner a (grid::kCorner) belongs to the solid
-  Vec3 normal;
+  std::uint8_t solid_cells;     // bit a: the cell that has this node as corner a (grid::kCorner) belongs to the solid
+  Vec3 normal;                  // out of the solid
   Real solid_mass, fluid_mass;  // [kg]
 };
 
