@@ -569,10 +569,33 @@ void remember_elements(const Scene& scene, const Workspace& work, std::size_t l,
     state.solids[l].stiff.clear();  // in an impact cells fill and empty faster than the choice may lag
 }
 
+namespace {
+
+// What flows in through an open face comes from fluid at rest: a jet that took its own speed from beyond the face would
+// feed itself.
+void still_inflow(const Parallel& parallel, const Scene& scene, grid::VectorField& velocity) {
+  const Grid& g = scene.grid;
+  const grid::Walls& walls = scene.params.walls;
+  if (!walls.any_open()) return;
+  for_face_nodes(parallel, g, [&](std::size_t n, int i, int j, int k) {
+    const int index[3] = {i, j, k};
+    for (int a = 0; a < 3; ++a) {
+      const auto axis = static_cast<std::size_t>(a);
+      const Real v = velocity.c[axis][n];
+      const bool enters_low = index[a] == 0 && walls.lower(a) == grid::Wall::kOpen && v > 0;
+      const bool enters_high = index[a] == g.cells[axis] && walls.upper(a) == grid::Wall::kOpen && v < 0;
+      if (enters_low || enters_high) velocity.set(n, Vec3::Zero());
+    }
+  });
+}
+
+}  // namespace
+
 void advect_fluid(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
                   Profile& profile) {
   if (!scene.params.fluid.present) return;
   const bool corrected = scene.params.numerics.corrected_fluid_advection;
+  still_inflow(parallel, scene, work.velocity);
   {
     ScopedTimer timer(profile, Stage::kFluidAdvection);
     fluid::set_flow(parallel, scene.grid, work.velocity, work.advect);

@@ -240,3 +240,22 @@ TEST_CASE("An empty scene advances and costs nothing") {
   CHECK(s->state().time == 0.1);
   for (std::size_t stage = 0; stage < sim::Profile::kStages; ++stage) CHECK(s->profile().tiles[stage] == 0);
 }
+
+TEST_CASE("A jet that comes in through an open face dies away", "[law]") {
+  sim::Params p = box_params({0.3, 0.3, 0.3});
+  p.voxel_size = 0.02;
+  p.walls.face[3] = grid::Wall::kOpen;
+  auto s = make_simulation(p);
+  const grid::Grid& g = s->grid();
+  const std::size_t n = g.node_count();
+  std::vector<float> v(3 * n, 0.0f);
+  for (int k = 0; k <= g.cells[2]; ++k)
+    for (int j = 0; j <= g.cells[1]; ++j)
+      for (int i = 0; i <= 2; ++i) v[n + g.node(i, j, k)] = -5.0f;
+  s->set_velocity(v.data());
+  s->step(0.005);
+  const double start = s->diagnose_fluid().kinetic_energy;
+  for (int k = 0; k < 100; ++k) s->step(0.005);
+  INFO("kinetic energy from " << start << " to " << s->diagnose_fluid().kinetic_energy);
+  CHECK(s->diagnose_fluid().kinetic_energy < 0.5 * start);
+}
