@@ -271,12 +271,9 @@ void find_slip_nodes(const Parallel& parallel, const Scene& scene, const State& 
           continue;
         }
         node.solid_cells = static_cast<std::uint8_t>(node.solid_cells | (1u << a));
-        for (std::size_t axis = 0; axis < 3; ++axis)
-          node.normal[static_cast<Eigen::Index>(axis)] += corner[axis] ? 1 : -1;
       }
-      if (node.normal.isZero()) return;  // solid on opposite sides
-      node.normal.normalize();
-      planes[static_cast<std::size_t>(k)].push_back(node);
+      node.normal = system::stair_normal(node.solid_cells);
+      if (!node.normal.isZero()) planes[static_cast<std::size_t>(k)].push_back(node);
     });
   std::vector<system::SlipNode> nodes;
   for (const auto& plane : planes) nodes.insert(nodes.end(), plane.begin(), plane.end());
@@ -618,10 +615,11 @@ void advect_fluid(const Parallel& parallel, const Scene& scene, double dt, State
 void measure_momentum(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work) {
   const Grid& g = scene.grid;
   work.solid_momenta.clear();
-  for (std::size_t l = 0; l < scene.solids.size(); ++l) {
+  {
     const system::SolidView view(parallel, work.slip, work.velocity);
-    work.solid_momenta.push_back(
-        solid::measure_momenta(parallel, state.solids[l].band, work.solids[l], g, work.velocity));
+    for (std::size_t l = 0; l < scene.solids.size(); ++l)
+      work.solid_momenta.push_back(
+          solid::measure_momenta(parallel, state.solids[l].band, work.solids[l], g, work.velocity));
   }
   if (scene.solids.empty() || conserved_axes(scene).isZero()) return;
   const FluidSums all = sum_fluid(parallel, g, work.mass, work.velocity);  // work.mass: all matter

@@ -2,6 +2,13 @@
 
 namespace efsi::system {
 
+Vec3 stair_normal(std::uint8_t solid_cells) {
+  Vec3 sum = Vec3::Zero();
+  for (std::size_t corner = 0; corner < 8; ++corner)
+    if (solid_cells >> corner & 1u) sum += side_of(corner);
+  return sum.isZero() ? sum : sum.normalized();
+}
+
 SlipNodes::SlipNodes(const grid::Grid& g, std::vector<SlipNode> nodes) : grid_(g), nodes_(std::move(nodes)) {
   solid_velocity_.assign(nodes_.size(), Vec3::Zero());
   plane_begin_.assign(static_cast<std::size_t>(g.cells[2]) + 2, 0);
@@ -38,7 +45,7 @@ void SlipNodes::correct_divergence(const Parallel& parallel, const grid::VectorF
   const Real scale = static_cast<Real>(0.25 / grid_.h);
   for_cells(parallel, [&](std::size_t t, std::size_t corner, std::size_t cell) {
     if (!in_solid(nodes_[t], corner)) return;
-    divergence[cell] += scale * side(corner).dot(solid_velocity_[t] - velocity.at(nodes_[t].node));
+    divergence[cell] += scale * side_of(corner).dot(solid_velocity_[t] - velocity.at(nodes_[t].node));
   });
 }
 
@@ -46,7 +53,7 @@ void SlipNodes::correct_divergence(const Parallel& parallel, const grid::VectorF
 SlipNodes::Pair SlipNodes::impulses(const SlipNode& n, const std::vector<Real>& q) const {
   Pair g{Vec3::Zero(), Vec3::Zero()};
   for (std::size_t corner = 0; corner < 8; ++corner)
-    (in_solid(n, corner) ? g.solid : g.fluid) += q[cell_at(n, corner)] * side(corner);
+    (in_solid(n, corner) ? g.solid : g.fluid) += q[cell_at(n, corner)] * side_of(corner);
   return {area() * g.solid, area() * g.fluid};
 }
 

@@ -24,6 +24,14 @@ struct SlipNode {
   Real solid_mass, fluid_mass;  // [kg]
 };
 
+// +-1 per component: on which side of a cell's center its corner lies.
+inline Vec3 side_of(std::size_t corner) {
+  const auto& c = grid::kCorner[corner];
+  return Vec3(c[0] ? Real(1) : Real(-1), c[1] ? Real(1) : Real(-1), c[2] ? Real(1) : Real(-1));
+}
+// The normal at a node, out of its solid cells (bits as in SlipNode); zero where they lie on opposite sides.
+Vec3 stair_normal(std::uint8_t solid_cells);
+
 class SlipNodes {
  public:
   SlipNodes() = default;
@@ -52,7 +60,7 @@ class SlipNodes {
   template <class Body>
   void for_terms(const Parallel& parallel, const std::vector<Pair>& excess, const Body& body) const {
     for_cells(parallel, [&](std::size_t t, std::size_t corner, std::size_t cell) {
-      body(cell, side(corner).dot(in_solid(nodes_[t], corner) ? excess[t].solid : excess[t].fluid));
+      body(cell, side_of(corner).dot(in_solid(nodes_[t], corner) ? excess[t].solid : excess[t].fluid));
     });
   }
   // Calls body(padded cell, value) for the terms of the diagonal of A - A_1.
@@ -61,7 +69,7 @@ class SlipNodes {
     for_cells(parallel, [&](std::size_t t, std::size_t corner, std::size_t cell) {
       const SlipNode& n = nodes_[t];
       const Real mobility = 1 / (in_solid(n, corner) ? n.solid_mass : n.fluid_mass) - 1 / (n.solid_mass + n.fluid_mass);
-      body(cell, area() * area() * mobility * across(n.normal, side(corner)).squaredNorm());
+      body(cell, area() * area() * mobility * across(n.normal, side_of(corner)).squaredNorm());
     });
   }
   // After v_f -= g / (m_s + m_f): what is left to do for both velocities.
@@ -73,11 +81,6 @@ class SlipNodes {
  private:
   static bool in_solid(const SlipNode& n, std::size_t corner) { return n.solid_cells >> corner & 1u; }
   static Vec3 across(const Vec3& normal, const Vec3& v) { return v - normal.dot(v) * normal; }
-  // +-1 per component: on which side of the cell's center the corner lies.
-  static Vec3 side(std::size_t corner) {
-    const auto& c = grid::kCorner[corner];
-    return Vec3(c[0] ? Real(1) : Real(-1), c[1] ? Real(1) : Real(-1), c[2] ? Real(1) : Real(-1));
-  }
   std::size_t cell_at(const SlipNode& n, std::size_t corner) const {
     const auto& c = grid::kCorner[corner];
     return grid_.padded(n.i - c[0], n.j - c[1], n.k - c[2]);

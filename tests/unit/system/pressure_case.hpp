@@ -1,6 +1,9 @@
 // Purpose: pressure equations for tests: a box with walls of every kind and matter of contrasting densities.
 #pragma once
 
+#include <Eigen/Core>
+#include <catch2/catch.hpp>
+#include <cmath>
 #include <random>
 #include <string>
 #include <vector>
@@ -81,6 +84,29 @@ inline std::vector<PressureCase> pressure_cases(Vec3i cells, double contrast) {
           {"open", cells, {o, o, o, o, o, o}, contrast},
           {"periodic", cells, {p, p, p, p, p, p}, contrast},
           {"mixed", cells, {p, p, n, o, s, n}, contrast}};
+}
+
+inline Eigen::VectorXd to_vector(const PressureCase& c, const std::vector<Real>& cells) {
+  Eigen::VectorXd v(static_cast<Eigen::Index>(c.g.cell_count()));
+  for (int k = 0; k < c.g.cells[2]; ++k)
+    for (int j = 0; j < c.g.cells[1]; ++j)
+      for (int i = 0; i < c.g.cells[0]; ++i)
+        v[static_cast<Eigen::Index>(c.g.cell(i, j, k))] = static_cast<double>(cells[c.g.padded(i, j, k)]);
+  return v;
+}
+
+inline void check_symmetric_definite(const PressureCase& c, system::PressureMultigrid& multigrid, double tolerance) {
+  const Parallel parallel(1);
+  for (unsigned seed = 1; seed <= 3; ++seed) {
+    const std::vector<Real> r = c.random_cells(seed), s = c.random_cells(seed + 50);
+    std::vector<Real> br(r.size(), 0), bs(r.size(), 0);
+    multigrid.precondition(parallel, r, br);
+    multigrid.precondition(parallel, s, bs);
+    const double rr = c.dot(r, br), ss = c.dot(s, bs);
+    CHECK(rr > 0.0);
+    CHECK(ss > 0.0);
+    CHECK(std::abs(c.dot(s, br) - c.dot(r, bs)) < tolerance * std::sqrt(rr * ss));
+  }
 }
 
 }  // namespace efsi::test

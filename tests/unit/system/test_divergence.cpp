@@ -18,15 +18,6 @@ system::PressureMultigrid built(const PressureCase& c) {
   return multigrid;
 }
 
-Eigen::VectorXd to_vector(const PressureCase& c, const std::vector<Real>& cells) {
-  Eigen::VectorXd v(static_cast<Eigen::Index>(c.g.cell_count()));
-  for (int k = 0; k < c.g.cells[2]; ++k)
-    for (int j = 0; j < c.g.cells[1]; ++j)
-      for (int i = 0; i < c.g.cells[0]; ++i)
-        v[static_cast<Eigen::Index>(c.g.cell(i, j, k))] = static_cast<double>(cells[c.g.padded(i, j, k)]);
-  return v;
-}
-
 Eigen::VectorXd to_vector(const reference::AssembledConstraint& twin, const grid::VectorField& v) {
   Eigen::VectorXd x = Eigen::VectorXd::Zero(twin.j.cols());
   const grid::Grid& g = twin.g;
