@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "base/kernel.hpp"
 #include "fluid/advect.hpp"
 #include "fluid/forces.hpp"
 #include "grid/boundary.hpp"
+#include "solid/displacement.hpp"
 #include "solid/mass.hpp"
 #include "solid/surface.hpp"
 
@@ -436,10 +438,15 @@ void assemble_velocity_system(const Parallel& parallel, const Scene& scene, doub
   std::vector<system::SolidRef> refs;
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     const solid::SolidRest& rest = scene.solids[l];
-    const double share = scene.params.numerics.implicit_share_by_pace
-                             ? system::least_implicit_share(dt, std::sqrt(rest.elastic.mu / rest.density), scene.grid.h)
-                             : 1.0;
-    refs.push_back({&rest, &state.solids[l], &work.solids[l], share});
+    system::SolidRef ref{&rest, &state.solids[l], &work.solids[l], {}, {}};
+    if (scene.params.numerics.stiffness_by_pace) {
+      const double pace = dt * std::sqrt(rest.elastic.mu / rest.density) / scene.grid.h;
+      const double strain = dt * solid::largest_strain_rate(parallel, state.solids[l], work.solids[l].carries);
+      const double growth = std::max(ref.work->max_det_f, 1.0 / ref.work->min_det_f);
+      ref.free = system::stiffness_shares(pace, strain, growth);
+      ref.held = system::stiffness_shares(pace, std::numeric_limits<double>::infinity(), growth);
+    }
+    refs.push_back(ref);
   }
   work.velocity_system.assemble(parallel, scene.grid, work.fixed, refs, work.mass, work.slip, dt);
   // f* = M (v + dt f_ext / m) + dt f_int
@@ -448,14 +455,15 @@ void assemble_velocity_system(const Parallel& parallel, const Scene& scene, doub
     work.velocity_system.gather(parallel, work.velocity, work.v_star);
   }
   work.velocity_system.internal_force(parallel, work.f_star);
-  std::vector<Real> momentum;
-  work.velocity_system.multiply_mass(parallel, work.v_star, momentum);
+  work.velocity_system.multiply_mass(parallel, work.v_star, work.momentum);
   const auto& free = work.velocity_system.free();
   const Real step = static_cast<Real>(dt);
   parallel.for_each(work.velocity_system.unknowns(), [&](std::int64_t u) {
     for (std::size_t i = 3 * static_cast<std::size_t>(u); i < 3 * static_cast<std::size_t>(u) + 3; ++i)
-      work.f_star[i] = free[i] * (momentum[i] + step * work.f_star[i]);
+      work.momentum[i] = free[i] * (work.momentum[i] + step * work.f_star[i]);
   });
+  work.f_star = work.momentum;
+  work.velocity_system.add_past_stiffness(parallel, work.v_star, work.f_star);
   timer.visited(static_cast<std::uint64_t>(work.velocity_system.unknowns()), 30 * sizeof(Real));
 }
 
@@ -469,7 +477,7 @@ void solve_velocity(const Parallel& parallel, const Scene& scene, double, Worksp
   info.velocity_iterations += static_cast<std::uint64_t>(stats.iterations);
   info.velocity_residual = stats.residual;
   info.unconverged += !stats.converged;
-  if (numerics.conserve_momentum) work.velocity_system.conserve_momentum(parallel, work.f_star, work.v_star);
+  if (numerics.conserve_momentum) work.velocity_system.conserve_momentum(parallel, work.momentum, work.v_star);
   {
     const system::SolidView view(parallel, work.slip, work.velocity);
     work.velocity_system.scatter(parallel, work.v_star, work.velocity);

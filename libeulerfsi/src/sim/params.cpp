@@ -18,7 +18,7 @@ Numerics numerics_of(Preset preset) {
     n.solid_advection = solid::AdvectionScheme::kPaper;
     n.corrected_fluid_advection = false;
     n.stiff_correction = true;
-    n.implicit_share_by_pace = false;
+    n.stiffness_by_pace = false;
     n.volume_source = false;
     n.conserve_momentum = false;
     n.fluid_slips = false;

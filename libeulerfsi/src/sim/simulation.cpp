@@ -260,7 +260,8 @@ StepInfo Simulation::checked_step(double remaining) {
         if (work_.solids[l].element_cell.empty()) reason = "solid " + std::to_string(l + 1) + " has vanished";
         if (!finite(parallel_, state_.solids[l].u) || !finite(parallel_, state_.solids[l].v))
           reason = "solid " + std::to_string(l + 1) + ": a value is not finite";
-        if (solids_[l].compressible && solid::largest_strain_rate(parallel_, state_.solids[l]) * info.dt > kRetryStrain)
+        if (solids_[l].compressible &&
+            solid::largest_strain_rate(parallel_, state_.solids[l], state_.solids[l].valid) * info.dt > kRetryStrain)
           reason = "solid " + std::to_string(l + 1) + " was strained by more than " + std::to_string(kRetryStrain);
         if (work_.solids[l].max_speed * info.dt > kRetryTravel * grid_.h)
           reason = "solid " + std::to_string(l + 1) + " moved more than " + std::to_string(kRetryTravel) + " cells";

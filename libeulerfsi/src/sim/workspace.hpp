@@ -25,6 +25,7 @@ struct Workspace {
   system::VelocitySystem velocity_system;
   system::PressureSystem pressure_system;
   std::vector<Real> f_star, v_star;  // Eq. 8 on the unknowns
+  std::vector<Real> momentum;        // M v + dt f on the unknowns [kg m/s]
   fluid::AdvectWorkspace advect;
   solid::AdvectWorkspace solid_advect;
   std::vector<solid::Momenta> solid_momenta;  // before the transport

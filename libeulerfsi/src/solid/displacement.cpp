@@ -248,7 +248,7 @@ void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const R
   });
 }
 
-double largest_strain_rate(const Parallel& parallel, const SolidState& state) {
+double largest_strain_rate(const Parallel& parallel, const SolidState& state, const std::vector<std::uint8_t>& marked) {
   const Grid& g = state.band.grid;
   const std::size_t stride[3] = {1, g.node_stride(1), g.node_stride(2)};
   return parallel.max(g.cells[2] + 1, 0.0, [&](std::int64_t kk) {
@@ -259,7 +259,7 @@ double largest_strain_rate(const Parallel& parallel, const SolidState& state) {
         const std::size_t n = g.node(i, j, k);
         const bool inside[3] = {i < g.cells[0], j < g.cells[1], k < g.cells[2]};
         for (std::size_t a = 0; a < 3; ++a)
-          if (inside[a] && state.valid[n] && state.valid[n + stride[a]])
+          if (inside[a] && marked[n] && marked[n + stride[a]])
             top = std::max(top, (state.v.at(n + stride[a]) - state.v.at(n)).cwiseAbs().maxCoeff());
       }
     return static_cast<double>(top) / g.h;

@@ -48,8 +48,8 @@ struct AdvectWorkspace {
 void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const RigidMotion& frame,
             const SolidWork& work, SolidState& state, AdvectWorkspace& packed);
 
-// Largest difference of a velocity component between neighbouring nodes that hold data, over h [1/s].
-double largest_strain_rate(const Parallel& parallel, const SolidState& state);
+// Largest difference of a velocity component between neighbouring band nodes, both of them marked, over h [1/s].
+double largest_strain_rate(const Parallel& parallel, const SolidState& state, const std::vector<std::uint8_t>& marked);
 
 // Re-centres the band around the nodes that hold data and are inside the solid.
 void follow_solid(const Grid& global, const SolidRest& rest, SolidState& state);

@@ -10,14 +10,18 @@ namespace efsi::system {
 namespace {
 
 constexpr std::size_t kLanes = solid::kBlock;
-constexpr double kLeastShare = 0.6;  // from 1/2 on a step is stable with a linear material
-constexpr double kShareOfPace = 0.4;
+constexpr double kLivelyAhead = 0.26, kLivelyBehind = 0.25;
+constexpr double kLivelyPace = 1.25, kLivelyStrain = 0.1, kLivelyGrowth = 1.25;  // from here to twice as much it fades
+constexpr double kDampedAhead = 0.6, kAheadOfPace = 0.4;
 constexpr std::uint8_t kAllAxes = 7;
 
 }  // namespace
 
-double least_implicit_share(double dt, double shear_speed, double h) {
-  return std::clamp(kShareOfPace * dt * shear_speed / h, kLeastShare, 1.0);
+StiffnessShares stiffness_shares(double pace, double strain, double growth) {
+  const auto fade = [](double value, double from) { return std::clamp(2.0 - value / from, 0.0, 1.0); };
+  const double lively = std::min({fade(pace, kLivelyPace), fade(strain, kLivelyStrain), fade(growth, kLivelyGrowth)});
+  const double damped = std::clamp(kAheadOfPace * pace, kDampedAhead, 1.0);
+  return {damped + lively * (kLivelyAhead - damped), lively * kLivelyBehind};
 }
 
 void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, const std::vector<std::uint8_t>& fixed,
@@ -35,6 +39,7 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
   free_.clear();
   element_begin_.assign(1, 0);
   stiffness_factor_.clear();
+  past_factor_.clear();
   unknown_begin_.assign(1, 0);
   held_.assign(solids_.size(), 0);
 
@@ -67,7 +72,11 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
         }
     unknown_begin_.push_back(node_.size());
     element_begin_.push_back(element_begin_.back() + static_cast<std::int32_t>(s.work->element_cell.size()));
-    stiffness_factor_.push_back(static_cast<Real>(s.implicit_share * dt * dt + dt * s.rest->rayleigh_beta));
+  }
+  for (std::size_t l = 0; l < solids_.size(); ++l) {
+    const StiffnessShares& shares = touches(l) ? solids_[l].held : solids_[l].free;
+    stiffness_factor_.push_back(static_cast<Real>(shares.ahead * dt * dt + dt * solids_[l].rest->rayleigh_beta));
+    past_factor_.push_back(static_cast<Real>(shares.behind * dt * dt));
   }
 
   node_mass_.resize(node_.size());
@@ -164,7 +173,8 @@ void VelocitySystem::sum_elements(const Parallel& parallel, const ElementBody& b
   gather_elements(parallel, out);
 }
 
-void VelocitySystem::apply(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y) {
+void VelocitySystem::multiply_stiffness(const Parallel& parallel, const std::vector<Real>& factor,
+                                        const std::vector<Real>& x, std::vector<Real>& y) {
   masked_.resize(x.size());
   linalg::multiply(parallel, masked_, free_, x);
   for (std::size_t l = 0; l < solids_.size(); ++l)
@@ -176,10 +186,23 @@ void VelocitySystem::apply(const Parallel& parallel, const std::vector<Real>& x,
           const Real* value = &masked_[3 * static_cast<std::size_t>(corner_[(block * 8 + a) * kLanes + lane])];
           for (std::size_t i = 0; i < 3; ++i) in[3 * a + i][lane] = value[i];
         }
-      solid::block_stiffness(*solids_[l].work, static_cast<std::size_t>(local), h_, stiffness_factor_[l], in,
+      solid::block_stiffness(*solids_[l].work, static_cast<std::size_t>(local), h_, factor[l], in,
                              element_out_.data() + block * 24 * kLanes);
     });
   gather_elements(parallel, y);
+}
+
+void VelocitySystem::add_past_stiffness(const Parallel& parallel, const std::vector<Real>& v, std::vector<Real>& f) {
+  if (std::all_of(past_factor_.begin(), past_factor_.end(), [](Real factor) { return factor == 0; })) return;
+  multiply_stiffness(parallel, past_factor_, v, past_);
+  parallel.for_each(unknowns(), [&](std::int64_t u) {
+    for (std::size_t i = 3 * static_cast<std::size_t>(u); i < 3 * static_cast<std::size_t>(u) + 3; ++i)
+      f[i] += free_[i] * past_[i];
+  });
+}
+
+void VelocitySystem::apply(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y) {
+  multiply_stiffness(parallel, stiffness_factor_, x, y);
   parallel.for_each(unknowns(), [&](std::int64_t u) {
     const Vec3 slide = sliding_momentum(static_cast<std::size_t>(u), x);
     for (std::size_t i = 3 * static_cast<std::size_t>(u); i < 3 * static_cast<std::size_t>(u) + 3; ++i)
@@ -293,7 +316,7 @@ void VelocitySystem::scatter(const Parallel& parallel, const std::vector<Real>& 
 
 std::size_t VelocitySystem::bytes() const {
   return (inertia_.size() + node_mass_.size() + free_.size() + inverse_diagonal_.size() + element_out_.size() +
-          masked_.size() + sliding_.size() + 3 * normal_.size()) *
+          masked_.size() + past_.size() + sliding_.size() + 3 * normal_.size()) *
              sizeof(Real) +
          (unknown_of_node_.size() + corner_.size() + gather_begin_.size() + gather_.size()) * sizeof(std::int32_t) +
          node_.size() * sizeof(std::size_t) + pcg_.bytes();

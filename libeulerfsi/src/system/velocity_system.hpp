@@ -19,18 +19,24 @@ namespace efsi::system {
 using grid::Grid;
 using grid::VectorField;
 
+// What stands for K v* in Eq. 8: ahead K v* - behind K v^n. {1, 0} is backward Euler, {1/4, 1/4} the trapezoidal rule.
+// A linear material is stable from ahead + behind = 1/2 on; a mode of frequency omega loses (ahead - behind) (omega
+// dt)^2 of its energy in a step (docs/numerics-choices.md).
+struct StiffnessShares {
+  double ahead = 1.0, behind = 0.0;
+};
+// Nearly undamped; but ahead grows to 0.6 and behind vanishes where elastic waves pass more than a cell or so in the
+// step, where it strains the solid much, and where a cell has grown or shrunk much; where waves pass many cells ahead
+// is 1. pace: cells that waves pass in the step; growth: largest factor of a cell's volume, or its inverse.
+StiffnessShares stiffness_shares(double pace, double strain, double growth);
+
 // One solid as the system sees it.
 struct SolidRef {
   const solid::SolidRest* rest;
   solid::SolidState* state;
   solid::SolidWork* work;
-  double implicit_share = 1.0;  // s in M + dt C + s dt^2 K; 1 is Eq. 8
+  StiffnessShares free, held;  // while nothing touches it, and while a wall or a solid does
 };
-
-// The share of the stiffness that leaves a step stable and damps what it cannot resolve: 0.6 where elastic waves pass
-// no more than a cell or so in a step, 1 (backward Euler) where they pass many. A mode of frequency omega loses share
-// (omega dt)^2 of its energy in a step (docs/numerics-choices.md). shear_speed: of elastic waves [m/s].
-double least_implicit_share(double dt, double shear_speed, double h);
 
 enum class VelocitySolver : std::int32_t { kPcg = 0, kPcr = 1 };
 
@@ -45,6 +51,8 @@ class VelocitySystem {
 
   // y = G x; 3 values per unknown node, components that walls fix are identity rows.
   void apply(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y);
+  // f += what the shares behind add to the right-hand side: behind dt^2 K v.
+  void add_past_stiffness(const Parallel& parallel, const std::vector<Real>& v, std::vector<Real>& f);
   // sum of the elements' forces on each unknown [N].
   void internal_force(const Parallel& parallel, std::vector<Real>& force);
   // Solves G x = b.
@@ -73,6 +81,9 @@ class VelocitySystem {
   solid::RigidMotion missing_motion(const Parallel& parallel, std::size_t solid, const std::vector<Real>& b,
                                     const std::vector<Real>& x) const;
   void gather_elements(const Parallel& parallel, std::vector<Real>& out);
+  // y = factor K x, one factor per solid.
+  void multiply_stiffness(const Parallel& parallel, const std::vector<Real>& factor, const std::vector<Real>& x,
+                          std::vector<Real>& y);
   template <class ElementBody>
   void sum_elements(const Parallel& parallel, const ElementBody& body, std::vector<Real>& out);
 
@@ -90,10 +101,11 @@ class VelocitySystem {
   std::vector<Real> free_;
   std::vector<Real> sliding_;  // mass per unknown that moves along the normal only: fluid beside the solid [kg]
   std::vector<Vec3> normal_;   // empty without such nodes
-  std::vector<Real> stiffness_factor_;  // share dt^2 + dt beta per solid
+  std::vector<Real> stiffness_factor_;  // ahead dt^2 + dt beta per solid
+  std::vector<Real> past_factor_;       // behind dt^2 per solid
   std::vector<Real> inverse_diagonal_;
   std::vector<Real> element_out_;  // block, 24 values, lane
-  std::vector<Real> masked_;
+  std::vector<Real> masked_, past_;
   Grid global_;
   double h_ = 1.0;
   linalg::PcgWorkspace pcg_;

@@ -47,6 +47,7 @@ class Experiment:
     spin: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rad/s
     stretch: tuple[float, float, float] | None = None  # initial F = diag(stretch) about the centre
     compressible: bool = False
+    damping: float = 0.0  # rayleigh_beta [s]
     load: float = 0.0  # beta of the body force -beta (x - x_c) [N/m^4]
     settings: tuple[tuple[str, Any], ...] = ()  # fields of EfsiSimulationDef or EfsiSolidDef, the user's last word
     limit: float = 600.0  # wall-clock seconds after which the run is given up
@@ -111,6 +112,7 @@ class Experiment:
             "youngs_modulus": YOUNGS_MODULUS,
             "poissons_ratio": POISSONS_RATIO,
             "compressible": int(self.compressible),
+            "rayleigh_beta": self.damping,
             "velocity": self.velocity,
             "angular_velocity": self.spin,
         }

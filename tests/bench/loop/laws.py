@@ -123,6 +123,9 @@ def judge_bounce(results: Results, tier: str) -> list[Line]:
     return lines
 
 
+PRESSED = 2e-5  # J: what the fluid's pressure on the falling ball comes to, and that grows
+
+
 def judge_flight(results: Results, tier: str) -> list[Line]:
     lines = []
     for result in found(results, bounce_runs(tier)):
@@ -134,8 +137,8 @@ def judge_flight(results: Results, tier: str) -> list[Line]:
         now = result.numbers["flight energy [J]"] = at_time(result, "elastic_energy", FLIGHT)
         lines.append(Line("flight", "elastic energy <= 1e-3 J", now, "J", 0, 1e-3, at))
         early, late = energy[times <= FLIGHT / 2].max(), energy[(times > FLIGHT / 2) & (times <= FLIGHT)].max()
-        growth = result.numbers["flight growth"] = float(late / early)
-        bar = "not growing: its largest in the second half of the flight over the first <= 1.1"
+        growth = result.numbers["flight growth"] = float(late / max(early, PRESSED))
+        bar = f"not growing: its largest in the second half of the flight over the first (or {PRESSED:g} J) <= 1.1"
         lines.append(Line("flight", bar, growth, "", 0, 1.1, at))
     return lines
 

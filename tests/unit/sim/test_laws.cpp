@@ -12,11 +12,13 @@ constexpr double kRadius = 0.1;
 constexpr double kShearModulus = 1e4;
 
 // A ball in the middle of a cube of half-width `half`, `across` cells over its diameter.
-std::unique_ptr<sim::Simulation> ball_in_cube(sim::Params p, double half, int across, double density = 1000.0) {
+std::unique_ptr<sim::Simulation> ball_in_cube(sim::Params p, double half, int across, double density = 1000.0,
+                                              double damping = 0.0) {
   p.domain_size = Vec3d::Constant(2.0 * half);
   p.voxel_size = 2.0 * kRadius / across;
   sim::SolidDesc d = ball_desc(Vec3d::Constant(half), kRadius);
   d.density = density;
+  d.rayleigh_beta = damping;
   return make_simulation(p, {d});
 }
 
@@ -58,7 +60,7 @@ TEST_CASE("A ball released from rest carries the added mass of the fluid around 
   // tests/bench/loop/reference.py. Eight cells per radius.
   constexpr double kAddedMass = 0.5344086;
   const auto [ratio, bar] = GENERATE(
-      table<double, double>({{1e-3, 0.03}, {0.1, 0.1}, {0.5, 0.05}, {1.3, 0.02}, {10.0, 2e-3}, {1000.0, 1e-4}}));
+      table<double, double>({{1e-3, 0.03}, {0.1, 0.1}, {0.5, 0.05}, {1.3, 0.03}, {10.0, 2e-3}, {1000.0, 1e-4}}));
   sim::Params p = box_params(Vec3d::Ones());
   p.fluid.density = 1000.0 / std::max(1.0, ratio);
   auto s = ball_in_cube(p, 3.0 * kRadius, 16, 1000.0 * std::min(1.0, ratio));
@@ -162,8 +164,9 @@ TEST_CASE("A spinning ball keeps its spin, and its energy does not grow", "[law]
 
 TEST_CASE("A stretched ball in vacuum swings at the frequency of Lamb's spheroidal mode", "[law]") {
   // omega R / c_s = 2.665622 for l = 2 of an incompressible sphere. Two sign changes of the same direction are a
-  // period; 7 cells per radius leave 6 %. 0.6 of the stiffness is implicit: a period keeps 0.3 of the
-  // energy, backward Euler 0.14.
+  // period; 7 cells per radius leave 6 %. A free solid is nearly undamped: a period keeps 0.93 of the energy, 0.3 with
+  // the shares of a solid in contact, 0.14 with backward Euler. u and v are half a step apart, by which the sum of
+  // their energies wavers.
   constexpr double kRoot = 2.665622, kPi = 3.14159265358979323846;
   const double period = 2.0 * kPi * kRadius / (kRoot * std::sqrt(kShearModulus / 1000.0));
   sim::Params p = box_params(Vec3d::Ones());
@@ -183,14 +186,14 @@ TEST_CASE("A stretched ball in vacuum swings at the frequency of Lamb's spheroid
     if (now * last < 0.0) crossings.push_back(t - period / 40.0 * now / (now - last));
     last = now;
     const auto d = s->diagnose_solid(0);
-    CHECK(d.kinetic_energy + d.elastic_energy < 1.01 * start);
+    CHECK(d.kinetic_energy + d.elastic_energy < 1.1 * start);
   }
   REQUIRE(crossings.size() == 3);
   const auto end = s->diagnose_solid(0);
   const double kept = (end.kinetic_energy + end.elastic_energy) / start;
   INFO("period " << crossings[2] - crossings[0] << " s, exact " << period << " s, energy kept " << kept);
   CHECK(crossings[2] - crossings[0] == Approx(period).epsilon(0.07));
-  CHECK(kept > 0.25);
+  CHECK(kept > 0.85);
 }
 
 TEST_CASE("A ball under a lasting load towards its centre is not compressed", "[law]") {
@@ -200,7 +203,7 @@ TEST_CASE("A ball under a lasting load towards its centre is not compressed", "[
   sim::Params p = box_params(Vec3d::Ones());
   p.gravity.setZero();
   p.fluid.present = false;
-  auto s = ball_in_cube(p, 2.0 * kRadius, 10);
+  auto s = ball_in_cube(p, 2.0 * kRadius, 10, 1000.0, dt);  // damped: comes to rest
   const Vec3d center = Vec3d::Constant(0.2);
   for (int n = 0; n < 60; ++n) {
     const auto& v = s->state().solids[0].v;
@@ -230,6 +233,7 @@ TEST_CASE("A compressible ball under a load towards its centre shrinks by the me
   d.youngs_modulus = 70000.0 / 3.0;  // lambda 5000, mu 10000
   d.poissons_ratio = 1.0 / 6.0;
   d.compressible = true;
+  d.rayleigh_beta = dt;  // comes to rest
   auto s = make_simulation(p, {d});
   for (int n = 0; n < 60; ++n) {
     const auto& v = s->state().solids[0].v;
@@ -242,7 +246,7 @@ TEST_CASE("A compressible ball under a load towards its centre shrinks by the me
   }
   const auto now = s->diagnose_solid(0);
   CHECK(now.kinetic_energy < 1e-6);
-  CHECK(1.0 - now.volume_mesh / now.rest_volume == Approx(strain).epsilon(0.1));
+  CHECK(1.0 - now.volume_mesh / now.rest_volume == Approx(strain).epsilon(0.15));
   CHECK(s->profile().tiles[static_cast<std::size_t>(sim::Stage::kPressureSolve)] == 0);
 }
 

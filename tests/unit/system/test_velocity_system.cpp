@@ -27,7 +27,8 @@ struct Scene {
   TestSolid solids[2];
   VelocitySystem system;
 
-  explicit Scene(int threads = 1) {
+  // The balls touch the walls and each other.
+  explicit Scene(int threads = 1, system::StiffnessShares held = {}) {
     const auto soft = material::from_youngs_modulus(material::Law::kCorotational, 2e4, 0.3);
     const auto stiff = material::from_youngs_modulus(material::Law::kStableNeoHookean, 1e5, 0.4);
     solids[0] = make_ball(g, soft, {0.3, 0.11, 0.3}, 0.13);
@@ -42,7 +43,7 @@ struct Scene {
           s, [](const Vec3d& x) { return Vec3d(0.01 * std::sin(9 * x[1]), 0.05 * x[2] * x[0], -0.03 * x[1]); });
       compute(s, 1, threads);
       for (std::size_t n = 0; n < mass.size(); ++n) mass[n] += s.work.mass[n];  // bands are the whole grid
-      refs.push_back({&s.rest, &s.state, &s.work});
+      refs.push_back({&s.rest, &s.state, &s.work, {9.0, 9.0}, held});
     }
     system.assemble(Parallel(threads), g, fixed, refs, mass, {}, kDt);
   }
@@ -173,10 +174,35 @@ TEST_CASE("The velocity system gives the same bits for 1, 2, 3 and 8 threads", "
   }
 }
 
-TEST_CASE("Part of the stiffness is implicit in steps that resolve elastic waves, all of it in long ones") {
-  CHECK(system::least_implicit_share(1e-4, 3.0, 0.01) == 0.6);
-  CHECK(system::least_implicit_share(1.0 / 24.0, 3.0, 0.01) == 1.0);
-  const double between = system::least_implicit_share(0.006, 3.0, 0.01);
-  CHECK(between > 0.6);
-  CHECK(between < 1.0);
+TEST_CASE("The share of the stiffness behind is that of the old velocity") {
+  Scene scene(2, {0.9, 0.3}), stiffer(2, {1.2, 0.0});
+  const std::vector<Real> x = scene.random_vector(56);
+  std::vector<Real> y, z, f(x.size(), 1);
+  scene.system.apply(Parallel(2), x, y);
+  stiffer.system.apply(Parallel(2), x, z);
+  scene.system.add_past_stiffness(Parallel(2), x, f);
+  const Eigen::VectorXd added = to_vector(f) - Eigen::VectorXd::Ones(static_cast<Eigen::Index>(f.size()));
+  CHECK((added - (to_vector(z) - to_vector(y))).norm() < 100 * kTolerance * added.norm());
+  stiffer.system.add_past_stiffness(Parallel(2), x, f = x);
+  CHECK(f == x);
+}
+
+TEST_CASE(
+    "A step is nearly undamped where it resolves elastic waves and strains little, backward Euler where it is long") {
+  const auto steady = system::stiffness_shares(0.5, 0.01, 1.0);
+  CHECK(steady.ahead - steady.behind == Approx(0.01));
+  const double inf = std::numeric_limits<double>::infinity();
+  for (const auto& held : {system::stiffness_shares(0.5, inf, 1.0), system::stiffness_shares(0.5, 0.01, 3.0)}) {
+    CHECK(held.ahead == Approx(0.6));
+    CHECK(held.behind == 0.0);
+  }
+  const auto slow = system::stiffness_shares(12.5, 0.01, 1.0);
+  CHECK(slow.ahead == 1.0);
+  CHECK(slow.behind == 0.0);
+  for (double pace : {0.0, 1.3, 1.7, 2.4, 2.6})
+    for (double strain : {0.0, 0.11, 0.15, 1.0}) {
+      const auto shares = system::stiffness_shares(pace, strain, 1.0);
+      CHECK(shares.ahead + shares.behind >= 0.5);  // stable
+      CHECK(shares.ahead > shares.behind);         // damped
+    }
 }
