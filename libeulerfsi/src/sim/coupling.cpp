@@ -70,13 +70,10 @@ void for_owned_cells(const Parallel& parallel, const Scene& scene, const State& 
   });
 }
 
-// Padded cells that solids own.
-std::vector<std::uint8_t> solid_cells(const Parallel& parallel, const Scene& scene, const State& state,
-                                      const Workspace& work) {
-  std::vector<std::uint8_t> owned(scene.grid.padded_count(), 0);
+void find_owned_cells(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work) {
+  work.owned.assign(scene.solids.empty() ? 0 : scene.grid.padded_count(), 0);
   for (std::size_t l = 0; l < scene.solids.size(); ++l)
-    for_owned_cells(parallel, scene, state, work, l, [&](std::size_t c) { owned[c] = 1; });
-  return owned;
+    for_owned_cells(parallel, scene, state, work, l, [&](std::size_t c) { work.owned[c] = 1; });
 }
 
 // Without fluid and with nothing but compressible solids nothing is incompressible.
@@ -88,9 +85,9 @@ bool has_pressure(const Scene& scene) {
 
 // Padded cells with a pressure; empty: all. In vacuum p = 0 outside the solids, in compressible ones p = 0 inside.
 std::vector<std::uint8_t> pressure_cells(const Parallel& parallel, const Scene& scene, const State& state,
-                                         const Workspace& work, const std::vector<std::uint8_t>& owned) {
+                                         const Workspace& work) {
   std::vector<std::uint8_t> active;
-  if (!scene.params.fluid.present) active = owned;
+  if (!scene.params.fluid.present) active = work.owned;
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     if (!scene.solids[l].compressible) continue;
     if (active.empty()) active.assign(scene.grid.padded_count(), 1);
@@ -133,12 +130,11 @@ void compute_volume_source(const Parallel& parallel, const Scene& scene, const S
     return sum;
   });
   const Real share = static_cast<Real>(total / fluid_cells);
-  std::vector<std::uint8_t> owned = solid_cells(parallel, scene, state, work);
   parallel.for_each(g.cells[2], [&](std::int64_t k) {
     for (int j = 0; j < g.cells[1]; ++j)
       for (int i = 0; i < g.cells[0]; ++i) {
         const std::size_t c = g.padded(i, j, static_cast<int>(k));
-        if (!owned[c]) work.source[c] -= share;
+        if (!work.owned[c]) work.source[c] -= share;
       }
   });
 }
@@ -248,7 +244,6 @@ void find_slip_nodes(const Parallel& parallel, const Scene& scene, const State& 
   work.slip = {};
   if (!scene.params.numerics.fluid_slips || !scene.params.fluid.present || scene.solids.empty()) return;
   const Grid& g = scene.grid;
-  const std::vector<std::uint8_t> owned = solid_cells(parallel, scene, state, work);
   std::vector<std::uint8_t> carriers(g.node_count(), 0);
   for (std::size_t l = 0; l < scene.solids.size(); ++l)
     for_band_nodes(parallel, state.solids[l].band, [&](std::size_t local, int i, int j, int k) {
@@ -268,7 +263,7 @@ void find_slip_nodes(const Parallel& parallel, const Scene& scene, const State& 
       system::SlipNode node{n, i, j, k, l, 0, Vec3::Zero(), solid_mass, fluid_mass};
       for (std::size_t a = 0; a < 8; ++a) {
         const auto& corner = grid::kCorner[a];
-        if (!owned[g.padded(i - corner[0], j - corner[1], k - corner[2])]) {
+        if (!work.owned[g.padded(i - corner[0], j - corner[1], k - corner[2])]) {
           if (is_gap(i - corner[0], j - corner[1], k - corner[2])) return;
           continue;
         }
@@ -331,6 +326,7 @@ void compute_masses(const Parallel& parallel, const Scene& scene, const State& s
   }
   ScopedTimer timer(profile, Stage::kFluidForces);
   combine_masses(parallel, scene, state, work, timer);
+  find_owned_cells(parallel, scene, state, work);
   find_slip_nodes(parallel, scene, state, work);
   work.masses_ready = true;
 }
@@ -493,13 +489,10 @@ void solve_pressure(const Parallel& parallel, const Scene& scene, double dt, Sta
   const Numerics& numerics = scene.params.numerics;
   const Grid& g = scene.grid;
   if (!work.uniform_ready) {
-    std::vector<std::uint8_t> owned, active;
-    if (!scene.solids.empty()) {
-      owned = solid_cells(parallel, scene, state, work);
-      active = pressure_cells(parallel, scene, state, work, owned);
-    }
+    std::vector<std::uint8_t> active;
+    if (!scene.solids.empty()) active = pressure_cells(parallel, scene, state, work);
     work.pressure_system.assemble(parallel, g, scene.params.walls, work.fixed, work.specific_volume, std::move(active),
-                                  std::move(owned), &work.slip);
+                                  work.owned, &work.slip);
     work.uniform_ready = scene.solids.empty();
   }
   work.source.clear();

@@ -411,6 +411,7 @@ std::uint64_t Simulation::memory_bytes() const {
   };
   std::uint64_t sum = state_bytes(state_) + state_bytes(work_.backup) + 3 * work_.velocity.size() * sizeof(Real) +
                       reals(work_.mass) + reals(work_.specific_volume) + reals(work_.cell_fraction) +
+                      work_.owned.capacity() + reals(work_.f_star) + reals(work_.momentum) + reals(work_.v_star) +
                       work_.slip.bytes() + reals(work_.source) + work_.velocity_system.bytes() +
                       work_.pressure_system.bytes();
   for (const auto& solid : work_.solids) sum += solid.bytes();

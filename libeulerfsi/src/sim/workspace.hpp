@@ -19,6 +19,7 @@ struct Workspace {
   std::vector<std::uint8_t> fixed;    // per node: bit a: component a is fixed by a wall
   std::vector<Real> mass;             // all matter per node [kg]
   std::vector<Real> specific_volume;  // 1/density per node [m^3/kg]
+  std::vector<std::uint8_t> owned;    // padded cells that carry a solid's stiffness; empty without solids
   std::vector<Real> cell_fraction;    // part of each cell that solids fill; empty without solids
   std::vector<Real> source;           // wanted divergence per padded cell [1/s]; empty: none
   std::vector<solid::SolidWork> solids;
