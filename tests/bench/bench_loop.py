@@ -15,6 +15,7 @@ import itertools
 import json
 import os
 import platform
+import signal
 import subprocess
 import sys
 import time
@@ -93,7 +94,10 @@ def combinations(settings: Sequence[tuple[str, Any]]) -> list[Settings]:
 
 
 def run_all(runs: Sequence[Experiment], choices: Sequence[Settings], jobs: int) -> dict[Settings, Results]:
-    """Every experiment once with every choice, the long ones first; says on standard error how far it is."""
+    """Every experiment once with every choice, the long ones first; says on standard error how far it is.
+
+    An interrupt (Ctrl-C or SIGTERM) ends it with what is finished.
+    """
     results: dict[Settings, dict[Experiment, Result]] = {choice: {} for choice in choices}
     jobs_to_do = sorted(itertools.product(runs, choices), key=lambda job: -job[0].cost)
     with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
@@ -101,14 +105,17 @@ def run_all(runs: Sequence[Experiment], choices: Sequence[Settings], jobs: int) 
             pool.submit(run_child, dataclasses.replace(run, settings=choice)): (run, choice)
             for run, choice in jobs_to_do
         }
-        for done, future in enumerate(concurrent.futures.as_completed(waiting), start=1):
-            (run, choice), result = waiting[future], future.result()
-            results[choice][run] = result
-            state = "" if result.finished else f": {result.failure}"
-            print(
-                f"{done}/{len(waiting)} {run.scene}, {run.choices}, {result['seconds'].sum():.1f} s{state}",
-                file=sys.stderr,
-            )
+        try:
+            for done, future in enumerate(concurrent.futures.as_completed(waiting), start=1):
+                (run, choice), result = waiting[future], future.result()
+                results[choice][run] = result
+                state = "" if result.finished else f": {result.failure}"
+                print(
+                    f"{done}/{len(waiting)} {run.scene}, {run.choices}, {result['seconds'].sum():.1f} s{state}",
+                    file=sys.stderr,
+                )
+        except KeyboardInterrupt:
+            pool.shutdown(wait=False, cancel_futures=True)
     return results
 
 
@@ -165,6 +172,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parse(arguments)
     if options.child:
         return child()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     tier, begun, where = "full" if options.full else "quick", time.monotonic(), machine()
     runs = list(dict.fromkeys(run for law in options.laws for run in law.experiments(tier)))
     wanted = options.match.split(",")
@@ -178,7 +186,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     lines: list[Line] = [
         line for choice in results for law in options.laws for line in law.lines(results[choice], tier)
     ]
-    ordered = [results[choice][run] for choice in results for run in runs]
+    ordered = [results[choice][run] for choice in results for run in runs if run in results[choice]]
+    unfinished = len(runs) * len(results) - len(ordered)
     print(table.text([table.row(result) for result in ordered]))
     print()
     for line in lines:
@@ -187,11 +196,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     judged = [line for line in lines if line.verdict != "not judged"]
     missed = [line for line in judged if line.verdict == "MISSED"]
     minutes = (time.monotonic() - begun) / 60
-    print(f"{len(judged) - len(missed)} of {len(judged)} bars reached, {len(ordered)} runs in {minutes:.1f} minutes")
+    made = f"{len(ordered)} runs" + (f" ({unfinished} were not made: interrupted)" if unfinished else "")
+    print(f"{len(judged) - len(missed)} of {len(judged)} bars reached, {made} in {minutes:.1f} minutes")
     if options.output:
         title = f"bench loop --{tier}" + "".join(f" --set {name}={value}" for name, value in options.settings)
-        table.write(options.output, title, f"{where}; {minutes:.1f} minutes", ordered, lines)
-    return 1 if missed and os.environ.get("CI") != "true" else 0
+        table.write(options.output, title, f"{where}; {made} in {minutes:.1f} minutes", ordered, lines)
+    return 1 if (missed or unfinished) and os.environ.get("CI") != "true" else 0
 
 
 if __name__ == "__main__":

@@ -5,6 +5,9 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
+import os
+import signal
+import subprocess
 import sys
 
 import numpy as np
@@ -77,3 +80,17 @@ def test_a_run_measures_what_happens_and_reports_what_goes_wrong(library) -> Non
         lines = law.lines({run: broken for run in runs}, "quick")
         assert [line.verdict for line in lines] == ["MISSED"] * len(runs)
         assert law.lines({}, "quick") == []
+
+
+def test_an_interrupt_keeps_the_runs_that_are_finished(library, tmp_path) -> None:
+    command = [sys.executable, ROOT / "tests/bench/bench_loop.py", "--only", "squash,rest", "--jobs", "1"]
+    table_file = tmp_path / "table.md"
+    with subprocess.Popen(
+        [*command, "--output", table_file], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ
+    ) as bench:
+        assert bench.stderr.readline().startswith("1/")
+        bench.send_signal(signal.SIGTERM)
+        answer = bench.communicate(timeout=120)[0]
+    assert "were not made: interrupted" in answer
+    rows = [line for line in table_file.read_text().splitlines() if line.startswith(("| rest |", "| squash"))]
+    assert "interrupted" in table_file.read_text() and rows
