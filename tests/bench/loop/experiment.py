@@ -50,6 +50,7 @@ class Experiment:
     damping: float = 0.0  # rayleigh_beta [s]
     load: float = 0.0  # beta of the body force -beta (x - x_c) [N/m^4]
     settings: tuple[tuple[str, Any], ...] = ()  # fields of EfsiSimulationDef or EfsiSolidDef, the user's last word
+    halved: bool = False  # every step half as long as without this
     limit: float = 600.0  # wall-clock seconds after which the run is given up
 
     @property
@@ -81,7 +82,7 @@ class Experiment:
         settings = dict(self.settings)
         cfl = min(1.0, settings.get("cfl_solid", self.cfl or 1.0))
         step = min(self.dt, settings.get("max_time_step") or self.dt, cfl * self.spacing / FASTEST)
-        return 100 + int(2 * self.duration / step)
+        return 100 + int(2 * (1 + self.halved) * self.duration / step)
 
     def simulation(self) -> dict[str, Any]:
         """Fields of EfsiSimulationDef."""
@@ -141,16 +142,15 @@ def simulate(run: Experiment) -> dict[str, Any]:
         mesh.points[:, 1] += run.floor - mesh.points[:, 1].min()
     areas = vertex_areas(mesh.points, mesh.triangles())
     rest, columns, failure = mesh.points.astype(float), [], ""
+    ends = step_ends(run)
     begun = time.perf_counter()
     with Simulation(run.simulation()) as simulation:
         simulation.add_solid(mesh, **run.solid())
         if run.stretch:
             stretch(simulation, run)
         start = observe(simulation, rest, areas)
-        end = 0.0
         try:
-            while run.duration - end > 1e-9:
-                end = min(run.duration, end + run.dt)
+            for end in ends:
                 while end - simulation.time > 1e-9:
                     if run.load:
                         push_inwards(simulation, run, end - simulation.time)
@@ -171,6 +171,14 @@ def simulate(run: Experiment) -> dict[str, Any]:
             failure = str(error)
     names = columns[0].keys() if columns else ()
     return {"failure": failure, "start": start, "columns": {name: [row[name] for row in columns] for name in names}}
+
+
+def step_ends(run: Experiment) -> list[float]:
+    """Times at which a step has to end [s]: after every dt; halved: the ends and middles of the steps of the same run."""
+    if run.halved:
+        columns = simulate(dataclasses.replace(run, halved=False))["columns"]
+        return [time - part * dt for time, dt in zip(columns["time"], columns["dt"], strict=True) for part in (0.5, 0)]
+    return [min(run.duration, (n + 1) * run.dt) for n in range(int(np.ceil(run.duration / run.dt - 1e-9)))]
 
 
 def observe(simulation: Simulation, rest: np.ndarray, areas: np.ndarray) -> dict[str, Any]:
