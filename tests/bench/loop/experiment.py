@@ -174,7 +174,7 @@ def simulate(run: Experiment) -> dict[str, Any]:
 
 
 def step_ends(run: Experiment) -> list[float]:
-    """Times at which a step has to end [s]: after every dt; halved: the ends and middles of the steps of the same run."""
+    """Times at which a step has to end [s]: after every dt; halved: ends and middles of the steps without that."""
     if run.halved:
         columns = simulate(dataclasses.replace(run, halved=False))["columns"]
         return [time - part * dt for time, dt in zip(columns["time"], columns["dt"], strict=True) for part in (0.5, 0)]
