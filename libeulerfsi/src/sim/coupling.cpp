@@ -439,13 +439,13 @@ void assemble_velocity_system(const Parallel& parallel, const Scene& scene, doub
       const double pace = dt * std::sqrt(rest.elastic.mu / rest.density) / scene.grid.h;
       const double strain = dt * solid::largest_strain_rate(parallel, state.solids[l], work.solids[l].carries);
       const double growth = std::max(ref.work->max_det_f, 1.0 / ref.work->min_det_f);
-      ref.free = system::stiffness_shares(pace, strain, growth);
+      ref.loose = system::stiffness_shares(pace, strain, growth);
       ref.held = system::stiffness_shares(pace, std::numeric_limits<double>::infinity(), growth);
     }
     refs.push_back(ref);
   }
   work.velocity_system.assemble(parallel, scene.grid, work.fixed, refs, work.mass, work.slip, dt);
-  // f* = M (v + dt f_ext / m) + dt f_int
+  // momentum = M (v + dt f_ext / m) + dt f_int, f* = momentum + what stands for K v^n
   {
     const system::SolidView view(parallel, work.slip, work.velocity);
     work.velocity_system.gather(parallel, work.velocity, work.v_star);

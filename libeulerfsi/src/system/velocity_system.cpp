@@ -74,7 +74,7 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
     element_begin_.push_back(element_begin_.back() + static_cast<std::int32_t>(s.work->element_cell.size()));
   }
   for (std::size_t l = 0; l < solids_.size(); ++l) {
-    const StiffnessShares& shares = touches(l) ? solids_[l].held : solids_[l].free;
+    const StiffnessShares& shares = touches(l) ? solids_[l].held : solids_[l].loose;
     stiffness_factor_.push_back(static_cast<Real>(shares.ahead * dt * dt + dt * solids_[l].rest->rayleigh_beta));
     past_factor_.push_back(static_cast<Real>(shares.behind * dt * dt));
   }

@@ -35,7 +35,7 @@ struct SolidRef {
   const solid::SolidRest* rest;
   solid::SolidState* state;
   solid::SolidWork* work;
-  StiffnessShares free, held;  // while nothing touches it, and while a wall or a solid does
+  StiffnessShares loose, held;  // while nothing touches it, and while a wall or a solid does
 };
 
 enum class VelocitySolver : std::int32_t { kPcg = 0, kPcr = 1 };
