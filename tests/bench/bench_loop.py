@@ -134,7 +134,7 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="eulerfsi bench loop", description=__doc__.splitlines()[0])
     tier = parser.add_mutually_exclusive_group()
     tier.add_argument("--quick", action="store_true", help="coarse and short, about 10 minutes on 2 cores (default)")
-    tier.add_argument("--full", action="store_true", help="all resolutions and the whole matrix, many hours")
+    tier.add_argument("--full", action="store_true", help="all resolutions and the whole matrix, 2 hours")
     names = [law.name for law in LAWS]
     parser.add_argument("--only", metavar="LAW,..", help=f"some of {', '.join(names)}")
     parser.add_argument("--match", default="", metavar="TEXT,..", help="runs whose line holds all of these texts")
@@ -200,6 +200,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(f"{len(judged) - len(missed)} of {len(judged)} bars reached, {made} in {minutes:.1f} minutes")
     if options.output:
         title = f"bench loop --{tier}" + "".join(f" --set {name}={value}" for name, value in options.settings)
+        title += f" --only {options.only}" * bool(options.only) + f' --match "{options.match}"' * bool(options.match)
         table.write(options.output, title, f"{where}; {made} in {minutes:.1f} minutes", ordered, lines)
     return 1 if (missed or unfinished) and os.environ.get("CI") != "true" else 0
 
