@@ -200,7 +200,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(f"{len(judged) - len(missed)} of {len(judged)} bars reached, {made} in {minutes:.1f} minutes")
     if options.output:
         title = f"bench loop --{tier}" + "".join(f" --set {name}={value}" for name, value in options.settings)
-        title += f" --only {options.only}" * bool(options.only) + f' --match "{options.match}"' * bool(options.match)
+        if options.only:
+            title += f" --only {options.only}"
+        if options.match:
+            title += f' --match "{options.match}"'
         table.write(options.output, title, f"{where}; {made} in {minutes:.1f} minutes", ordered, lines)
     return 1 if (missed or unfinished) and os.environ.get("CI") != "true" else 0
 
