@@ -20,24 +20,27 @@ inline grid::VectorField carried_velocity(const grid::Grid& g, const grid::Vecto
                                           const std::vector<std::uint8_t>& free) {
   const grid::NodeSampler sampler(g);
   grid::VectorField first = v, result;
+  const auto cut_by_wall = [&](const Vec3& x, const Vec3& end) {
+    for (int a = 0; a < 3; ++a) {
+      const auto s = static_cast<std::size_t>(a);
+      if (!g.periodic[s] && end[a] != x[a] && (end[a] <= 0 || end[a] >= static_cast<Real>(g.cells[s]))) return true;
+    }
+    return false;
+  };
   const auto for_nodes = [&](const auto& body) {
     for (int k = 0; k <= g.cells[2]; ++k)
       for (int j = 0; j <= g.cells[1]; ++j)
         for (int i = 0; i <= g.cells[0]; ++i) {
           const Vec3 x(static_cast<Real>(i), static_cast<Real>(j), static_cast<Real>(k));
           const std::size_t n = g.node(i, j, k);
-          body(n, x, keep_inside(g, grid::trace_midpoint(sampler, v, x, v.at(n), step)));
+          const bool from_wall = cut_by_wall(x, x - Real(0.5) * step * v.at(n));
+          body(n, x,
+               keep_inside(g,
+                           from_wall ? Vec3(x - step * v.at(n)) : grid::trace_midpoint(sampler, v, x, v.at(n), step)));
         }
   };
   for_nodes([&](std::size_t n, const Vec3&, const Vec3& from) { first.set(n, sampler.vector(v, from)); });
   result = first;
-  const auto cut_by_wall = [&](const Vec3& x, const Vec3& end) {
-    for (int a = 0; a < 3; ++a) {
-      const auto s = static_cast<std::size_t>(a);
-      if (!g.periodic[s] && end[a] != x[a] && (end[a] == 0 || end[a] == static_cast<Real>(g.cells[s]))) return true;
-    }
-    return false;
-  };
   for_nodes([&](std::size_t n, const Vec3& x, const Vec3& from) {
     if (!free[n]) return;
     const Vec3 to = keep_inside(g, from + 2 * step * v.at(n));

@@ -17,6 +17,15 @@ constexpr Real kRestCells = Real(1e-4);  // cells per step below which a tile is
 // mirrored from the one behind, 2 v(x) - v(x - step/2 v), which keeps the order of the midpoint rule.
 EFSI_INLINE Quad opposite(const Quad& from, const Quad& v, Real step) { return from + Real(2) * step * v; }
 
+// Where the flow that leads to a node with velocity v comes from: the midpoint rule. Where half the way already leads
+// through a wall it comes from the wall: the midpoint's velocity there, at a no-slip wall none, would keep a jet away
+// from the wall where it is for ever.
+EFSI_INLINE Quad place_before(const PackedSampler& sampler, const PackedField& flow, const Quad& node, const Quad& v,
+                              Real step) {
+  if (sampler.cut_by_wall(node, node - Real(0.5) * step * v)) return sampler.keep_inside(node - step * v);
+  return sampler.keep_inside(sampler.trace_midpoint(flow, node, v, step));
+}
+
 // Nodes [begin, end) of row j, k; node: index of node 0 of the row.
 struct Row {
   int j, k, begin, end;
@@ -52,7 +61,7 @@ EFSI_KERNEL void carry_row(const PackedSampler& nodes, const Row& row, Real step
        *z = origin.c[2].data() + begin;
   Quad node = {static_cast<Real>(row.begin), static_cast<Real>(row.j), static_cast<Real>(row.k), 0};
   for (int i = 0; i < row.end - row.begin; ++i) {
-    const Quad from = sampler.keep_inside(sampler.trace_midpoint(flow, node, grid::load_quad(v + 4 * i), step));
+    const Quad from = place_before(sampler, flow, node, grid::load_quad(v + 4 * i), step);
     grid::store_quad(arrived + 4 * i, sampler.value(flow, from));
     x[i] = from[0];
     y[i] = from[1];

@@ -32,7 +32,7 @@ SolveStats pcg(const Parallel& parallel, const Operator& apply, const Operator& 
     stats.converged = false;
     return stats;
   }
-  double reference = b_norm;
+  double reference = options.reference > 0.0 ? options.reference : b_norm;
   const auto done = [&](double r_norm) {
     stats.residual = r_norm / reference;
     return stats.iterations >= options.min_iterations && stats.residual <= options.tolerance &&

@@ -482,71 +482,165 @@ void solve_velocity(const Parallel& parallel, const Scene& scene, double, Worksp
   timer.visited(static_cast<std::uint64_t>(work.velocity_system.unknowns()), 15 * sizeof(Real));
 }
 
-void solve_pressure(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
-                    Profile& profile, StepInfo& info) {
-  if (!has_pressure(scene)) return;
-  ScopedTimer timer(profile, Stage::kPressureSolve);
-  const Numerics& numerics = scene.params.numerics;
-  const Grid& g = scene.grid;
+namespace {
+
+constexpr double kEstimate = 0.2;        // of the divergence that the estimate of a coupling step leaves
+constexpr double kWorthCoupling = 0.01;  // of density |div v|^2: the solids over the fluid
+
+// Whether elasticity has to answer to the pressure: where the divergence of the fluid outweighs that of the solids by
+// far, as in free flight, it hardly does.
+bool needs_coupling(const Scene& scene, const system::DivergenceNorms& divergence) {
+  if (!scene.params.numerics.coupling_step) return false;
+  double density = 0.0;
+  for (const solid::SolidRest& solid : scene.solids)
+    if (!solid.compressible) density = std::max(density, solid.density);
+  const double fluid = scene.params.fluid.present ? scene.params.fluid.density : 0.0;
+  const auto square = [](double x) { return x * x; };
+  return density * square(divergence.solid) > kWorthCoupling * fluid * square(divergence.all);
+}
+
+// The pressure system of this step and what it shall reach.
+void assemble_pressure_system(const Parallel& parallel, const Scene& scene, double dt, const State& state,
+                              Workspace& work) {
   if (!work.uniform_ready) {
     std::vector<std::uint8_t> active;
     if (!scene.solids.empty()) active = pressure_cells(parallel, scene, state, work);
-    work.pressure_system.assemble(parallel, g, scene.params.walls, work.fixed, work.specific_volume, std::move(active),
-                                  work.owned, &work.slip);
+    work.pressure_system.assemble(parallel, scene.grid, scene.params.walls, work.fixed, work.specific_volume,
+                                  std::move(active), work.owned, &work.slip);
     work.uniform_ready = scene.solids.empty();
   }
   work.source.clear();
-  if (numerics.volume_source && !scene.solids.empty()) compute_volume_source(parallel, scene, state, dt, work);
+  if (scene.params.numerics.volume_source && !scene.solids.empty())
+    compute_volume_source(parallel, scene, state, dt, work);
+}
 
-  const system::DivergenceNorms before = work.pressure_system.norms(parallel, work.velocity, work.source);
-  info.divergence_before = before.all;
-  info.divergence_before_solid = before.solid;
-  // Holds the pressure between steps and the multiplier of J during one: J^T is minus the gradient, so q = -dt p.
+// Eq. 13: work.correction = G^-1 J^T q on the nodes that carry solids.
+void solve_correction(const Parallel& parallel, const Scene& scene, std::vector<Real>& q, Workspace& work,
+                      Profile& profile, StepInfo& info) {
+  ScopedTimer timer(profile, Stage::kVelocitySolve);
+  const Numerics& numerics = scene.params.numerics;
+  auto& system = work.velocity_system;
+  grid::fill_ghosts(scene.grid, q, Real(0));
+  const std::vector<Vec3> slides = work.slip.sliding_impulse(parallel, q);
+  std::vector<Real>& impulse = work.f_star;
+  const auto& nodes = system.nodes();
+  const auto row = static_cast<std::size_t>(scene.grid.cells[0] + 1);
+  const auto plane = row * static_cast<std::size_t>(scene.grid.cells[1] + 1);
+  parallel.for_each(system.unknowns(), [&](std::int64_t u) {
+    const std::size_t n = nodes[static_cast<std::size_t>(u)];
+    const Vec3 g = system::pressure_impulse(scene.grid, q, static_cast<int>(n % row), static_cast<int>(n % plane / row),
+                                            static_cast<int>(n / plane));
+    for (std::size_t a = 0; a < 3; ++a) {
+      const std::size_t i = 3 * static_cast<std::size_t>(u) + a;
+      impulse[i] = system.free()[i] * g[static_cast<Eigen::Index>(a)];
+    }
+  });
+  for (std::size_t t = 0; t < slides.size(); ++t) {
+    const std::size_t u = system.unknown_of(work.slip.nodes()[t].node);
+    for (std::size_t a = 0; a < 3; ++a) impulse[3 * u + a] -= slides[t][static_cast<Eigen::Index>(a)];
+  }
+  work.correction.assign(impulse.size(), 0);
+  const linalg::SolveStats stats =
+      system.solve(parallel, numerics.velocity_solver, impulse, work.correction, numerics.velocity_tolerance);
+  info.velocity_iterations += static_cast<std::uint64_t>(stats.iterations);
+  info.unconverged += !stats.converged;
+  if (numerics.conserve_momentum) system.conserve_momentum(parallel, impulse, work.correction);
+}
+
+// v -= M^-1 J^T q, but v = v* - share G^-1 J^T q on the nodes that carry solids.
+void correct_velocity(const Parallel& parallel, std::vector<Real>& q, Real share, Workspace& work, Profile& profile) {
+  ScopedTimer timer(profile, Stage::kPressureSolve);
+  work.pressure_system.project(parallel, q, work.velocity);
+  std::vector<Real>& corrected = work.f_star;
+  parallel.for_ranges(static_cast<std::int64_t>(corrected.size()), [&](std::int64_t begin, std::int64_t end) {
+    for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
+      corrected[i] = work.v_star[i] - share * work.correction[i];
+  });
+  {
+    const system::SolidView view(parallel, work.slip, work.velocity);
+    work.velocity_system.scatter(parallel, corrected, work.velocity);
+  }
+  work.slip.follow_solid(parallel, work.velocity);
+}
+
+// One step of conjugate gradients towards the pressure of J A^-1 J^T q = J v* - b, A = G on the nodes that carry solids
+// and M elsewhere, with the preconditioner of Cahouet and Chabat (1988): to a gradient G is M (1 + d2 (2 mu + lambda) /
+// h^3 J M^-1 J^T), so that the inverse is that of J M^-1 J^T, roughly, and d2 (2 mu + lambda) / h^3 in the solids'
+// cells; d2 K: the stiffness in G. What it leaves the projection takes.
+void couple_pressure(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work,
+                     Profile& profile, StepInfo& info) {
+  const double volume = scene.grid.h * scene.grid.h * scene.grid.h;
+  std::vector<Real> q;
+  {
+    ScopedTimer timer(profile, Stage::kPressureSolve);
+    const linalg::SolveStats stats = work.pressure_system.estimate(parallel, work.velocity, work.source, kEstimate, q);
+    info.pressure_iterations += static_cast<std::uint64_t>(stats.iterations);
+    for (std::size_t l = 0; l < scene.solids.size(); ++l) {
+      const solid::SolidRest& solid = scene.solids[l];
+      if (solid.compressible) continue;
+      const double modulus = work.solids[l].element_weight * (2.0 * solid.elastic.mu + solid.elastic.lambda);
+      const Real share =
+          static_cast<Real>(static_cast<double>(work.velocity_system.stiffness_factor(l)) * modulus / volume);
+      for_owned_cells(parallel, scene, state, work, l,
+                      [&](std::size_t c) { q[c] += share * work.pressure_system.residual()[c]; });
+    }
+  }
+  solve_correction(parallel, scene, q, work, profile, info);
+  correct_velocity(parallel, q, 1, work, profile);
+  const Real length = static_cast<Real>(work.pressure_system.step_length(parallel, work.velocity, work.source, q));
+  work.coupled.resize(q.size());
+  for (std::size_t c = 0; c < q.size(); ++c) {
+    work.coupled[c] = length * q[c];
+    q[c] *= length - 1;
+  }
+  correct_velocity(parallel, q, length, work, profile);
+}
+
+}  // namespace
+
+void solve_pressure(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
+                    Profile& profile, StepInfo& info) {
+  work.coupled.clear();
+  if (!has_pressure(scene)) return;
+  const Numerics& numerics = scene.params.numerics;
+  system::DivergenceNorms before;
+  {
+    ScopedTimer timer(profile, Stage::kPressureSolve);
+    assemble_pressure_system(parallel, scene, dt, state, work);
+    before = work.pressure_system.norms(parallel, work.velocity, work.source);
+    info.divergence_before = before.all;
+    info.divergence_before_solid = before.solid;
+  }
+  if (needs_coupling(scene, before)) couple_pressure(parallel, scene, state, work, profile, info);
+  ScopedTimer timer(profile, Stage::kPressureSolve);
+  // Holds the pressure between steps and the multiplier of J during one: J^T is minus the gradient, so q = -dt p. The
+  // coupling step's part is added after the projection.
   std::vector<Real>& q = state.fluid.pressure;
-  q.resize(g.padded_count(), 0);
+  q.resize(scene.grid.padded_count(), 0);
   const Real step = static_cast<Real>(-dt);
   for (Real& value : q) value *= step;
+  for (std::size_t c = 0; c < work.coupled.size(); ++c) q[c] -= work.coupled[c];
   const linalg::SolveStats stats = work.pressure_system.solve(parallel, numerics.pressure_solver, work.velocity,
-                                                              work.source, numerics.pressure_tolerance, q);
+                                                              work.source, numerics.pressure_tolerance, q, &before);
   info.pressure_iterations += static_cast<std::uint64_t>(stats.iterations);
   info.pressure_residual = stats.residual;
   info.unconverged += !stats.converged;
-  timer.visited(g.cell_count(), 12 * sizeof(Real));
+  timer.visited(scene.grid.cell_count(), 12 * sizeof(Real));
 }
 
 void project_velocity(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
                       Profile& profile, StepInfo& info) {
   if (!has_pressure(scene)) return;
-  const Numerics& numerics = scene.params.numerics;
   std::vector<Real>& q = state.fluid.pressure;
-  if (numerics.stiff_correction && !scene.solids.empty()) {
-    // Eq. 13: v = v* - G^-1 J^T q on the nodes that carry solids.
-    ScopedTimer timer(profile, Stage::kVelocitySolve);
-    auto& system = work.velocity_system;
-    grid::fill_ghosts(scene.grid, q, Real(0));
-    const auto& nodes = system.nodes();
-    const auto row = static_cast<std::size_t>(scene.grid.cells[0] + 1);
-    const auto plane = row * static_cast<std::size_t>(scene.grid.cells[1] + 1);
-    parallel.for_each(system.unknowns(), [&](std::int64_t u) {
-      const std::size_t n = nodes[static_cast<std::size_t>(u)];
-      const Vec3 impulse = system::pressure_impulse(scene.grid, q, static_cast<int>(n % row),
-                                                    static_cast<int>(n % plane / row), static_cast<int>(n / plane));
-      for (std::size_t a = 0; a < 3; ++a) {
-        const std::size_t i = 3 * static_cast<std::size_t>(u) + a;
-        work.f_star[i] = system.free()[i] * impulse[static_cast<Eigen::Index>(a)];
-      }
-    });
-    std::vector<Real> correction(work.f_star.size(), 0);
-    const linalg::SolveStats stats =
-        system.solve(parallel, numerics.velocity_solver, work.f_star, correction, numerics.velocity_tolerance);
-    info.velocity_iterations += static_cast<std::uint64_t>(stats.iterations);
-    info.unconverged += !stats.converged;
-    for (std::size_t i = 0; i < correction.size(); ++i) work.v_star[i] -= correction[i];
+  if (scene.params.numerics.stiff_correction && !scene.solids.empty()) {
+    solve_correction(parallel, scene, q, work, profile, info);
+    correct_velocity(parallel, q, 1, work, profile);
+  } else {
+    ScopedTimer timer(profile, Stage::kPressureSolve);
+    work.pressure_system.project(parallel, q, work.velocity);
   }
   ScopedTimer timer(profile, Stage::kPressureSolve);
-  work.pressure_system.project(parallel, q, work.velocity);
-  if (numerics.stiff_correction && !scene.solids.empty())
-    work.velocity_system.scatter(parallel, work.v_star, work.velocity);
+  for (std::size_t c = 0; c < work.coupled.size(); ++c) q[c] += work.coupled[c];
   const Real inverse_step = static_cast<Real>(-1.0 / dt);
   for (Real& value : q) value *= inverse_step;
   const system::DivergenceNorms after = work.pressure_system.norms(parallel, work.velocity, work.source);

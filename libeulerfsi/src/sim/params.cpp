@@ -18,6 +18,7 @@ Numerics numerics_of(Preset preset) {
     n.solid_advection = solid::AdvectionScheme::kPaper;
     n.corrected_fluid_advection = false;
     n.stiff_correction = true;
+    n.coupling_step = false;
     n.stiffness_by_pace = false;
     n.volume_source = false;
     n.conserve_momentum = false;

@@ -26,6 +26,8 @@ struct Numerics {
   bool corrected_fluid_advection = true;
   // true: v = v* - G^-1 J^T q on solid nodes (Eq. 13 as printed); false: v = v* - M^-1 J^T q, divergence-free.
   bool stiff_correction = false;
+  // One step towards the pressure that elasticity answers to, before the projection.
+  bool coupling_step = true;
   // How much of the stiffness is implicit follows what a step does to the solid; false: all of it (Eq. 8).
   bool stiffness_by_pace = true;
   bool volume_source = true;      // b of Eq. 11 pulls det F back to 1

@@ -27,6 +27,8 @@ struct Workspace {
   system::PressureSystem pressure_system;
   std::vector<Real> f_star, v_star;  // Eq. 8 on the unknowns
   std::vector<Real> momentum;        // M v + dt f on the unknowns [kg m/s]
+  std::vector<Real> correction;      // G^-1 J^T q of Eq. 13 on the unknowns [m/s]
+  std::vector<Real> coupled;         // q of the coupling step, padded cells [Pa s]; empty: none was made
   fluid::AdvectWorkspace advect;
   solid::AdvectWorkspace solid_advect;
   std::vector<solid::Momenta> solid_momenta;  // before the transport

@@ -47,27 +47,55 @@ bool PressureSystem::last_helps(const Parallel& parallel, const linalg::Operator
   return last < kHelps * kHelps * zero;
 }
 
-linalg::SolveStats PressureSystem::solve(const Parallel& parallel, PressureSolver solver, const VectorField& velocity,
-                                         const std::vector<Real>& source, double tolerance, std::vector<Real>& q) {
+void PressureSystem::compute_residual(const Parallel& parallel, const VectorField& velocity,
+                                      const std::vector<Real>& source, std::vector<Real>& r) {
   compute_divergence(parallel, grid_, velocity, divergence_);
   if (slip_) slip_->correct_divergence(parallel, velocity, divergence_);
-  rhs_.assign(grid_.padded_count(), 0);
+  r.assign(grid_.padded_count(), 0);
   const double volume = grid_.h * grid_.h * grid_.h;
   const auto& active = multigrid_.finest().active;
   const auto value = [&](std::size_t c) {
     return static_cast<double>(divergence_[c]) - (source.empty() ? 0.0 : static_cast<double>(source[c]));
   };
-  // In a closed box the right-hand side must sum to zero.
+  // In a closed box it must sum to zero.
   double mean = 0.0;
   if (closed()) mean = sum_cells(parallel, grid_, value) / static_cast<double>(grid_.cell_count());
   parallel.for_each(grid_.cells[2], [&](std::int64_t k) {
     for (int j = 0; j < grid_.cells[1]; ++j) {
       const std::size_t row = grid_.padded(0, j, static_cast<int>(k));
       for (std::size_t c = row; c < row + static_cast<std::size_t>(grid_.cells[0]); ++c)
-        if (active.empty() || active[c]) rhs_[c] = static_cast<Real>(volume * (value(c) - mean));
+        if (active.empty() || active[c]) r[c] = static_cast<Real>(volume * (value(c) - mean));
     }
   });
+}
 
+DivergenceNorms PressureSystem::residual_norms(const Parallel& parallel, const std::vector<Real>& r) const {
+  const auto square = [&r](std::size_t c) { return static_cast<double>(r[c]) * static_cast<double>(r[c]); };
+  const double volume = grid_.h * grid_.h * grid_.h;
+  DivergenceNorms norms;
+  norms.all = std::sqrt(sum_cells(parallel, grid_, square)) / volume;
+  if (!solid_cell_.empty())
+    norms.solid =
+        std::sqrt(sum_cells(parallel, grid_, [&](std::size_t c) { return solid_cell_[c] ? square(c) : 0.0; })) / volume;
+  return norms;
+}
+
+linalg::SolveStats PressureSystem::solve_multigrid(const Parallel& parallel, const linalg::SolveOptions& options,
+                                                   std::vector<Real>& q) {
+  const linalg::Operator apply = [&](const std::vector<Real>& x, std::vector<Real>& y) {
+    multigrid_.apply(parallel, const_cast<std::vector<Real>&>(x), y);  // only the ghosts of x are written
+  };
+  const linalg::Operator precondition = [&](const std::vector<Real>& r, std::vector<Real>& z) {
+    multigrid_.precondition(parallel, r, z);
+  };
+  return linalg::pcg(parallel, apply, precondition, rhs_, q, options, pcg_);
+}
+
+linalg::SolveStats PressureSystem::solve(const Parallel& parallel, PressureSolver solver, const VectorField& velocity,
+                                         const std::vector<Real>& source, double tolerance, std::vector<Real>& q,
+                                         const DivergenceNorms* before) {
+  compute_residual(parallel, velocity, source, rhs_);
+  const auto& active = multigrid_.finest().active;
   q.resize(grid_.padded_count());
   if (!active.empty())  // a cell that the solid has left keeps no pressure
     parallel.for_ranges(static_cast<std::int64_t>(q.size()), [&](std::int64_t begin, std::int64_t end) {
@@ -83,28 +111,44 @@ linalg::SolveStats PressureSystem::solve(const Parallel& parallel, PressureSolve
     options.max_iterations = kMaxPcrIterations;
     return linalg::pcr(parallel, apply, multigrid_.finest().inverse_diagonal, rhs_, q, options, pcr_);
   }
+  const double volume = grid_.h * grid_.h * grid_.h;
+  const DivergenceNorms reference = before ? *before : residual_norms(parallel, rhs_);
+  options.reference = volume * reference.all;
   options.max_iterations = kMaxMultigridIterations;
   if (last_helps(parallel, apply, q))
     options.min_iterations = 1;  // what a lasting load leaves falls from step to step
   else
     std::fill(q.begin(), q.end(), Real(0));
   if (!solid_cell_.empty()) {
-    const auto square = [](const std::vector<Real>& r, std::size_t c) {
-      return static_cast<double>(r[c]) * static_cast<double>(r[c]);
-    };
-    const auto squares = [this, &parallel, square](const std::vector<Real>& r) {
-      return sum_cells(parallel, grid_, [&](std::size_t c) { return solid_cell_[c] ? square(r, c) : 0.0; });
-    };
     // A solid that moves rigidly, as in the first step of most scenes, has nothing to be relative to.
-    const double floor =
-        kSolidFloor * kSolidFloor * sum_cells(parallel, grid_, [&](std::size_t c) { return square(rhs_, c); });
-    const double limit = tolerance * tolerance * std::max(squares(rhs_), floor);
-    options.also = [squares, limit](const std::vector<Real>& r) { return squares(r) <= limit; };
+    const double limit = tolerance * volume * std::max(reference.solid, kSolidFloor * reference.all);
+    options.also = [this, &parallel, volume, limit](const std::vector<Real>& r) {
+      return volume * residual_norms(parallel, r).solid <= limit;
+    };
   }
-  const linalg::Operator precondition = [&](const std::vector<Real>& r, std::vector<Real>& z) {
-    multigrid_.precondition(parallel, r, z);
-  };
-  return linalg::pcg(parallel, apply, precondition, rhs_, q, options, pcg_);
+  return solve_multigrid(parallel, options, q);
+}
+
+linalg::SolveStats PressureSystem::estimate(const Parallel& parallel, const VectorField& velocity,
+                                            const std::vector<Real>& source, double tolerance, std::vector<Real>& q) {
+  compute_residual(parallel, velocity, source, rhs_);
+  q.assign(grid_.padded_count(), 0);
+  linalg::SolveOptions options;
+  options.tolerance = tolerance;
+  options.max_iterations = kMaxMultigridIterations;
+  return solve_multigrid(parallel, options, q);
+}
+
+double PressureSystem::step_length(const Parallel& parallel, const VectorField& velocity,
+                                   const std::vector<Real>& source, const std::vector<Real>& q) {
+  std::vector<Real>& left = pcg_.r;
+  compute_residual(parallel, velocity, source, left);
+  const double slope = sum_cells(
+      parallel, grid_, [&](std::size_t c) { return static_cast<double>(rhs_[c]) * static_cast<double>(q[c]); });
+  const double drop = sum_cells(parallel, grid_, [&](std::size_t c) {
+    return static_cast<double>(rhs_[c] - left[c]) * static_cast<double>(q[c]);
+  });
+  return slope > 0.0 && drop > 0.0 ? slope / drop : 0.0;
 }
 
 void PressureSystem::project(const Parallel& parallel, std::vector<Real>& q, VectorField& velocity) {

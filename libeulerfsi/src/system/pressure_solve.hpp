@@ -27,9 +27,18 @@ class PressureSystem {
                 const std::vector<Real>& specific_volume, std::vector<std::uint8_t> active,
                 std::vector<std::uint8_t> solid_cell, SlipNodes* slip = nullptr);
   // Solves for q with J v - source on the right; source: wanted div v per padded cell [1/s], may be empty. q holds a
-  // guess, which multigrid takes only where it helps.
+  // guess, which multigrid takes only where it helps. tolerance: of the right-hand side; with multigrid of `before`
+  // where that is given.
   linalg::SolveStats solve(const Parallel& parallel, PressureSolver solver, const VectorField& velocity,
-                           const std::vector<Real>& source, double tolerance, std::vector<Real>& q);
+                           const std::vector<Real>& source, double tolerance, std::vector<Real>& q,
+                           const DivergenceNorms* before = nullptr);
+  // The same from zero and by multigrid, up to the part `tolerance` of r = J v - source, which stays in residual().
+  linalg::SolveStats estimate(const Parallel& parallel, const VectorField& velocity, const std::vector<Real>& source,
+                              double tolerance, std::vector<Real>& q);
+  const std::vector<Real>& residual() const { return rhs_; }  // padded cells [m^3/s]
+  // How far along q to go, by conjugate gradients; velocity: where all of q led from that of the estimate.
+  double step_length(const Parallel& parallel, const VectorField& velocity, const std::vector<Real>& source,
+                     const std::vector<Real>& q);
   // v -= M^-1 J^T q
   void project(const Parallel& parallel, std::vector<Real>& q, VectorField& velocity);
   DivergenceNorms norms(const Parallel& parallel, const VectorField& velocity, const std::vector<Real>& source);
@@ -37,6 +46,12 @@ class PressureSystem {
 
  private:
   bool closed() const;
+  // r = h^3 (J v - source), in a closed box less its mean.
+  void compute_residual(const Parallel& parallel, const VectorField& velocity, const std::vector<Real>& source,
+                        std::vector<Real>& r);
+  DivergenceNorms residual_norms(const Parallel& parallel, const std::vector<Real>& r) const;
+  linalg::SolveStats solve_multigrid(const Parallel& parallel, const linalg::SolveOptions& options,
+                                     std::vector<Real>& q);
   // Whether q leaves a smaller residual than zero does.
   bool last_helps(const Parallel& parallel, const linalg::Operator& apply, const std::vector<Real>& q);
   Grid grid_;

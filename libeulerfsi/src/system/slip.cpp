@@ -80,6 +80,12 @@ void SlipNodes::subtract_gradient(const Parallel& parallel, const std::vector<Re
   });
 }
 
+std::vector<Vec3> SlipNodes::sliding_impulse(const Parallel& parallel, const std::vector<Real>& q) const {
+  std::vector<Vec3> out(nodes_.size());
+  for_nodes(parallel, [&](const SlipNode& n, std::size_t t) { out[t] = across(n.normal, impulses(n, q).fluid); });
+  return out;
+}
+
 Vec3d SlipNodes::relative_momentum(const grid::VectorField& velocity) const {
   Vec3d sum = Vec3d::Zero();
   for (std::size_t t = 0; t < nodes_.size(); ++t)

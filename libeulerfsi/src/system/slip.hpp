@@ -74,6 +74,8 @@ class SlipNodes {
   }
   // After v_f -= g / (m_s + m_f): what is left to do for both velocities.
   void subtract_gradient(const Parallel& parallel, const std::vector<Real>& q, grid::VectorField& velocity);
+  // (I - n n^T) g_f per node: the part of J^T q that the fluid's own velocity takes [kg m/s].
+  std::vector<Vec3> sliding_impulse(const Parallel& parallel, const std::vector<Real>& q) const;
   // sum of m_s (v_s - v_f) [kg m/s]
   Vec3d relative_momentum(const grid::VectorField& velocity) const;
   std::size_t bytes() const;

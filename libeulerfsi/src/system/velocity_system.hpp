@@ -48,6 +48,7 @@ class VelocitySystem {
                 std::span<const SolidRef> solids, const std::vector<Real>& mass, const SlipNodes& slip, double dt);
   std::int64_t unknowns() const { return static_cast<std::int64_t>(node_.size()); }
   const std::vector<std::size_t>& nodes() const { return node_; }
+  std::size_t unknown_of(std::size_t node) const { return static_cast<std::size_t>(unknown_of_node_[node]); }
 
   // y = G x; 3 values per unknown node, components that walls fix are identity rows.
   void apply(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y);
@@ -70,6 +71,8 @@ class VelocitySystem {
   const std::vector<Real>& free() const { return free_; }
   // y = M x
   void multiply_mass(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y) const;
+  // G = M + dt C_M + this times K [s^2].
+  Real stiffness_factor(std::size_t solid) const { return stiffness_factor_[solid]; }
   // Whether a wall or another solid holds a node of a solid.
   bool touches(std::size_t solid) const { return held_[solid] != 0; }
   std::size_t bytes() const;

@@ -98,6 +98,25 @@ TEST_CASE("Taylor-Green vortices stay as they are, with an error that falls unde
   CHECK(plain.energy < middle.energy);
 }
 
+TEST_CASE("A jet away from a no-slip wall takes in the fluid at rest there, however long the step", "[law]") {
+  const Grid g = box({6, 12, 6});
+  for (const double cells : {0.5, 1.5, 4.0}) {  // per step
+    FluidState state;
+    const VectorField v = sampled(g, [&](const Vec3d& x) { return Vec3d(0, x[1] > 1e-9 ? cells : 0.0, 0); });
+    const std::vector<Real> specific_volume(g.node_count(), Real(1));
+    AdvectWorkspace work;
+    for (const bool corrected : {false, true}) {
+      set_flow(Parallel(1), g, v, work);
+      advect_velocity(Parallel(1), g, corrected, g.h, specific_volume, Real(1), state, work);
+      // What was at rest at the wall lies between the first and the second node or beyond them.
+      const double first = static_cast<double>(state.velocity.c[1][g.node(3, 1, 3)]);
+      INFO(cells << " cells per step: " << first);
+      CHECK(first < 0.8 * cells);
+      if (cells >= 2.0) CHECK(first == 0.0);
+    }
+  }
+}
+
 TEST_CASE("A uniform flow carries smoke by whole cells exactly, through periodic faces", "[law]") {
   for (const bool corrected : {false, true}) {
     const Grid g = box({20, 18, 16}, true);
