@@ -1,4 +1,6 @@
-// Purpose: where the fluid slips along a solid.
+// Purpose: where the fluid slips along a solid; what pressure and elasticity agree on.
+#include <Eigen/Dense>
+
 #include "sim/coupling.hpp"
 #include "unit/sim/scene.hpp"
 #include "unit/solid/ball.hpp"
@@ -46,7 +48,111 @@ struct SlottedBlock {
   }
 };
 
+// The middle of a step of a ball in vacuum that is squeezed evenly at first: velocity solve, pressure, projection.
+struct SqueezedBall {
+  sim::Params params = box_params({0.2, 0.2, 0.2});
+  grid::Grid g;
+  std::vector<solid::SolidRest> rest;
+  std::vector<fluid::Emitter> emitters;
+  sim::State state;
+  sim::Workspace work;
+  sim::StepInfo info;
+
+  SqueezedBall(double dt, bool coupling_step) {
+    params.voxel_size = 0.02;
+    params.gravity.setZero();
+    params.fluid.present = false;
+    params.numerics.coupling_step = coupling_step;
+    params.numerics.volume_source = false;
+    params.numerics.velocity_tolerance = 1e-5;
+    params.numerics.pressure_tolerance = 1e-4;
+    g = sim::make_grid(params);
+    const Vec3d center(0.101, 0.098, 0.1);
+    TestSolid ball = make_ball(g, kRubber, center, 0.05);
+    for (int k = 0; k <= g.cells[2]; ++k)
+      for (int j = 0; j <= g.cells[1]; ++j)
+        for (int i = 0; i <= g.cells[0]; ++i)
+          ball.state.v.set(g.node(i, j, k), Vec3((-(g.node_position(i, j, k) - center)).cast<Real>()));
+    rest.push_back(ball.rest);
+    state.solids.push_back(ball.state);
+    work.solids.resize(1);
+    const sim::Scene scene{params, g, rest, emitters};
+    const Parallel parallel(2);
+    sim::Profile profile;
+    sim::compute_masses(parallel, scene, state, work, profile);
+    solid::compute_material(parallel, rest[0], state.solids[0], 1, work.solids[0]);
+    sim::combine_velocities(parallel, scene, dt, state, work);
+    sim::assemble_velocity_system(parallel, scene, dt, state, work, profile);
+    sim::solve_velocity(parallel, scene, dt, work, profile, info);
+    before = unknowns(work.velocity);
+    sim::solve_pressure(parallel, scene, dt, state, work, profile, info);
+    sim::project_velocity(parallel, scene, dt, state, work, profile, info);
+    after = unknowns(work.velocity);
+  }
+
+  Eigen::VectorXd before, after;  // v* and v on the unknowns
+
+  Eigen::VectorXd unknowns(const grid::VectorField& velocity) const {
+    std::vector<Real> x;
+    work.velocity_system.gather(Parallel(1), velocity, x);
+    return Eigen::Map<const Eigen::Matrix<Real, Eigen::Dynamic, 1>>(x.data(), static_cast<Eigen::Index>(x.size()))
+        .cast<double>();
+  }
+  // Slow twin: G column by column, J by unit velocities, and the v without divergence that is nearest to v* by G.
+  Eigen::MatrixXd stiff() {
+    const auto n = static_cast<Eigen::Index>(3 * work.velocity_system.unknowns());
+    Eigen::MatrixXd out(n, n);
+    std::vector<Real> x(static_cast<std::size_t>(n), 0), y;
+    for (Eigen::Index c = 0; c < n; ++c) {
+      x[static_cast<std::size_t>(c)] = 1;
+      work.velocity_system.apply(Parallel(1), x, y);
+      x[static_cast<std::size_t>(c)] = 0;
+      for (Eigen::Index r = 0; r < n; ++r) out(r, c) = static_cast<double>(y[static_cast<std::size_t>(r)]);
+    }
+    return out;
+  }
+  Eigen::VectorXd agreed(const Eigen::MatrixXd& stiffness) const {
+    const auto& nodes = work.velocity_system.nodes();
+    std::vector<std::size_t> cells;
+    for (std::size_t c = 0; c < work.owned.size(); ++c)
+      if (work.owned[c]) cells.push_back(c);
+    const auto n = stiffness.rows(), m = static_cast<Eigen::Index>(cells.size());
+    Eigen::MatrixXd j(m, n);
+    grid::VectorField v;
+    v.assign(g.node_count());
+    std::vector<Real> divergence;
+    for (Eigen::Index c = 0; c < n; ++c) {
+      Real& value = v.c[static_cast<std::size_t>(c % 3)][nodes[static_cast<std::size_t>(c / 3)]];
+      value = 1;
+      system::compute_divergence(Parallel(1), g, v, divergence);
+      value = 0;
+      for (Eigen::Index r = 0; r < m; ++r)
+        j(r, c) = static_cast<double>(divergence[cells[static_cast<std::size_t>(r)]]);
+    }
+    const Eigen::LDLT<Eigen::MatrixXd> inverse(stiffness);
+    const Eigen::MatrixXd reached = j * inverse.solve(Eigen::MatrixXd(j.transpose()));
+    return before - inverse.solve(j.transpose() * reached.ldlt().solve(j * before));
+  }
+};
+
 }  // namespace
+
+TEST_CASE("The coupling step leads to the velocity that pressure and elasticity agree on", "[law]") {
+  for (const double dt : {0.002, 0.01, 0.04}) {
+    SqueezedBall plain(dt, false), coupled(dt, true);
+    const Eigen::MatrixXd g = coupled.stiff();
+    const Eigen::VectorXd agreed = coupled.agreed(g);
+    const auto length = [&](const Eigen::VectorXd& v) { return std::sqrt(v.dot(g * v)); };
+    const double all = length(agreed - coupled.before);
+    const double apart = length(plain.after - agreed) / all, left = length(coupled.after - agreed) / all;
+    INFO("dt " << dt << ": " << apart << " without, " << left << " with it");
+    REQUIRE(all > 0.0);
+    CHECK((plain.before - coupled.before).norm() == 0.0);
+    CHECK(left < 0.1);
+    CHECK(left < 0.5 * apart);
+    CHECK(coupled.info.divergence_after < 1e-3 * coupled.info.divergence_before);
+  }
+}
 
 TEST_CASE("The fluid slips at the surface of a solid, with normals that point out of it") {
   const SlottedBlock block(-9.0, 4);

@@ -113,6 +113,43 @@ TEST_CASE("Multigrid starts from a guess that helps and drops one that does not"
   }
 }
 
+TEST_CASE("The tolerance may count from a divergence that was there before") {
+  for (const PressureCase& c : pressure_cases({16, 12, 14}, 1000.0)) {
+    INFO(c.name);
+    const Parallel parallel(1);
+    PressureSystem system = assembled(c);
+    grid::VectorField v = c.random_velocity(43);
+    const system::DivergenceNorms now = system.norms(parallel, v, {}), before{20.0 * now.all, 0.0};
+    std::vector<Real> own(c.g.padded_count(), 0), less = own;
+    const auto all = system.solve(parallel, PressureSolver::kMultigridPcg, v, {}, 0.01, own);
+    const auto stats = system.solve(parallel, PressureSolver::kMultigridPcg, v, {}, 0.01, less, &before);
+    CHECK(stats.converged);
+    CHECK(stats.iterations < all.iterations);
+    system.project(parallel, less, v);
+    CHECK(system.norms(parallel, v, {}).all < 1.1 * 0.01 * before.all);
+  }
+}
+
+TEST_CASE("A step along an estimate goes as far as conjugate gradients do") {
+  for (const PressureCase& c : pressure_cases({16, 12, 14}, 100.0)) {
+    INFO(c.name);
+    const Parallel parallel(1);
+    PressureSystem system = assembled(c);
+    const grid::VectorField start = c.random_velocity(44);
+    std::vector<Real> q;
+    CHECK(system.estimate(parallel, start, {}, 1e-3, q).converged);
+    for (const double part : {0.25, 1.0, 3.0}) {
+      std::vector<Real> longer = q;
+      for (Real& value : longer) value *= static_cast<Real>(part);
+      grid::VectorField v = start;
+      system.project(parallel, longer, v);
+      CHECK(system.step_length(parallel, v, {}, longer) == Approx(1.0 / part).epsilon(0.01));
+    }
+    std::vector<Real> nothing(q.size(), 0);
+    CHECK(system.step_length(parallel, start, {}, nothing) == 0.0);
+  }
+}
+
 TEST_CASE("Both pressure solvers give the same velocity") {
   const double tolerance = kDouble ? 1e-7 : 1e-4;
   for (const PressureCase& c : pressure_cases({10, 10, 10}, 20.0)) {

@@ -114,6 +114,29 @@ TEST_CASE("With two velocities at surface nodes divergence, operator and project
   }
 }
 
+TEST_CASE("What the pressure gives a surface node is shared between the solid and the fluid that slips") {
+  SlipCase c({12, 11, 13}, 3.0);
+  const Parallel parallel(1);
+  system::PressureSystem system = c.system();
+  std::vector<Real> q = c.random_cells(17);
+  grid::VectorField v;
+  v.assign(c.g.node_count());
+  for (Vec3& solid : c.slip.solid_velocity()) solid.setZero();
+  system.project(parallel, q, v);  // from rest: -W J^T q
+  const std::vector<Vec3> slides = c.slip.sliding_impulse(parallel, q);
+  for (std::size_t t = 0; t < c.slip.nodes().size(); ++t) {
+    const system::SlipNode& n = c.slip.nodes()[t];
+    const Vec3 solid = c.slip.solid_velocity()[t], fluid = v.at(n.node), &normal = n.normal;
+    const Vec3 slip = fluid - normal.dot(fluid) * normal;
+    const Vec3 all = system::pressure_impulse(c.g, q, n.i, n.j, n.k);
+    const double scale = static_cast<double>(all.norm() + slides[t].norm());
+    CHECK(static_cast<double>((n.fluid_mass * slip + slides[t]).norm()) < 10 * kTolerance * scale);
+    CHECK(static_cast<double>(
+              (n.solid_mass * solid + n.fluid_mass * normal.dot(solid) * normal + all - slides[t]).norm()) <
+          10 * kTolerance * scale);
+  }
+}
+
 TEST_CASE("The preconditioner is symmetric and positive definite where the fluid slips") {
   for (const double density : {0.01, 1000.0}) {
     SlipCase c({16, 14, 13}, density);
