@@ -80,15 +80,18 @@ DivergenceNorms PressureSystem::residual_norms(const Parallel& parallel, const s
   return norms;
 }
 
-linalg::SolveStats PressureSystem::solve_multigrid(const Parallel& parallel, const linalg::SolveOptions& options,
-                                                   std::vector<Real>& q) {
-  const linalg::Operator apply = [&](const std::vector<Real>& x, std::vector<Real>& y) {
+linalg::Operator PressureSystem::operator_of(const Parallel& parallel) {
+  return [this, &parallel](const std::vector<Real>& x, std::vector<Real>& y) {
     multigrid_.apply(parallel, const_cast<std::vector<Real>&>(x), y);  // only the ghosts of x are written
   };
+}
+
+linalg::SolveStats PressureSystem::solve_multigrid(const Parallel& parallel, const linalg::SolveOptions& options,
+                                                   std::vector<Real>& q) {
   const linalg::Operator precondition = [&](const std::vector<Real>& r, std::vector<Real>& z) {
     multigrid_.precondition(parallel, r, z);
   };
-  return linalg::pcg(parallel, apply, precondition, rhs_, q, options, pcg_);
+  return linalg::pcg(parallel, operator_of(parallel), precondition, rhs_, q, options, pcg_);
 }
 
 linalg::SolveStats PressureSystem::solve(const Parallel& parallel, PressureSolver solver, const VectorField& velocity,
@@ -104,9 +107,7 @@ linalg::SolveStats PressureSystem::solve(const Parallel& parallel, PressureSolve
     });
   linalg::SolveOptions options;
   options.tolerance = tolerance;
-  const linalg::Operator apply = [&](const std::vector<Real>& x, std::vector<Real>& y) {
-    multigrid_.apply(parallel, const_cast<std::vector<Real>&>(x), y);  // only the ghosts of x are written
-  };
+  const linalg::Operator apply = operator_of(parallel);
   if (solver == PressureSolver::kPcr) {
     options.max_iterations = kMaxPcrIterations;
     return linalg::pcr(parallel, apply, multigrid_.finest().inverse_diagonal, rhs_, q, options, pcr_);

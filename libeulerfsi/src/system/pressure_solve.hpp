@@ -50,6 +50,7 @@ class PressureSystem {
   void compute_residual(const Parallel& parallel, const VectorField& velocity, const std::vector<Real>& source,
                         std::vector<Real>& r);
   DivergenceNorms residual_norms(const Parallel& parallel, const std::vector<Real>& r) const;
+  linalg::Operator operator_of(const Parallel& parallel);
   linalg::SolveStats solve_multigrid(const Parallel& parallel, const linalg::SolveOptions& options,
                                      std::vector<Real>& q);
   // Whether q leaves a smaller residual than zero does.
