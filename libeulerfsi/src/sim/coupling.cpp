@@ -463,27 +463,9 @@ void assemble_velocity_system(const Parallel& parallel, const Scene& scene, doub
   timer.visited(static_cast<std::uint64_t>(work.velocity_system.unknowns()), 30 * sizeof(Real));
 }
 
-void solve_velocity(const Parallel& parallel, const Scene& scene, double, Workspace& work, Profile& profile,
-                    StepInfo& info) {
-  if (scene.solids.empty()) return;
-  ScopedTimer timer(profile, Stage::kVelocitySolve);
-  const Numerics& numerics = scene.params.numerics;
-  const linalg::SolveStats stats = work.velocity_system.solve(parallel, numerics.velocity_solver, work.f_star,
-                                                              work.v_star, numerics.velocity_tolerance);
-  info.velocity_iterations += static_cast<std::uint64_t>(stats.iterations);
-  info.velocity_residual = stats.residual;
-  info.unconverged += !stats.converged;
-  if (numerics.conserve_momentum) work.velocity_system.conserve_momentum(parallel, work.momentum, work.v_star);
-  {
-    const system::SolidView view(parallel, work.slip, work.velocity);
-    work.velocity_system.scatter(parallel, work.v_star, work.velocity);
-  }
-  work.slip.follow_solid(parallel, work.velocity);
-  timer.visited(static_cast<std::uint64_t>(work.velocity_system.unknowns()), 15 * sizeof(Real));
-}
-
 namespace {
 
+constexpr double kLastHolds = 0.7;       // of f*: the last pressure acts at once where it leaves less
 constexpr double kEstimate = 0.2;        // of the divergence that the estimate of a coupling step leaves
 constexpr double kWorthCoupling = 0.01;  // of density |div v|^2: the solids over the fluid
 
@@ -514,18 +496,16 @@ void assemble_pressure_system(const Parallel& parallel, const Scene& scene, doub
     compute_volume_source(parallel, scene, state, dt, work);
 }
 
-// Eq. 13: work.correction = G^-1 J^T q on the nodes that carry solids.
-void solve_correction(const Parallel& parallel, const Scene& scene, std::vector<Real>& q, Workspace& work,
-                      Profile& profile, StepInfo& info) {
-  ScopedTimer timer(profile, Stage::kVelocitySolve);
-  const Numerics& numerics = scene.params.numerics;
-  auto& system = work.velocity_system;
+// J^T q on the unknowns, where walls leave them free. Fills the ghosts of q.
+void compute_impulses(const Parallel& parallel, const Scene& scene, const Workspace& work, std::vector<Real>& q,
+                      std::vector<Real>& impulse) {
+  const auto& system = work.velocity_system;
   grid::fill_ghosts(scene.grid, q, Real(0));
   const std::vector<Vec3> slides = work.slip.sliding_impulse(parallel, q);
-  std::vector<Real>& impulse = work.f_star;
   const auto& nodes = system.nodes();
   const auto row = static_cast<std::size_t>(scene.grid.cells[0] + 1);
   const auto plane = row * static_cast<std::size_t>(scene.grid.cells[1] + 1);
+  impulse.resize(3 * nodes.size());
   parallel.for_each(system.unknowns(), [&](std::int64_t u) {
     const std::size_t n = nodes[static_cast<std::size_t>(u)];
     const Vec3 g = system::pressure_impulse(scene.grid, q, static_cast<int>(n % row), static_cast<int>(n % plane / row),
@@ -539,6 +519,69 @@ void solve_correction(const Parallel& parallel, const Scene& scene, std::vector<
     const std::size_t u = system.unknown_of(work.slip.nodes()[t].node);
     for (std::size_t a = 0; a < 3; ++a) impulse[3 * u + a] -= slides[t][static_cast<Eigen::Index>(a)];
   }
+}
+
+}  // namespace
+
+void prepare_pressure(const Parallel& parallel, const Scene& scene, double dt, const State& state, Workspace& work,
+                      Profile& profile) {
+  work.taken.clear();
+  if (!has_pressure(scene)) return;
+  ScopedTimer timer(profile, Stage::kPressureSolve);
+  assemble_pressure_system(parallel, scene, dt, state, work);
+  const std::vector<Real>& p = state.fluid.pressure;
+  if (!scene.params.numerics.coupling_step || scene.solids.empty() || p.empty()) return;
+  const std::vector<std::uint8_t> active = pressure_cells(parallel, scene, state, work);
+  std::vector<Real> q(p.size());
+  for (std::size_t c = 0; c < q.size(); ++c)
+    q[c] = active.empty() || active[c] ? static_cast<Real>(-dt) * p[c] : Real(0);
+  std::vector<Real>& impulse = work.correction;
+  compute_impulses(parallel, scene, work, q, impulse);
+  double with = 0.0, without = 0.0;
+  for (std::size_t i = 0; i < impulse.size(); ++i) {
+    const double f = static_cast<double>(work.velocity_system.free()[i]) * static_cast<double>(work.f_star[i]);
+    without += f * f;
+    with += (f - static_cast<double>(impulse[i])) * (f - static_cast<double>(impulse[i]));
+  }
+  if (!(with < kLastHolds * kLastHolds * without)) return;
+  for (std::size_t i = 0; i < impulse.size(); ++i) {
+    work.f_star[i] -= impulse[i];
+    work.momentum[i] -= impulse[i];
+  }
+  std::fill(work.v_star.begin(), work.v_star.end(), Real(0));  // the start of the solve: nearly at rest
+  work.pressure_system.project(parallel, q, work.velocity);
+  work.taken = std::move(q);
+}
+
+void solve_velocity(const Parallel& parallel, const Scene& scene, double, Workspace& work, Profile& profile,
+                    StepInfo& info) {
+  if (scene.solids.empty()) return;
+  ScopedTimer timer(profile, Stage::kVelocitySolve);
+  const Numerics& numerics = scene.params.numerics;
+  const linalg::SolveStats stats = work.velocity_system.solve(parallel, numerics.velocity_solver, work.f_star,
+                                                              work.v_star, numerics.velocity_tolerance);
+  info.velocity_iterations += static_cast<std::uint64_t>(stats.iterations);
+  info.velocity_residual = stats.residual;
+  info.unconverged += !stats.converged;
+  if (numerics.conserve_momentum) work.velocity_system.conserve_momentum(parallel, work.momentum, work.v_star);
+  {
+    const system::SolidView view(parallel, work.slip, work.velocity);
+    work.velocity_system.scatter(parallel, work.v_star, work.velocity);
+  }
+  work.slip.follow_solid(parallel, work.velocity);
+  timer.visited(static_cast<std::uint64_t>(work.velocity_system.unknowns()), 15 * sizeof(Real));
+}
+
+namespace {
+
+// Eq. 13: work.correction = G^-1 J^T q on the nodes that carry solids.
+void solve_correction(const Parallel& parallel, const Scene& scene, std::vector<Real>& q, Workspace& work,
+                      Profile& profile, StepInfo& info) {
+  ScopedTimer timer(profile, Stage::kVelocitySolve);
+  const Numerics& numerics = scene.params.numerics;
+  auto& system = work.velocity_system;
+  std::vector<Real>& impulse = work.f_star;
+  compute_impulses(parallel, scene, work, q, impulse);
   work.correction.assign(impulse.size(), 0);
   const linalg::SolveStats stats =
       system.solve(parallel, numerics.velocity_solver, impulse, work.correction, numerics.velocity_tolerance);
@@ -588,9 +631,9 @@ void couple_pressure(const Parallel& parallel, const Scene& scene, const State& 
   solve_correction(parallel, scene, q, work, profile, info);
   correct_velocity(parallel, q, 1, work, profile);
   const Real length = static_cast<Real>(work.pressure_system.step_length(parallel, work.velocity, work.source, q));
-  work.coupled.resize(q.size());
+  work.taken.resize(q.size(), 0);
   for (std::size_t c = 0; c < q.size(); ++c) {
-    work.coupled[c] = length * q[c];
+    work.taken[c] += length * q[c];
     q[c] *= length - 1;
   }
   correct_velocity(parallel, q, length, work, profile);
@@ -600,14 +643,13 @@ void couple_pressure(const Parallel& parallel, const Scene& scene, const State& 
 
 void solve_pressure(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
                     Profile& profile, StepInfo& info) {
-  work.coupled.clear();
   if (!has_pressure(scene)) return;
   const Numerics& numerics = scene.params.numerics;
   system::DivergenceNorms before;
   {
     ScopedTimer timer(profile, Stage::kPressureSolve);
-    assemble_pressure_system(parallel, scene, dt, state, work);
-    before = work.pressure_system.norms(parallel, work.velocity, work.source);
+    before = work.taken.empty() ? work.pressure_system.norms(parallel, work.velocity, work.source)
+                                : work.pressure_system.norms_before(parallel, work.velocity, work.source, work.taken);
     info.divergence_before = before.all;
     info.divergence_before_solid = before.solid;
   }
@@ -619,7 +661,7 @@ void solve_pressure(const Parallel& parallel, const Scene& scene, double dt, Sta
   q.resize(scene.grid.padded_count(), 0);
   const Real step = static_cast<Real>(-dt);
   for (Real& value : q) value *= step;
-  for (std::size_t c = 0; c < work.coupled.size(); ++c) q[c] -= work.coupled[c];
+  for (std::size_t c = 0; c < work.taken.size(); ++c) q[c] -= work.taken[c];
   const linalg::SolveStats stats = work.pressure_system.solve(parallel, numerics.pressure_solver, work.velocity,
                                                               work.source, numerics.pressure_tolerance, q, &before);
   info.pressure_iterations += static_cast<std::uint64_t>(stats.iterations);
@@ -640,7 +682,7 @@ void project_velocity(const Parallel& parallel, const Scene& scene, double dt, S
     work.pressure_system.project(parallel, q, work.velocity);
   }
   ScopedTimer timer(profile, Stage::kPressureSolve);
-  for (std::size_t c = 0; c < work.coupled.size(); ++c) q[c] += work.coupled[c];
+  for (std::size_t c = 0; c < work.taken.size(); ++c) q[c] += work.taken[c];
   const Real inverse_step = static_cast<Real>(-1.0 / dt);
   for (Real& value : q) value *= inverse_step;
   const system::DivergenceNorms after = work.pressure_system.norms(parallel, work.velocity, work.source);

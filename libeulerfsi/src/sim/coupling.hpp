@@ -20,6 +20,10 @@ void add_external_forces(const Parallel& parallel, const Scene& scene, double dt
 // Line 8: G and f* on the nodes that carry solids.
 void assemble_velocity_system(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
                               Profile& profile);
+// The system of line 10. Where the last pressure nearly balances what else pushes the solids, as at rest, it acts in
+// line 9 already.
+void prepare_pressure(const Parallel& parallel, const Scene& scene, double dt, const State& state, Workspace& work,
+                      Profile& profile);
 // Line 9, Eq. 8.
 void solve_velocity(const Parallel& parallel, const Scene& scene, double dt, Workspace& work, Profile& profile,
                     StepInfo& info);

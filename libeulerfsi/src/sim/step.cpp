@@ -37,9 +37,10 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
     add_external_forces(parallel, scene, dt, state, work, timer);
   }
   assemble_velocity_system(parallel, scene, dt, state, work, profile);  // Alg. 1 line 8
-  solve_velocity(parallel, scene, dt, work, profile, info);             // Alg. 1 line 9
-  solve_pressure(parallel, scene, dt, state, work, profile, info);      // Alg. 1 line 10
-  project_velocity(parallel, scene, dt, state, work, profile, info);    // Alg. 1 line 11
+  prepare_pressure(parallel, scene, dt, state, work, profile);
+  solve_velocity(parallel, scene, dt, work, profile, info);           // Alg. 1 line 9
+  solve_pressure(parallel, scene, dt, state, work, profile, info);    // Alg. 1 line 10
+  project_velocity(parallel, scene, dt, state, work, profile, info);  // Alg. 1 line 11
 
   if (numerics.conserve_momentum) measure_momentum(parallel, scene, state, work);
 

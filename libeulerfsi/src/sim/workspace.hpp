@@ -28,7 +28,7 @@ struct Workspace {
   std::vector<Real> f_star, v_star;  // Eq. 8 on the unknowns
   std::vector<Real> momentum;        // M v + dt f on the unknowns [kg m/s]
   std::vector<Real> correction;      // G^-1 J^T q of Eq. 13 on the unknowns [m/s]
-  std::vector<Real> coupled;         // q of the coupling step, padded cells [Pa s]; empty: none was made
+  std::vector<Real> taken;           // q that acts on the velocity before the projection, padded cells [Pa s], or empty
   fluid::AdvectWorkspace advect;
   solid::AdvectWorkspace solid_advect;
   std::vector<solid::Momenta> solid_momenta;  // before the transport

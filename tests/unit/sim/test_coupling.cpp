@@ -83,6 +83,7 @@ struct SqueezedBall {
     solid::compute_material(parallel, rest[0], state.solids[0], 1, work.solids[0]);
     sim::combine_velocities(parallel, scene, dt, state, work);
     sim::assemble_velocity_system(parallel, scene, dt, state, work, profile);
+    sim::prepare_pressure(parallel, scene, dt, state, work, profile);
     sim::solve_velocity(parallel, scene, dt, work, profile, info);
     before = unknowns(work.velocity);
     sim::solve_pressure(parallel, scene, dt, state, work, profile, info);

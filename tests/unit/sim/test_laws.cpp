@@ -316,8 +316,8 @@ TEST_CASE("A ball on the floor stays there and keeps its volume and its energy",
     CHECK(now.volume_mesh == Approx(now.rest_volume).epsilon(0.01));
   }
   INFO("moves by " << creep / 0.02 << " cells in a frame, energy above the first " << highest << " m g R");
-  CHECK(creep < 1e-3 * 0.02);
-  CHECK(highest < 1e-4);
+  CHECK(creep < 2e-5 * 0.02);
+  CHECK(highest < 1e-5);
 }
 
 TEST_CASE("A ball that slides over the floor keeps its momentum along it and its turn about the vertical", "[law]") {
