@@ -531,10 +531,25 @@ void prepare_pressure(const Parallel& parallel, const Scene& scene, double dt, c
   assemble_pressure_system(parallel, scene, dt, state, work);
   const std::vector<Real>& p = state.fluid.pressure;
   if (!scene.params.numerics.coupling_step || scene.solids.empty() || p.empty()) return;
-  const std::vector<std::uint8_t> active = pressure_cells(parallel, scene, state, work);
-  std::vector<Real> q(p.size());
-  for (std::size_t c = 0; c < q.size(); ++c)
-    q[c] = active.empty() || active[c] ? static_cast<Real>(-dt) * p[c] : Real(0);
+  // Within the solids, over the fluid's level; the fluid's own pressure would feed what it moves.
+  const Grid& g = scene.grid;
+  double level = 0.0;
+  std::size_t fluid_cells = 0;
+  for (int k = 0; k < g.cells[2]; ++k)
+    for (int j = 0; j < g.cells[1]; ++j)
+      for (int i = 0; i < g.cells[0]; ++i) {
+        const std::size_t c = g.padded(i, j, k);
+        if (work.owned[c]) continue;
+        level += static_cast<double>(p[c]);
+        ++fluid_cells;
+      }
+  if (fluid_cells > 0) level /= static_cast<double>(fluid_cells);
+  std::vector<Real> q(p.size(), 0);
+  for (std::size_t l = 0; l < scene.solids.size(); ++l) {
+    if (scene.solids[l].compressible) continue;
+    for_owned_cells(parallel, scene, state, work, l,
+                    [&](std::size_t c) { q[c] = static_cast<Real>(-dt * (static_cast<double>(p[c]) - level)); });
+  }
   std::vector<Real>& impulse = work.correction;
   compute_impulses(parallel, scene, work, q, impulse);
   double with = 0.0, without = 0.0;
@@ -648,12 +663,13 @@ void solve_pressure(const Parallel& parallel, const Scene& scene, double dt, Sta
   system::DivergenceNorms before;
   {
     ScopedTimer timer(profile, Stage::kPressureSolve);
-    before = work.taken.empty() ? work.pressure_system.norms(parallel, work.velocity, work.source)
-                                : work.pressure_system.norms_before(parallel, work.velocity, work.source, work.taken);
+    before = work.pressure_system.norms(parallel, work.velocity, work.source);
     info.divergence_before = before.all;
     info.divergence_before_solid = before.solid;
   }
-  if (needs_coupling(scene, before)) couple_pressure(parallel, scene, state, work, profile, info);
+  // A body at rest that the step now serves and now does not would never come to rest.
+  if (!work.taken.empty() || needs_coupling(scene, before))
+    couple_pressure(parallel, scene, state, work, profile, info);
   ScopedTimer timer(profile, Stage::kPressureSolve);
   // Holds the pressure between steps and the multiplier of J during one: J^T is minus the gradient, so q = -dt p. The
   // coupling step's part is added after the projection.

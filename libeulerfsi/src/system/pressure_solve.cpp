@@ -140,21 +140,6 @@ linalg::SolveStats PressureSystem::estimate(const Parallel& parallel, const Vect
   return solve_multigrid(parallel, options, q);
 }
 
-DivergenceNorms PressureSystem::norms_before(const Parallel& parallel, const VectorField& velocity,
-                                             const std::vector<Real>& source, const std::vector<Real>& q) {
-  std::vector<Real>& taken = pcg_.r;
-  taken.resize(grid_.padded_count());
-  compute_residual(parallel, velocity, source, rhs_);
-  operator_of(parallel)(q, taken);
-  parallel.for_each(grid_.cells[2], [&](std::int64_t k) {
-    for (int j = 0; j < grid_.cells[1]; ++j) {
-      const std::size_t row = grid_.padded(0, j, static_cast<int>(k));
-      for (std::size_t c = row; c < row + static_cast<std::size_t>(grid_.cells[0]); ++c) taken[c] += rhs_[c];
-    }
-  });
-  return residual_norms(parallel, taken);
-}
-
 double PressureSystem::step_length(const Parallel& parallel, const VectorField& velocity,
                                    const std::vector<Real>& source, const std::vector<Real>& q) {
   std::vector<Real>& left = pcg_.r;

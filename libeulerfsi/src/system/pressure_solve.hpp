@@ -35,9 +35,6 @@ class PressureSystem {
   // The same from zero and by multigrid, up to the part `tolerance` of r = J v - source, which stays in residual().
   linalg::SolveStats estimate(const Parallel& parallel, const VectorField& velocity, const std::vector<Real>& source,
                               double tolerance, std::vector<Real>& q);
-  // Norms of the divergence before q acted on the velocity.
-  DivergenceNorms norms_before(const Parallel& parallel, const VectorField& velocity, const std::vector<Real>& source,
-                               const std::vector<Real>& q);
   const std::vector<Real>& residual() const { return rhs_; }  // padded cells [m^3/s]
   // How far along q to go, by conjugate gradients; velocity: where all of q led from that of the estimate.
   double step_length(const Parallel& parallel, const VectorField& velocity, const std::vector<Real>& source,
