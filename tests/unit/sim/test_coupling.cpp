@@ -12,33 +12,39 @@ namespace {
 
 const material::Elastic kRubber{material::Law::kCorotational, 1e4, 5e3};
 
-// A block of 9 x 6 x 6 cells with a slot of `slot` cells across x (none below 0), on the floor of a box or `floor`
-// cells above it.
-struct SlottedBlock {
-  sim::Params params = box_params({0.4, 0.3, 0.3});
+// A solid in a box of cells of 0.02 m, ready for the stages of a step.
+struct OneSolid {
+  sim::Params params;
   grid::Grid g;
   std::vector<solid::SolidRest> rest;
   std::vector<fluid::Emitter> emitters;
   sim::State state;
   sim::Workspace work;
 
-  SlottedBlock(double slot, int floor) {
-    params.voxel_size = 0.02;
-    g = sim::make_grid(params);
+  explicit OneSolid(const Vec3d& size) : params(box_params(size)), g(sim::make_grid(params)) {}
+  void add(const TestSolid& s) {
+    rest.push_back(s.rest);
+    state.solids.push_back(s.state);
+    work.solids.resize(1);
+  }
+  sim::Scene scene() const { return {params, g, rest, emitters}; }
+};
+
+// A block of 9 x 6 x 6 cells with a slot of `slot` cells across x (none below 0), on the floor of a box or `floor`
+// cells above it.
+struct SlottedBlock : OneSolid {
+  SlottedBlock(double slot, int floor) : OneSolid({0.4, 0.3, 0.3}) {
     const double h = g.h;
     const Vec3d middle(10 * h + h / 2, (floor + 3) * h, 7 * h), half(4.5 * h, 3 * h, 3 * h);
     const auto distance = [&](const Vec3d& x) {
       const Vec3d beyond = (x - middle).cwiseAbs() - half;
       return std::max(beyond.maxCoeff(), 0.5 * slot * h - std::abs(x[0] - middle[0]));
     };
-    TestSolid block = make_solid(g, kRubber,
-                                 sample_distance(middle - half - Vec3d::Constant(4 * h),
-                                                 middle + half + Vec3d::Constant(4 * h), h / 8, distance));
-    rest.push_back(block.rest);
-    state.solids.push_back(block.state);
-    work.solids.resize(1);
+    add(make_solid(g, kRubber,
+                   sample_distance(middle - half - Vec3d::Constant(4 * h), middle + half + Vec3d::Constant(4 * h),
+                                   h / 8, distance)));
     sim::Profile profile;
-    sim::compute_masses(Parallel(2), {params, g, rest, emitters}, state, work, profile);
+    sim::compute_masses(Parallel(2), scene(), state, work, profile);
   }
 
   std::size_t slipping(int lowest_x, int highest_x) const {
@@ -49,34 +55,24 @@ struct SlottedBlock {
 };
 
 // The middle of a step of a ball in vacuum that is squeezed evenly at first: velocity solve, pressure, projection.
-struct SqueezedBall {
-  sim::Params params = box_params({0.2, 0.2, 0.2});
-  grid::Grid g;
-  std::vector<solid::SolidRest> rest;
-  std::vector<fluid::Emitter> emitters;
-  sim::State state;
-  sim::Workspace work;
+struct SqueezedBall : OneSolid {
   sim::StepInfo info;
 
-  SqueezedBall(double dt, bool coupling_step) {
-    params.voxel_size = 0.02;
+  SqueezedBall(double dt, bool coupling_step) : OneSolid({0.2, 0.2, 0.2}) {
     params.gravity.setZero();
     params.fluid.present = false;
     params.numerics.coupling_step = coupling_step;
     params.numerics.volume_source = false;
     params.numerics.velocity_tolerance = 1e-5;
     params.numerics.pressure_tolerance = 1e-4;
-    g = sim::make_grid(params);
     const Vec3d center(0.101, 0.098, 0.1);
     TestSolid ball = make_ball(g, kRubber, center, 0.05);
     for (int k = 0; k <= g.cells[2]; ++k)
       for (int j = 0; j <= g.cells[1]; ++j)
         for (int i = 0; i <= g.cells[0]; ++i)
           ball.state.v.set(g.node(i, j, k), Vec3((-(g.node_position(i, j, k) - center)).cast<Real>()));
-    rest.push_back(ball.rest);
-    state.solids.push_back(ball.state);
-    work.solids.resize(1);
-    const sim::Scene scene{params, g, rest, emitters};
+    add(ball);
+    const sim::Scene scene = this->scene();
     const Parallel parallel(2);
     sim::Profile profile;
     sim::compute_masses(parallel, scene, state, work, profile);
