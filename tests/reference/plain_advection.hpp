@@ -15,6 +15,35 @@ inline Vec3 keep_inside(const grid::Grid& g, Vec3 x) {
   return x;
 }
 
+// The part of v at a node that alternates along two axes or three, (-1 2 -1)/4, where it is smooth along the others,
+// (1 2 1)/4; walls mirror v, periodic axes go on at the other end.
+inline Vec3 hourglass_part(const grid::Grid& g, const grid::VectorField& v, const Vec3& node) {
+  const auto beyond = [&](int a, int n) {
+    const auto s = static_cast<std::size_t>(a);
+    const int last = g.cells[s];
+    if (n < 0) return g.periodic[s] ? n + last : -n;
+    if (n > last) return g.periodic[s] ? n - last : 2 * last - n;
+    return n;
+  };
+  Vec3 part = Vec3::Zero();
+  for (int c = -1; c <= 1; ++c)
+    for (int b = -1; b <= 1; ++b)
+      for (int a = -1; a <= 1; ++a) {
+        const int offset[3] = {a, b, c};
+        Real weight = 0;
+        for (const int alternating : {3, 5, 6, 7}) {  // bits: the axes
+          Real product = 1;
+          for (int axis = 0; axis < 3; ++axis)
+            product *= offset[axis] == 0 ? Real(0.5) : ((alternating >> axis & 1) ? Real(-0.25) : Real(0.25));
+          weight += product;
+        }
+        int n[3];
+        for (int axis = 0; axis < 3; ++axis) n[axis] = beyond(axis, static_cast<int>(node[axis]) + offset[axis]);
+        part += weight * v.at(g.node(n[0], n[1], n[2]));
+      }
+  return part;
+}
+
 // The velocity v carried by itself over step = dt/h; at nodes that are not free only the first sweep acts.
 inline grid::VectorField carried_velocity(const grid::Grid& g, const grid::VectorField& v, Real step,
                                           const std::vector<std::uint8_t>& free) {
@@ -44,6 +73,8 @@ inline grid::VectorField carried_velocity(const grid::Grid& g, const grid::Vecto
   for_nodes([&](std::size_t n, const Vec3& x, const Vec3& from) {
     if (!free[n]) return;
     const Vec3 to = keep_inside(g, from + 2 * step * v.at(n));
+    const Vec3 taken = std::min(Real(1), step * v.at(n).norm()) * hourglass_part(g, first, x);
+    result.set(n, first.at(n) - taken);
     if (cut_by_wall(x, from) || cut_by_wall(x, to)) return;
     const Vec3 w = first.at(n) + Real(0.5) * (v.at(n) - sampler.vector(first, to));
     const grid::Trilinear source = sampler.stencil(from);
@@ -52,7 +83,7 @@ inline grid::VectorField carried_velocity(const grid::Grid& g, const grid::Vecto
       low = low.cwiseMin(v.at(source.base + offset));
       high = high.cwiseMax(v.at(source.base + offset));
     }
-    result.set(n, w.cwiseMax(low).cwiseMin(high));
+    result.set(n, w.cwiseMax(low).cwiseMin(high) - taken);
   });
   return result;
 }
