@@ -1,7 +1,7 @@
 // Purpose: transport of the fluid's velocity and of smoke.
 // Paper: Alg. 1 line 22; Eq. 3.
-// Departs from the paper: clamped MacCormack correction away from solids; the paper's plain
-// semi-Lagrangian advection is `corrected = false`.
+// Departs from the paper: clamped MacCormack correction away from solids, and hourglass modes of the velocity are taken
+// out; the paper's plain semi-Lagrangian advection is `corrected = false`.
 #pragma once
 
 #include "base/parallel.hpp"
