@@ -1,5 +1,5 @@
 // Purpose: the lines of Algorithm 1 that join solids and fluid on the common grid.
-// Paper: Alg. 1 lines 7-11, 22; Sec. 4.2. Where the paper has one velocity at a node, the fluid slips
+// Paper: Alg. 1 lines 7-9, 22; Sec. 4.2. Where the paper has one velocity at a node, the fluid slips
 // (docs/deviations.md).
 #pragma once
 
@@ -20,19 +20,9 @@ void add_external_forces(const Parallel& parallel, const Scene& scene, double dt
 // Line 8: G and f* on the nodes that carry solids.
 void assemble_velocity_system(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
                               Profile& profile);
-// The system of line 10. Where the last pressure nearly balances what else pushes the solids, as at rest, it acts in
-// line 9 already.
-void prepare_pressure(const Parallel& parallel, const Scene& scene, double dt, const State& state, Workspace& work,
-                      Profile& profile);
 // Line 9, Eq. 8.
 void solve_velocity(const Parallel& parallel, const Scene& scene, double dt, Workspace& work, Profile& profile,
                     StepInfo& info);
-// Line 10, Eq. 12.
-void solve_pressure(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
-                    Profile& profile, StepInfo& info);
-// Line 11, Eq. 13, or the projection.
-void project_velocity(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
-                      Profile& profile, StepInfo& info);
 // The frame in which a solid's velocity field keeps its shape for the step: that of the rigid body with its momenta; at
 // rest while it touches a wall, which holds the field where it is.
 solid::RigidMotion transport_frame(const Scene& scene, const Workspace& work, std::size_t l);

@@ -3,6 +3,7 @@
 #include "fluid/advect.hpp"
 #include "fluid/forces.hpp"
 #include "sim/coupling.hpp"
+#include "sim/pressure.hpp"
 #include "sim/time_step.hpp"
 #include "solid/displacement.hpp"
 #include "solid/mass.hpp"

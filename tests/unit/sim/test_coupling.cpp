@@ -2,6 +2,7 @@
 #include <Eigen/Dense>
 
 #include "sim/coupling.hpp"
+#include "sim/pressure.hpp"
 #include "unit/sim/scene.hpp"
 #include "unit/solid/ball.hpp"
 
