@@ -21,7 +21,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   StepInfo info;
 
   // Alg. 1 line 1
-  double dt = compute_time_step(params, g, state, remaining);
+  double dt = compute_time_step(parallel, scene, state, remaining);
   if (shrink < 1.0) dt = std::min(dt, shrink * remaining);
   info.dt = dt;
 

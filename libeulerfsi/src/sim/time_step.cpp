@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "grid/interpolate.hpp"
+#include "solid/displacement.hpp"
 
 namespace efsi::sim {
 namespace {
@@ -12,6 +13,8 @@ namespace {
 constexpr double kContactCfl = 0.4;       // cells per step in contact
 constexpr double kContactReach = 2.0;     // cells
 constexpr double kContactDistance = 1.0;  // cells: 2 less what a step in contact moves
+constexpr double kContactPace = 0.7;      // cells that a shear wave passes in a step in contact
+constexpr double kContactStrain = 0.1;    // in a step in contact, below which waves need not be resolved
 
 // Largest dt with (speed + a dt) dt <= distance.
 double time_to_move(double speed, double a, double distance) {
@@ -19,9 +22,20 @@ double time_to_move(double speed, double a, double distance) {
   return speed > 0.0 ? distance / speed : std::numeric_limits<double>::infinity();
 }
 
+// Steps that shear waves cross in kContactPace cells, where the solid is not nearly at rest. What a solid stores while
+// it is pressed flat against a wall it loses in few long steps: they are damped, and nothing moves fast just then.
+double wave_limit(const Parallel& parallel, const grid::Grid& g, const solid::SolidRest& rest,
+                  const solid::SolidState& solid) {
+  const double wave = kContactPace * g.h / std::sqrt(rest.elastic.mu / rest.density);
+  const double rate = solid::largest_strain_rate(parallel, solid, solid.valid);
+  return std::max(wave, rate > 0.0 ? kContactStrain / rate : std::numeric_limits<double>::infinity());
+}
+
 // What walls near a solid allow: its surface may reach them, or move by kContactCfl in contact (Sec. 5.2 uses 0.6 for
 // solids less than 2 cells apart). Sliding along a wall is free.
-double wall_limit(const Params& params, const grid::Grid& g, const solid::SolidState& solid) {
+double wall_limit(const Parallel& parallel, const Scene& scene, std::size_t l, const solid::SolidState& solid) {
+  const Params& params = scene.params;
+  const grid::Grid& g = scene.grid;
   const grid::NodeSampler sampler(solid.band.grid);
   double gap[6], closing[6] = {};  // cells; speed towards the wall of what is near it [m/s]
   std::fill(gap, gap + 6, std::numeric_limits<double>::infinity());
@@ -43,14 +57,19 @@ double wall_limit(const Params& params, const grid::Grid& g, const solid::SolidS
     if (cells < params.cfl_solid)
       limit = std::min(limit, time_to_move(closing[face], params.gravity.norm(), cells * g.h));
   }
+  if (params.numerics.resolve_impacts && *std::min_element(gap, gap + 6) < kContactReach)
+    limit = std::min(limit, wave_limit(parallel, g, scene.solids[l], solid));
   return limit;
 }
 
 }  // namespace
 
-double compute_time_step(const Params& params, const grid::Grid& g, const State& state, double remaining) {
+double compute_time_step(const Parallel& parallel, const Scene& scene, const State& state, double remaining) {
+  const Params& params = scene.params;
+  const grid::Grid& g = scene.grid;
   double limit = params.max_time_step > 0.0 ? std::min(params.max_time_step, remaining) : remaining;
-  for (const solid::SolidState& solid : state.solids) limit = std::min(limit, wall_limit(params, g, solid));
+  for (std::size_t l = 0; l < scene.solids.size(); ++l)
+    limit = std::min(limit, wall_limit(parallel, scene, l, state.solids[l]));
   if (!state.solids.empty())
     limit = std::min(limit, time_to_move(state.solid_speed, params.gravity.norm(), params.cfl_solid * g.h));
   if (params.fluid.present) limit = std::min(limit, time_to_move(state.fluid_speed, 0.0, params.cfl_fluid * g.h));

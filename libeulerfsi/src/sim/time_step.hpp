@@ -2,13 +2,11 @@
 // Paper: Alg. 1 line 1; Sec. 5.2 (CFL 1.8).
 #pragma once
 
-#include "grid/grid.hpp"
-#include "sim/params.hpp"
-#include "sim/state.hpp"
+#include "sim/step.hpp"
 
 namespace efsi::sim {
 
 // The largest step that the limits allow, at most `remaining`; the rest up to `remaining` is divided into equal steps.
-double compute_time_step(const Params& params, const grid::Grid& g, const State& state, double remaining);
+double compute_time_step(const Parallel& parallel, const Scene& scene, const State& state, double remaining);
 
 }  // namespace efsi::sim

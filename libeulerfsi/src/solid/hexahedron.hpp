@@ -30,6 +30,6 @@ inline constexpr int kHourglassSign[4][8] = {{1, -1, -1, 1, 1, -1, -1, 1},
                                              {-1, 1, 1, -1, 1, -1, -1, 1}};
 inline constexpr double kHourglassNorm = 0.35355339059327373;  // 1/sqrt(8)
 // Stiffness of a mode is this times mu h; full integration of the Laplacian gives 1/3.
-inline constexpr double kHourglassFactor = 0.25;
+inline constexpr double kHourglassFactor = 0.5;
 
 }  // namespace efsi::solid

@@ -120,6 +120,28 @@ TEST_CASE("A bouncing ball keeps its volume and its mass, by mesh and by cells",
   CHECK(energy < 1.03 * (start.kinetic_energy + start.mass * 9.8 * start.center[1]));
 }
 
+TEST_CASE("At a wall steps resolve shear waves while a solid is strained fast, and at rest they do not") {
+  const auto step = [](double height, double speed, sim::Preset preset) {  // layers of a ball slide to and fro
+    sim::Params p = box_params({0.4, 0.6, 0.4});
+    p.gravity.setZero();
+    p.fluid.present = false;
+    p.numerics = sim::numerics_of(preset);
+    auto s = make_simulation(p, {ball_desc({0.2, height, 0.2})});
+    const grid::Grid& g = s->state().solids[0].band.grid;
+    std::vector<float> v(3 * g.node_count(), 0.0f);
+    for (int k = 0; k <= g.cells[2]; ++k)
+      for (int j = 0; j <= g.cells[1]; ++j)
+        for (int i = 0; i <= g.cells[0]; ++i) v[g.node(i, j, k)] = static_cast<float>(j % 2 ? speed : -speed);
+    s->set_solid_field(0, true, v.data());
+    return s->step(1.0 / 24.0).dt;
+  };
+  const double wave = 0.02 / std::sqrt(1e4 / 1000.0);  // crosses a cell
+  CHECK(step(0.1, 0.5, sim::Preset::kProduction) < 0.71 * wave);
+  CHECK(step(0.1, 0.5, sim::Preset::kPaper2016) > 2.0 * wave);
+  CHECK(step(0.3, 0.5, sim::Preset::kProduction) > 2.0 * wave);
+  CHECK(step(0.1, 0.001, sim::Preset::kProduction) > 5.0 * wave);
+}
+
 TEST_CASE("A squashed ball returns to its rest shape", "[law]") {
   sim::Params p = box_params({0.4, 0.4, 0.4});
   p.gravity.setZero();
