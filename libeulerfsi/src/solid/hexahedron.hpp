@@ -29,7 +29,8 @@ inline constexpr int kHourglassSign[4][8] = {{1, -1, -1, 1, 1, -1, -1, 1},
                                              {1, 1, -1, -1, -1, -1, 1, 1},
                                              {-1, 1, 1, -1, 1, -1, -1, 1}};
 inline constexpr double kHourglassNorm = 0.35355339059327373;  // 1/sqrt(8)
-// Stiffness of a mode is this times mu h; full integration of the Laplacian gives 1/3.
+// Stiffness of a mode is this times mu h; full integration gives 1/3 for the Laplacian, 0.33 to 0.58 for elasticity
+// with lambda = mu / 2.
 inline constexpr double kHourglassFactor = 0.5;
 
 }  // namespace efsi::solid
