@@ -22,8 +22,8 @@ double time_to_move(double speed, double a, double distance) {
   return speed > 0.0 ? distance / speed : std::numeric_limits<double>::infinity();
 }
 
-// Steps that shear waves cross in kContactPace cells, where the solid is not nearly at rest. What a solid stores while
-// it is pressed flat against a wall it loses in few long steps: they are damped, and nothing moves fast just then.
+// A step in which shear waves pass kContactPace cells, or more where that strains the solid little. While a solid is
+// pressed flat against a wall nothing moves fast, and in long steps, which are damped, it would lose what it stores.
 double wave_limit(const Parallel& parallel, const grid::Grid& g, const solid::SolidRest& rest,
                   const solid::SolidState& solid) {
   const double wave = kContactPace * g.h / std::sqrt(rest.elastic.mu / rest.density);
