@@ -73,6 +73,16 @@ inline void scale_add(const Parallel& parallel, std::vector<Real>& y, double s, 
   });
 }
 
+// y *= s
+inline void scale(const Parallel& parallel, std::vector<Real>& y, double s) {
+  Real* py = y.data();
+  const Real factor = static_cast<Real>(s);
+  parallel.for_ranges(static_cast<std::int64_t>(y.size()), [=](std::int64_t begin, std::int64_t end) {
+#pragma omp simd
+    for (std::int64_t i = begin; i < end; ++i) py[i] *= factor;
+  });
+}
+
 // y = d * x, entry by entry
 inline void multiply(const Parallel& parallel, std::vector<Real>& y, const std::vector<Real>& d,
                      const std::vector<Real>& x) {

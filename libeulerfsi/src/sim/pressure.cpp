@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "grid/boundary.hpp"
+#include "linalg/reduce.hpp"
 #include "sim/grid_loops.hpp"
 #include "solid/surface.hpp"
 
@@ -149,19 +150,6 @@ double fluid_level(const Parallel& parallel, const Grid& g, const std::vector<st
   return cells > 0.0 ? sum([&](std::size_t c) { return static_cast<double>(p[c]); }) / cells : 0.0;
 }
 
-// to += factor from, padded cells.
-void add_scaled(const Parallel& parallel, Real factor, const std::vector<Real>& from, std::vector<Real>& to) {
-  parallel.for_ranges(static_cast<std::int64_t>(from.size()), [&](std::int64_t begin, std::int64_t end) {
-    for (auto c = static_cast<std::size_t>(begin); c < static_cast<std::size_t>(end); ++c) to[c] += factor * from[c];
-  });
-}
-
-void scale(const Parallel& parallel, Real factor, std::vector<Real>& values) {
-  parallel.for_ranges(static_cast<std::int64_t>(values.size()), [&](std::int64_t begin, std::int64_t end) {
-    for (auto c = static_cast<std::size_t>(begin); c < static_cast<std::size_t>(end); ++c) values[c] *= factor;
-  });
-}
-
 }  // namespace
 
 void prepare_pressure(const Parallel& parallel, const Scene& scene, double dt, const State& state, Workspace& work,
@@ -258,8 +246,8 @@ void couple_pressure(const Parallel& parallel, const Scene& scene, const State& 
   correct_velocity(parallel, q, 1, work, profile);
   const Real length = static_cast<Real>(work.pressure_system.step_length(parallel, work.velocity, work.source, q));
   work.taken.resize(q.size(), 0);
-  add_scaled(parallel, length, q, work.taken);
-  scale(parallel, length - 1, q);
+  linalg::add_scaled(parallel, work.taken, length, q);
+  linalg::scale(parallel, q, length - 1);
   correct_velocity(parallel, q, length, work, profile);
 }
 
@@ -284,8 +272,8 @@ void solve_pressure(const Parallel& parallel, const Scene& scene, double dt, Sta
   // coupling step's part is added after the projection.
   std::vector<Real>& q = state.fluid.pressure;
   q.resize(scene.grid.padded_count(), 0);
-  scale(parallel, static_cast<Real>(-dt), q);
-  add_scaled(parallel, -1, work.taken, q);
+  linalg::scale(parallel, q, -dt);
+  if (!work.taken.empty()) linalg::add_scaled(parallel, q, -1.0, work.taken);
   const linalg::SolveStats stats = work.pressure_system.solve(parallel, numerics.pressure_solver, work.velocity,
                                                               work.source, numerics.pressure_tolerance, q, &before);
   info.pressure_iterations += static_cast<std::uint64_t>(stats.iterations);
@@ -306,8 +294,8 @@ void project_velocity(const Parallel& parallel, const Scene& scene, double dt, S
     work.pressure_system.project(parallel, q, work.velocity);
   }
   ScopedTimer timer(profile, Stage::kPressureSolve);
-  add_scaled(parallel, 1, work.taken, q);
-  scale(parallel, static_cast<Real>(-1.0 / dt), q);
+  if (!work.taken.empty()) linalg::add_scaled(parallel, q, 1.0, work.taken);
+  linalg::scale(parallel, q, -1.0 / dt);
   const system::DivergenceNorms after = work.pressure_system.norms(parallel, work.velocity, work.source);
   info.divergence_after = after.all;
   info.divergence_after_solid = after.solid;
