@@ -24,7 +24,7 @@ typedef struct EfsiStepInfo {
   double max_speed_fluid; /* [m/s] */
   double min_det_f;       /* over elements of all solids; 1 when there is none */
   double max_det_f;
-  uint64_t degenerate_cells; /* cells whose F was clamped or whose map was not believed */
+  uint64_t degenerate_cells; /* cells whose F was clamped, whose map was not believed or was made anew */
   uint64_t retries;          /* steps that were rolled back and repeated with half the size */
   uint64_t unconverged;      /* solves that stopped at their iteration limit */
   uint64_t reserved[4];

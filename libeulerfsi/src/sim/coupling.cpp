@@ -11,6 +11,7 @@
 #include "sim/grid_loops.hpp"
 #include "solid/displacement.hpp"
 #include "solid/mass.hpp"
+#include "solid/repair.hpp"
 #include "solid/surface.hpp"
 
 namespace efsi::sim {
@@ -226,6 +227,18 @@ void compute_masses(const Parallel& parallel, const Scene& scene, const State& s
   find_owned_cells(parallel, scene, state, work);
   find_slip_nodes(parallel, scene, state, work);
   work.masses_ready = true;
+}
+
+void repair_maps(const Parallel& parallel, const Scene& scene, State& state, Workspace& work, Profile& profile,
+                 StepInfo& info) {
+  compute_masses(parallel, scene, state, work, profile);
+  std::uint64_t cells = 0;
+  for (std::size_t l = 0; l < scene.solids.size(); ++l) {
+    ScopedTimer timer(profile, Stage::kSolidMass);
+    cells += solid::repair_map(parallel, scene.solids[l], state.solids[l], work.solids[l]);
+  }
+  info.degenerate_cells += cells;
+  if (cells > 0) compute_masses(parallel, scene, state, work, profile);
 }
 
 namespace {

@@ -71,7 +71,7 @@ struct PointBlock {
 // Workspace: rebuilt every step.
 struct SolidWork {
   std::vector<Real> fraction;                // part of the cell inside the solid, band cells
-  std::vector<Real> volume_ratio;            // det F, band cells with fraction > 0
+  std::vector<Real> volume_ratio;            // det F, band cells with fraction > 0; 0.1 to 10, inverted ones 10
   std::vector<std::int32_t> element;         // band cell -> element, -1: none
   std::vector<std::int32_t> element_cell;    // element -> band cell
   std::vector<std::int32_t> element_corner;  // element -> band node of corner 0
