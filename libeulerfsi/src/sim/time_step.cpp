@@ -22,13 +22,15 @@ double time_to_move(double speed, double a, double distance) {
   return speed > 0.0 ? distance / speed : std::numeric_limits<double>::infinity();
 }
 
-// A step in which shear waves pass kContactPace cells, or more where that strains the solid little. While a solid is
-// pressed flat against a wall nothing moves fast, and in long steps, which are damped, it would lose what it stores.
+// `limit`, or less: a step in which shear waves pass kContactPace cells, or more where that strains the solid little.
+// While a solid is pressed flat against a wall nothing moves fast, and in long steps, which are damped, it would lose
+// what it stores.
 double wave_limit(const Parallel& parallel, const grid::Grid& g, const solid::SolidRest& rest,
-                  const solid::SolidState& solid) {
+                  const solid::SolidState& solid, double limit) {
   const double wave = kContactPace * g.h / std::sqrt(rest.elastic.mu / rest.density);
+  if (limit <= wave) return limit;
   const double rate = solid::largest_strain_rate(parallel, solid, solid.valid);
-  return std::max(wave, rate > 0.0 ? kContactStrain / rate : std::numeric_limits<double>::infinity());
+  return std::min(limit, std::max(wave, rate > 0.0 ? kContactStrain / rate : limit));
 }
 
 // What walls near a solid allow: its surface may reach them, or move by kContactCfl in contact (Sec. 5.2 uses 0.6 for
@@ -58,7 +60,7 @@ double wall_limit(const Parallel& parallel, const Scene& scene, std::size_t l, c
       limit = std::min(limit, time_to_move(closing[face], params.gravity.norm(), cells * g.h));
   }
   if (params.numerics.resolve_impacts && *std::min_element(gap, gap + 6) < kContactReach)
-    limit = std::min(limit, wave_limit(parallel, g, scene.solids[l], solid));
+    limit = wave_limit(parallel, g, scene.solids[l], solid, limit);
   return limit;
 }
 
