@@ -92,6 +92,12 @@ def restitution(result: Result) -> float:
     return float(up.max() / -up.min()) if up.min() < 0 else np.nan
 
 
+def clamps_after_rebound(result: Result) -> int:
+    """Clamped and repaired cells from the step on in which the ball is fastest upwards: it has left the floor."""
+    fastest = int(np.argmax(result.velocity[1:, 1])) if result.columns else 0
+    return int(result["degenerate_cells"][fastest:].sum())
+
+
 def judge_bounce(results: Results, tier: str) -> list[Line]:
     lines: list[Line] = []
     rebound: list[float] = []
@@ -107,7 +113,8 @@ def judge_bounce(results: Results, tier: str) -> list[Line]:
                 lines.append(Line("bounce", f"|V/V0 - 1| by {kind}", worst, conditions=at))
             else:
                 lines.append(Line("bounce", f"|V/V0 - 1| by {kind} <= {bar:g}", worst, "", 0, bar, at))
-        lines.append(Line("bounce", "clamped cells = 0", result.clamps, "", 0, 0, at))
+        lines.append(Line("bounce", "clamped cells after the rebound = 0", clamps_after_rebound(result), "", 0, 0, at))
+        lines.append(Line("bounce", "clamped cells, whole run", result.clamps, conditions=at))
         lines.append(Line("bounce", "finished", float(result.finished), "", 1, 1, at))
         low, high = extremes(result, "det_f_interior")
         lines.append(Line("bounce", "lowest interior det F >= 0.5", low, "", 0.5, np.inf, at))

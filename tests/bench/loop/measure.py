@@ -42,7 +42,7 @@ class Result:
 
     @property
     def clamps(self) -> int:
-        """Cells whose F was clamped, summed over the steps."""
+        """Cells whose F was clamped or whose map was not believed or made anew, summed over the steps."""
         return int(self["degenerate_cells"].sum())
 
     @property
