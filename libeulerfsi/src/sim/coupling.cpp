@@ -231,7 +231,6 @@ void compute_masses(const Parallel& parallel, const Scene& scene, const State& s
 
 void repair_maps(const Parallel& parallel, const Scene& scene, State& state, Workspace& work, Profile& profile,
                  StepInfo& info) {
-  compute_masses(parallel, scene, state, work, profile);
   std::uint64_t cells = 0;
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     ScopedTimer timer(profile, Stage::kSolidMass);

@@ -11,7 +11,7 @@ namespace efsi::sim {
 // components.
 void compute_masses(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work,
                     Profile& profile);
-// Makes the map of broken cells anew after the transport, and the masses that the next step starts from.
+// Puts broken cells back in shape after the transport; where there are any, computes the masses anew.
 void repair_maps(const Parallel& parallel, const Scene& scene, State& state, Workspace& work, Profile& profile,
                  StepInfo& info);
 // v = sum_l m_l v_l / sum_l m_l over the solids and the fluid, each with its weight less its buoyancy; at slip nodes

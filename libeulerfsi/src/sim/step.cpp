@@ -73,11 +73,9 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   }
   advect_fluid(parallel, scene, dt, state, work, profile);  // Alg. 1 line 22
   work.masses_ready = false;
+  if (numerics.repair_map || numerics.conserve_momentum) compute_masses(parallel, scene, state, work, profile);
   if (numerics.repair_map) repair_maps(parallel, scene, state, work, profile, info);
-  if (numerics.conserve_momentum) {
-    if (!work.masses_ready) compute_masses(parallel, scene, state, work, profile);
-    restore_momentum(parallel, scene, state, work, profile);
-  }
+  if (numerics.conserve_momentum) restore_momentum(parallel, scene, state, work, profile);
 
   state.time += dt;
   ++state.steps;

@@ -1,69 +1,127 @@
 #include "solid/repair.hpp"
 
+#include <Eigen/Dense>
+#include <Eigen/SVD>
 #include <algorithm>
 #include <array>
+#include <cmath>
 
-#include "grid/extrapolate.hpp"
+#include "solid/hexahedron.hpp"
 #include "solid/mass.hpp"
 
 namespace efsi::solid {
 namespace {
 
-constexpr int kPasses = 3;
-constexpr Real kInside = Real(1) - Real(1e-6);  // of a cell
-constexpr double kMostCutGrowth = 9.99;         // of a cut cell; inverted ones count as grown tenfold (volume_ratio)
+constexpr int kMapSweeps = 10, kVelocitySweeps = 10;
+constexpr Real kInside = Real(1) - Real(1e-6);             // of a cell
+constexpr double kRepairedGrowth = 1.8;                    // less than kMostGrowth: a repaired cell stays sound a while
+constexpr double kLeastStretch = 0.4, kMostStretch = 2.5;  // principal stretches of a repaired cell
 
-// Marks the nodes of broken cells; how many cells these are.
-std::uint64_t mark_broken(const SolidState& state, double density, const SolidWork& work,
-                          std::vector<std::uint8_t>& broken) {
+// det: det F over that of the solid.
+bool is_broken(double det) { return !(det <= kMostGrowth && det * kMostGrowth >= 1.0); }
+
+// The map of a cell that has the axes of inverse_f, and stretches and a volume that a sound cell can have.
+Mat3d sound_inverse(const Mat3d& inverse_f, double mean) {
+  const Eigen::JacobiSVD<Mat3d> svd(inverse_f, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Mat3d u = svd.matrixU();
+  Vec3d stretch = svd.singularValues();
+  if (u.determinant() * svd.matrixV().determinant() < 0.0) {  // inverted: along the axis of the least stretch
+    u.col(2) *= -1.0;
+    stretch[2] *= -1.0;
+  }
+  for (int a = 0; a < 3; ++a) stretch[a] = std::clamp(stretch[a], kLeastStretch, kMostStretch);
+  const double det = stretch.prod(), sound = std::clamp(mean * det, 1.0 / kRepairedGrowth, kRepairedGrowth) / mean;
+  stretch *= std::cbrt(sound / det);
+  return u * stretch.asDiagonal() * svd.matrixV().transpose();
+}
+
+// Moves the corners of broken cells to where the maps of their broken cells, made sound, have them on average. Marks
+// these cells, and their corners; false: there are none.
+bool repair_cells(double density, SolidState& state, const SolidWork& work, std::vector<std::uint8_t>& cells,
+                  std::vector<std::uint8_t>& nodes) {
   const Grid& g = state.band.grid;
   const auto corner = grid::corner_offsets(g);
   const double mean = density * work.volume / work.counted_mass;  // det F of the solid
-  std::uint64_t count = 0;
+  struct Move {
+    Vec3d sum = Vec3d::Zero();
+    int cells = 0;
+  };
+  std::vector<Move> moves;
   for (std::size_t e = 0; e < work.element_cell.size(); ++e) {
     const auto c = static_cast<std::size_t>(work.element_cell[e]);
     const auto n = static_cast<std::size_t>(work.element_corner[e]);
-    const double det = static_cast<double>(work.volume_ratio[c]);
-    const double growth = std::max(det / mean, mean / det);
-    if (growth <= (work.fraction[c] < kInside ? kMostCutGrowth : kMostGrowth)) continue;
-    ++count;
-    for (const std::size_t offset : corner) broken[n + offset] = 1;
+    if (work.fraction[c] < kInside || !is_broken(static_cast<double>(work.volume_ratio[c]) / mean)) continue;
+    if (moves.empty()) moves.resize(nodes.size());
+    cells[c] = 1;
+    Vec3d u[8];
+    for (std::size_t a = 0; a < 8; ++a) u[a] = state.u.at(n + corner[a]).cast<double>();
+    const Mat3d inverse_f = Mat3d::Identity() - displacement_gradient(u, center_gradients(), g.h);
+    const Mat3d change = sound_inverse(inverse_f, mean) - inverse_f;
+    for (std::size_t a = 0; a < 8; ++a) {
+      const Vec3d x(grid::kCorner[a][0] - 0.5, grid::kCorner[a][1] - 0.5, grid::kCorner[a][2] - 0.5);
+      Move& move = moves[n + corner[a]];
+      move.sum -= g.h * (change * x);
+      ++move.cells;
+    }
   }
-  return count;
+  for (std::size_t n = 0; n < moves.size(); ++n) {
+    if (moves[n].cells == 0) continue;
+    nodes[n] = 1;
+    state.u.set(n, state.u.at(n) + Vec3((moves[n].sum / moves[n].cells).cast<Real>()));
+  }
+  return !moves.empty();
 }
 
-// The broken nodes take u from the others; false: there are none.
-bool extend_over(const Parallel& parallel, const std::vector<std::uint8_t>& broken, SolidState& state,
-                 const SolidWork& work) {
-  std::vector<std::uint8_t> layer(broken.size(), grid::kNoLayer);
-  bool any = false;
-  for (std::size_t n = 0; n < layer.size(); ++n)
-    if (work.carries[n] && !broken[n]) {
-      layer[n] = 0;
-      any = true;
+// Calls visit(n, weight) for the node and its neighbours, weights (1, 2, 1)^3.
+template <class Visit>
+void visit_neighbours(const Grid& g, std::size_t node, const Visit& visit) {
+  const int i = static_cast<int>(node % g.node_stride(1)),
+            j = static_cast<int>(node % g.node_stride(2) / g.node_stride(1)),
+            k = static_cast<int>(node / g.node_stride(2));
+  for (int c = std::max(k - 1, 0); c <= std::min(k + 1, g.cells[2]); ++c)
+    for (int b = std::max(j - 1, 0); b <= std::min(j + 1, g.cells[1]); ++b)
+      for (int a = std::max(i - 1, 0); a <= std::min(i + 1, g.cells[0]); ++a)
+        visit(g.node(a, b, c), (a == i ? 2 : 1) * (b == j ? 2 : 1) * (c == k ? 2 : 1));
+}
+
+// The velocities of the marked nodes and of those beside them become means by mass: both sides of a fold have stuck
+// together.
+void smooth_velocity(const std::vector<std::uint8_t>& nodes, SolidState& state, const SolidWork& work) {
+  const Grid& g = state.band.grid;
+  std::vector<std::uint8_t> near(nodes.size(), 0);
+  for (std::size_t n = 0; n < nodes.size(); ++n)
+    if (nodes[n]) visit_neighbours(g, n, [&](std::size_t m, int) { near[m] = work.carries[m]; });
+  std::vector<std::size_t> list;
+  for (std::size_t n = 0; n < near.size(); ++n)
+    if (near[n]) list.push_back(n);
+  std::vector<Vec3> smooth(list.size());
+  for (int sweep = 0; sweep < kVelocitySweeps; ++sweep) {
+    for (std::size_t l = 0; l < list.size(); ++l) {
+      Vec3d sum = Vec3d::Zero();
+      double mass = 0.0;
+      visit_neighbours(g, list[l], [&](std::size_t m, int weight) {
+        if (!work.carries[m]) return;
+        const double share = weight * static_cast<double>(work.mass[m]);
+        sum += share * state.v.at(m).cast<double>();
+        mass += share;
+      });
+      smooth[l] = mass > 0.0 ? Vec3((sum / mass).cast<Real>()) : state.v.at(list[l]);
     }
-  if (!any) return false;
-  VectorField u = state.u;
-  const std::array<Real*, 3> fields = {u.c[0].data(), u.c[1].data(), u.c[2].data()};
-  grid::extend_linear(parallel, state.band.grid, kExtensionLayers, layer, fields);
-  for (std::size_t n = 0; n < layer.size(); ++n)
-    if (broken[n] && layer[n] != grid::kNoLayer) state.u.set(n, u.at(n));
-  return true;
+    for (std::size_t l = 0; l < list.size(); ++l) state.v.set(list[l], smooth[l]);
+  }
 }
 
 }  // namespace
 
 std::uint64_t repair_map(const Parallel& parallel, const SolidRest& rest, SolidState& state, SolidWork& work) {
   if (rest.compressible || work.element_cell.empty()) return 0;
-  std::vector<std::uint8_t> broken(state.band.grid.node_count(), 0);
-  std::uint64_t repaired = 0;
-  for (int pass = 0; pass < kPasses; ++pass) {
-    const std::uint64_t cells = mark_broken(state, rest.density, work, broken);
-    if (cells == 0 || !extend_over(parallel, broken, state, work)) break;
-    repaired += cells;
+  std::vector<std::uint8_t> nodes(state.band.grid.node_count(), 0), cells(work.volume_ratio.size(), 0);
+  int sweeps = 0;
+  for (; sweeps < kMapSweeps && repair_cells(rest.density, state, work, cells, nodes); ++sweeps)
     compute_mass(parallel, rest, state, work);
-  }
-  return repaired;
+  if (sweeps == 0) return 0;
+  smooth_velocity(nodes, state, work);
+  return static_cast<std::uint64_t>(std::count(cells.begin(), cells.end(), 1));
 }
 
 }  // namespace efsi::solid

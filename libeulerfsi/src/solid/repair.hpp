@@ -1,4 +1,4 @@
-// Purpose: gives broken cells of an incompressible solid the map of the solid around them.
+// Purpose: puts broken cells of an incompressible solid back in shape.
 // Where a solid folds onto itself, the maps of both sides meet at one node; the cells between are stretched or turned
 // over step by step, and with them what they push (docs/numerics-choices.md). The paper has no such step; its filter,
 // which acts everywhere, serves this too.
@@ -9,13 +9,12 @@
 
 namespace efsi::solid {
 
-inline constexpr double kMostGrowth = 2.0;  // of a cell over that of its solid, or the inverse
+inline constexpr double kMostGrowth = 1.95;  // of a cell over that of its solid, or the inverse
 
 // A cell inside an incompressible solid is broken when its det F is off by more than kMostGrowth from what the solid
-// has as a whole, a cut one when it is inverted or as good as that. The nodes of broken cells take u from the linear
-// extension of the others, up to three times, since that can break cells beside them. Nothing happens where no sound
-// node is left. Reads what compute_mass has made of state; where it returns more than 0, the number of cells it found
-// broken, it has changed state.u and called compute_mass anew.
+// has as a whole. Its corners are moved, as little as may be, until it is not, and in up to ten sweeps what that breaks
+// beside it; there the velocities become smooth. Reads what compute_mass has made of state; where it returns more than
+// 0, the number of cells it found broken, it has changed state.u and state.v and called compute_mass anew.
 std::uint64_t repair_map(const Parallel& parallel, const SolidRest& rest, SolidState& state, SolidWork& work);
 
 }  // namespace efsi::solid
