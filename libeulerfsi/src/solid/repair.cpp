@@ -1,7 +1,6 @@
 #include "solid/repair.hpp"
 
 #include <Eigen/Dense>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <array>
 #include <cmath>
