@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
+#include <set>
 
 #include "solid/hexahedron.hpp"
 #include "solid/mass.hpp"
@@ -34,10 +36,10 @@ Mat3d sound_inverse(const Mat3d& inverse_f, double mean) {
   return u * stretch.asDiagonal() * svd.matrixV().transpose();
 }
 
-// Moves the corners of broken cells to where the maps of their broken cells, made sound, have them on average. Marks
-// these cells, and their corners; false: there are none.
-bool repair_cells(double density, SolidState& state, const SolidWork& work, std::vector<std::uint8_t>& cells,
-                  std::vector<std::uint8_t>& nodes) {
+// Moves the corners of broken cells to where the maps of their broken cells, made sound, have them on average. Adds
+// these cells and their corners to the sets; false: there are none.
+bool repair_cells(double density, SolidState& state, const SolidWork& work, std::set<std::size_t>& cells,
+                  std::set<std::size_t>& nodes) {
   const Grid& g = state.band.grid;
   const auto corner = grid::corner_offsets(g);
   const double mean = density * work.volume / work.counted_mass;  // det F of the solid
@@ -45,13 +47,12 @@ bool repair_cells(double density, SolidState& state, const SolidWork& work, std:
     Vec3d sum = Vec3d::Zero();
     int cells = 0;
   };
-  std::vector<Move> moves;
+  std::map<std::size_t, Move> moves;  // of nodes, in their order
   for (std::size_t e = 0; e < work.element_cell.size(); ++e) {
     const auto c = static_cast<std::size_t>(work.element_cell[e]);
     const auto n = static_cast<std::size_t>(work.element_corner[e]);
     if (work.fraction[c] < kInside || !is_broken(static_cast<double>(work.volume_ratio[c]) / mean)) continue;
-    if (moves.empty()) moves.resize(nodes.size());
-    cells[c] = 1;
+    cells.insert(c);
     Vec3d u[8];
     for (std::size_t a = 0; a < 8; ++a) u[a] = state.u.at(n + corner[a]).cast<double>();
     const Mat3d inverse_f = Mat3d::Identity() - displacement_gradient(u, center_gradients(), g.h);
@@ -63,10 +64,9 @@ bool repair_cells(double density, SolidState& state, const SolidWork& work, std:
       ++move.cells;
     }
   }
-  for (std::size_t n = 0; n < moves.size(); ++n) {
-    if (moves[n].cells == 0) continue;
-    nodes[n] = 1;
-    state.u.set(n, state.u.at(n) + Vec3((moves[n].sum / moves[n].cells).cast<Real>()));
+  for (const auto& [n, move] : moves) {
+    nodes.insert(n);
+    state.u.set(n, state.u.at(n) + Vec3((move.sum / move.cells).cast<Real>()));
   }
   return !moves.empty();
 }
@@ -83,16 +83,16 @@ void visit_neighbours(const Grid& g, std::size_t node, const Visit& visit) {
         visit(g.node(a, b, c), (a == i ? 2 : 1) * (b == j ? 2 : 1) * (c == k ? 2 : 1));
 }
 
-// The velocities of the marked nodes and of those beside them become means by mass: both sides of a fold have stuck
+// The velocities of these nodes and of those beside them become means by mass: both sides of a fold have stuck
 // together.
-void smooth_velocity(const std::vector<std::uint8_t>& nodes, SolidState& state, const SolidWork& work) {
+void smooth_velocity(const std::set<std::size_t>& nodes, SolidState& state, const SolidWork& work) {
   const Grid& g = state.band.grid;
-  std::vector<std::uint8_t> near(nodes.size(), 0);
-  for (std::size_t n = 0; n < nodes.size(); ++n)
-    if (nodes[n]) visit_neighbours(g, n, [&](std::size_t m, int) { near[m] = work.carries[m]; });
-  std::vector<std::size_t> list;
-  for (std::size_t n = 0; n < near.size(); ++n)
-    if (near[n]) list.push_back(n);
+  std::set<std::size_t> near;
+  for (const std::size_t n : nodes)
+    visit_neighbours(g, n, [&](std::size_t m, int) {
+      if (work.carries[m]) near.insert(m);
+    });
+  const std::vector<std::size_t> list(near.begin(), near.end());
   std::vector<Vec3> smooth(list.size());
   for (int sweep = 0; sweep < kVelocitySweeps; ++sweep) {
     for (std::size_t l = 0; l < list.size(); ++l) {
@@ -114,13 +114,13 @@ void smooth_velocity(const std::vector<std::uint8_t>& nodes, SolidState& state, 
 
 std::uint64_t repair_map(const Parallel& parallel, const SolidRest& rest, SolidState& state, SolidWork& work) {
   if (rest.compressible || work.element_cell.empty()) return 0;
-  std::vector<std::uint8_t> nodes(state.band.grid.node_count(), 0), cells(work.volume_ratio.size(), 0);
+  std::set<std::size_t> cells, nodes;
   int sweeps = 0;
   for (; sweeps < kMapSweeps && repair_cells(rest.density, state, work, cells, nodes); ++sweeps)
     compute_mass(parallel, rest, state, work);
   if (sweeps == 0) return 0;
   smooth_velocity(nodes, state, work);
-  return static_cast<std::uint64_t>(std::count(cells.begin(), cells.end(), 1));
+  return cells.size();
 }
 
 }  // namespace efsi::solid
