@@ -25,6 +25,11 @@ struct Grid {
     return static_cast<std::size_t>(i) + node_stride(1) * static_cast<std::size_t>(j) +
            node_stride(2) * static_cast<std::size_t>(k);
   }
+  // i, j, k of a node.
+  Vec3i node_place(std::size_t n) const {
+    return {static_cast<int>(n % node_stride(1)), static_cast<int>(n % node_stride(2) / node_stride(1)),
+            static_cast<int>(n / node_stride(2))};
+  }
   std::size_t cell(int i, int j, int k) const {
     return static_cast<std::size_t>(i) +
            static_cast<std::size_t>(cells[0]) *

@@ -213,6 +213,14 @@ FluidSums sum_fluid(const Parallel& parallel, const Grid& g, const std::vector<R
   return total;
 }
 
+// What the masses of all solids make of the grid they share.
+void share_nodes(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work, Profile& profile) {
+  ScopedTimer timer(profile, Stage::kFluidForces);
+  combine_masses(parallel, scene, state, work, timer);
+  find_owned_cells(parallel, scene, state, work);
+  find_slip_nodes(parallel, scene, state, work);
+}
+
 }  // namespace
 
 void compute_masses(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work,
@@ -222,10 +230,7 @@ void compute_masses(const Parallel& parallel, const Scene& scene, const State& s
     solid::compute_mass(parallel, scene.solids[l], state.solids[l], work.solids[l]);
     timer.visited(work.solids[l].mass.size(), 5 * sizeof(Real));
   }
-  ScopedTimer timer(profile, Stage::kFluidForces);
-  combine_masses(parallel, scene, state, work, timer);
-  find_owned_cells(parallel, scene, state, work);
-  find_slip_nodes(parallel, scene, state, work);
+  share_nodes(parallel, scene, state, work, profile);
   work.masses_ready = true;
 }
 
@@ -237,7 +242,7 @@ void repair_maps(const Parallel& parallel, const Scene& scene, State& state, Wor
     cells += solid::repair_map(parallel, scene.solids[l], state.solids[l], work.solids[l]);
   }
   info.degenerate_cells += cells;
-  if (cells > 0) compute_masses(parallel, scene, state, work, profile);
+  if (cells > 0) share_nodes(parallel, scene, state, work, profile);
 }
 
 namespace {

@@ -114,13 +114,10 @@ void compute_impulses(const Parallel& parallel, const Scene& scene, const Worksp
   grid::fill_ghosts(scene.grid, q, Real(0));
   const std::vector<Vec3> slides = work.slip.sliding_impulse(parallel, q);
   const auto& nodes = system.nodes();
-  const auto row = static_cast<std::size_t>(scene.grid.cells[0] + 1);
-  const auto plane = row * static_cast<std::size_t>(scene.grid.cells[1] + 1);
   impulse.resize(3 * nodes.size());
   parallel.for_each(system.unknowns(), [&](std::int64_t u) {
-    const std::size_t n = nodes[static_cast<std::size_t>(u)];
-    const Vec3 g = system::pressure_impulse(scene.grid, q, static_cast<int>(n % row), static_cast<int>(n % plane / row),
-                                            static_cast<int>(n / plane));
+    const auto [x, y, z] = scene.grid.node_place(nodes[static_cast<std::size_t>(u)]);
+    const Vec3 g = system::pressure_impulse(scene.grid, q, x, y, z);
     for (std::size_t a = 0; a < 3; ++a) {
       const std::size_t i = 3 * static_cast<std::size_t>(u) + a;
       impulse[i] = system.free()[i] * g[static_cast<Eigen::Index>(a)];

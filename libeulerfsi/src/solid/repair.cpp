@@ -74,9 +74,7 @@ bool repair_cells(double density, SolidState& state, const SolidWork& work, std:
 // Calls visit(n, weight) for the node and its neighbours, weights (1, 2, 1)^3.
 template <class Visit>
 void visit_neighbours(const Grid& g, std::size_t node, const Visit& visit) {
-  const int i = static_cast<int>(node % g.node_stride(1)),
-            j = static_cast<int>(node % g.node_stride(2) / g.node_stride(1)),
-            k = static_cast<int>(node / g.node_stride(2));
+  const auto [i, j, k] = g.node_place(node);
   for (int c = std::max(k - 1, 0); c <= std::min(k + 1, g.cells[2]); ++c)
     for (int b = std::max(j - 1, 0); b <= std::min(j + 1, g.cells[1]); ++b)
       for (int a = std::max(i - 1, 0); a <= std::min(i + 1, g.cells[0]); ++a)

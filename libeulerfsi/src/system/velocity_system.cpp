@@ -251,9 +251,8 @@ linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolve
 }
 
 Vec3d VelocitySystem::place(std::size_t u) const {
-  const std::size_t n = node_[u], row = global_.node_stride(1), plane = global_.node_stride(2);
-  return global_.node_position(static_cast<int>(n % row), static_cast<int>(n % plane / row),
-                               static_cast<int>(n / plane));
+  const auto [i, j, k] = global_.node_place(node_[u]);
+  return global_.node_position(i, j, k);
 }
 
 // The rigid motion that gives the unknowns of a solid the momenta that x lacks of b, nearly: where the fluid slips a

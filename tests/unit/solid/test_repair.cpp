@@ -53,8 +53,7 @@ double worst_growth(const TestSolid& s) {
 
 // Cells from the middle node along the axis on which a node is farthest away.
 int distance(const grid::Grid& g, std::size_t n) {
-  const int i = static_cast<int>(n % g.node_stride(1)), k = static_cast<int>(n / g.node_stride(2));
-  const int j = static_cast<int>(n % g.node_stride(2) / g.node_stride(1));
+  const auto [i, j, k] = g.node_place(n);
   return std::max({std::abs(i - 12), std::abs(j - 12), std::abs(k - 12)});
 }
 
