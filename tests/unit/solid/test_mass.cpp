@@ -141,24 +141,79 @@ TEST_CASE("What the extension made up is no solid, and what it had a part in onl
   }
 }
 
+TEST_CASE("What a known cell far away holds is not held a second time") {
+  // A ball, and beside it, behind nodes without data, a second map of the part of it around `from`.
+  const grid::Grid g = cube_grid(40, 0.02);
+  const Vec3d center(0.16, 0.4, 0.4), second(0.6, 0.4, 0.4);
+  const auto elements = [&](std::uint8_t origin, const Vec3d& from, int last_known, int threads) {
+    TestSolid s = make_ball(g, kSoft, center, 0.1);
+    set_displacement(s, [&](const Vec3d& x) -> Vec3d { return x[0] < 0.45 ? Vec3d::Zero() : Vec3d(second - from); });
+    for (int k = 0; k <= g.cells[2]; ++k)
+      for (int j = 0; j <= g.cells[1]; ++j)
+        for (int i = 0; i <= g.cells[0]; ++i)
+          if (i > last_known)
+            s.state.valid[g.node(i, j, k)] =
+                (g.node_position(i, j, k) - second).cwiseAbs().maxCoeff() < 0.051 ? origin : solid::kNoData;
+    solid::compute_mass(Parallel(threads), s.rest, s.state, s.work);
+    return s;
+  };
+  const TestSolid alone = elements(solid::kNoData, center, 15, 1);
+  const std::size_t ball = alone.work.element_cell.size();
+  CHECK(ball > 400);
+  CHECK(alone.work.rejected == 0);
+  for (const int threads : {1, 3}) {
+    const TestSolid copied = elements(solid::kEdge, center, 15, threads);  // 4 x 4 x 4 cells around the middle
+    CHECK(copied.work.rejected == 64);
+    CHECK(copied.work.fraction == alone.work.fraction);
+    CHECK(copied.work.mass == alone.work.mass);
+  }
+  // Not where the solid itself has brought it there, nor where the ball has lost it.
+  CHECK(elements(solid::kKnown, center, 15, 1).work.element_cell.size() == ball + 64);
+  const std::size_t half = elements(solid::kNoData, center, 8, 1).work.element_cell.size();
+  CHECK(half == ball / 2);
+  const TestSolid moved = elements(solid::kEdge, center + Vec3d(0.06, 0, 0), 8, 1);
+  CHECK(moved.work.element_cell.size() > half + 50);
+  CHECK(moved.work.rejected == 0);
+}
+
+TEST_CASE("Cells beside a solid that moves, turns and stretches are no copies", "[law]") {
+  TestSolid s = make_ball(cube_grid(30, 0.02), kSoft, Vec3d::Constant(0.3), 0.1);
+  const auto& g = s.state.band.grid;
+  for (const double stretch : {1.0, 2.0, 4.5}) {
+    Mat3d inverse = Vec3d(1 / stretch, std::sqrt(stretch), std::sqrt(stretch)).asDiagonal();
+    inverse *= Eigen::AngleAxisd(0.7, Vec3d(1, 2, 3).normalized()).toRotationMatrix();
+    set_displacement(
+        s, [&](const Vec3d& x) -> Vec3d { return x - Vec3d::Constant(0.3) - inverse * (x - Vec3d::Constant(0.305)); });
+    solid::compute_mass(Parallel(2), s.rest, s.state, s.work);
+    const auto fraction = s.work.fraction;
+    for (int k = 0; k <= g.cells[2]; ++k)  // half of it at the edge of the data
+      for (int j = 0; j <= g.cells[1]; ++j)
+        for (int i = 15; i <= g.cells[0]; ++i) s.state.valid[g.node(i, j, k)] = solid::kEdge;
+    solid::compute_mass(Parallel(2), s.rest, s.state, s.work);
+    CHECK(s.work.rejected == 0);
+    CHECK(s.work.fraction == fraction);
+  }
+}
+
 TEST_CASE("A splinter that has changed its volume is taken away, one that has not stays") {
-  // Up to three cells of a ball beside the ball, at stretch s.
+  // Half a ball, and beside it up to four cells of the other half, at stretch s.
   const grid::Grid g = cube_grid(18, 0.02);
+  const Vec3d center(0.14, 0.18, 0.18);
   const auto elements = [&](int cells, double stretch, std::uint8_t origin) {
-    TestSolid s = make_ball(g, kSoft, Vec3d(0.1, 0.18, 0.18), 0.06);
-    const Vec3d from(14 * g.h, 9 * g.h, 9 * g.h), to = from + g.h * Vec3d(cells, 1, 1);
+    TestSolid s = make_ball(g, kSoft, center, 0.1);
+    const Vec3d from(13 * g.h, 9 * g.h, 9 * g.h), to = from + g.h * Vec3d(cells, 1, 1);
     const auto in_splinter = [&](const Vec3d& x) {
       return (x - from).minCoeff() > -1e-6 && (to - x).minCoeff() > -1e-6;
     };
     set_displacement(s, [&](const Vec3d& x) -> Vec3d {
-      return in_splinter(x) ? Vec3d(x - Vec3d(0.1, 0.18, 0.18) - (x - from) / stretch) : Vec3d::Zero();
+      return in_splinter(x) ? Vec3d(x - center - Vec3d(0.005, 0, 0) - (x - from) / stretch) : Vec3d::Zero();
     });
     for (int k = 0; k <= g.cells[2]; ++k)
       for (int j = 0; j <= g.cells[1]; ++j)
         for (int i = 0; i <= g.cells[0]; ++i)
           if (in_splinter(g.node_position(i, j, k)))
             s.state.valid[s.state.band.grid.node(i, j, k)] = origin;
-          else if (i > 11)
+          else if (i > 7)
             s.state.valid[s.state.band.grid.node(i, j, k)] = solid::kNoData;
     solid::compute_mass(Parallel(1), s.rest, s.state, s.work);
     CHECK((s.work.rejected == 0 || s.work.rejected == static_cast<std::uint64_t>(cells)));
