@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 
 #include "grid/plane_cut.hpp"
+#include "solid/copies.hpp"
 #include "solid/hexahedron.hpp"
 
 namespace efsi::solid {
@@ -46,24 +46,14 @@ bool is_credible(std::uint8_t nearest, std::uint8_t farthest, const Mat3d& inver
          is_positive(Mat3d::Identity() / (kMostCrushed * kMostCrushed) - squares);
 }
 
-// What the middle of a cell holds.
-struct Holding {
-  Vec3d material;
-  Vec3i cell;
-};
-
-// The cells of a plane that are solid in part: all of it data that the solid brought along, and not.
-struct Holdings {
-  std::vector<Holding> known, doubtful;
-};
-
-std::vector<Holdings> compute_fractions(const Parallel& parallel, const SolidRest& rest, const SolidState& state,
-                                        SolidWork& work) {
+// Returns what the cells hold that are solid in part, by planes.
+std::vector<std::vector<Holding>> compute_fractions(const Parallel& parallel, const SolidRest& rest,
+                                                    const SolidState& state, SolidWork& work) {
   const Grid& g = state.band.grid;
   const auto corner = grid::corner_offsets(g);
   work.fraction.assign(g.cell_count(), 0);
   work.volume_ratio.assign(g.cell_count(), 1);
-  std::vector<Holdings> planes(static_cast<std::size_t>(g.cells[2]));
+  std::vector<std::vector<Holding>> planes(static_cast<std::size_t>(g.cells[2]));
   std::vector<std::uint64_t> rejected(static_cast<std::size_t>(g.cells[2]), 0);
   parallel.for_each(g.cells[2], [&](std::int64_t kk) {
     const int k = static_cast<int>(kk);
@@ -100,9 +90,7 @@ std::vector<Holdings> compute_fractions(const Parallel& parallel, const SolidRes
         }
         work.fraction[c] = static_cast<Real>(fraction);
         work.volume_ratio[c] = static_cast<Real>(1.0 / inverse_det);
-        if (!(fraction > 0.0)) continue;
-        Holdings& plane = planes[static_cast<std::size_t>(k)];
-        (farthest == kKnown ? plane.known : plane.doubtful).push_back({material, {i, j, k}});
+        if (fraction > 0.0) planes[static_cast<std::size_t>(k)].push_back({material, {i, j, k}, farthest == kKnown});
       }
   });
   work.rejected = 0;
@@ -110,72 +98,12 @@ std::vector<Holdings> compute_fractions(const Parallel& parallel, const SolidRes
   return planes;
 }
 
-// Where the material of the known cells is: the rest shape in boxes of a cell's size, one known cell in each.
-class Whereabouts {
- public:
-  Whereabouts(const std::vector<Holdings>& planes, double h) : h_(h) {
-    Vec3d high = Vec3d::Constant(-std::numeric_limits<double>::infinity());
-    low_ = -high;
-    for (const Holdings& plane : planes)
-      for (const Holding& holding : plane.known) {
-        low_ = low_.cwiseMin(holding.material);
-        high = high.cwiseMax(holding.material);
-      }
-    if (!(low_[0] <= high[0])) return;
-    for (std::size_t a = 0; a < 3; ++a) boxes_.cells[a] = index(high, a) + 1;
-    holding_.resize(boxes_.cell_count(), nullptr);
-    for (const Holdings& plane : planes)
-      for (const Holding& holding : plane.known)
-        holding_[boxes_.cell(index(holding.material, 0), index(holding.material, 1), index(holding.material, 2))] =
-            &holding;
+void remove_cells(const std::vector<std::size_t>& cells, std::vector<std::uint8_t>& full, SolidWork& work) {
+  for (const std::size_t c : cells) {
+    work.rejected += full[c];
+    work.fraction[c] = 0;
+    full[c] = 0;
   }
-
-  // Whether a known cell further away than any stretch that is believed can carry it holds the same.
-  bool holds_far_away(const Holding& here) const {
-    if (holding_.empty()) return false;
-    Vec3i first, last;
-    for (std::size_t a = 0; a < 3; ++a) {
-      const int middle = index(here.material, a);
-      first[a] = std::max(middle - 1, 0);
-      last[a] = std::min(middle + 1, boxes_.cells[a] - 1);
-    }
-    for (int k = first[2]; k <= last[2]; ++k)
-      for (int j = first[1]; j <= last[1]; ++j)
-        for (int i = first[0]; i <= last[0]; ++i) {
-          const Holding* there = holding_[boxes_.cell(i, j, k)];
-          if (there && (there->material - here.material).norm() < h_ && cells_between(*there, here) > kMostStretched)
-            return true;
-        }
-    return false;
-  }
-
- private:
-  int index(const Vec3d& material, std::size_t axis) const {
-    const auto a = static_cast<Eigen::Index>(axis);
-    return static_cast<int>(std::floor((material[a] - low_[a]) / h_));
-  }
-  static double cells_between(const Holding& a, const Holding& b) {
-    return Vec3d(a.cell[0] - b.cell[0], a.cell[1] - b.cell[1], a.cell[2] - b.cell[2]).norm();
-  }
-
-  double h_;
-  Vec3d low_;
-  Grid boxes_;
-  std::vector<const Holding*> holding_;
-};
-
-// Takes away the cells that the extension had a part in and whose material a known cell far away has: beside folds and
-// thin parts the extension leads back into the solid, and a second one would grow there.
-void remove_copies(const SolidState& state, const std::vector<Holdings>& planes, SolidWork& work) {
-  const Grid& g = state.band.grid;
-  const Whereabouts whereabouts(planes, g.h);
-  for (const Holdings& plane : planes)
-    for (const Holding& holding : plane.doubtful) {
-      if (!whereabouts.holds_far_away(holding)) continue;
-      const std::size_t c = g.cell(holding.cell[0], holding.cell[1], holding.cell[2]);
-      work.rejected += work.fraction[c] > least_fraction(state, c);
-      work.fraction[c] = 0;
-    }
 }
 
 // Whether the full cells that a full cell reaches over faces are kSplinter or fewer with it.
@@ -216,20 +144,11 @@ void remove_splinters(const SolidState& state, std::vector<std::uint8_t>& full, 
         else
           others = true;
       }
-  if (!others) return;
-  for (const std::size_t c : splinters) {
-    full[c] = 0;
-    work.fraction[c] = 0;
-  }
-  work.rejected += splinters.size();
+  if (others) remove_cells(splinters, full, work);
 }
 
-void find_elements(const SolidState& state, SolidWork& work) {
-  const Grid& g = state.band.grid;
+void find_elements(const Grid& g, const std::vector<std::uint8_t>& full, SolidWork& work) {
   const auto corner = grid::corner_offsets(g);
-  std::vector<std::uint8_t> full(g.cell_count());
-  for (std::size_t c = 0; c < full.size(); ++c) full[c] = work.fraction[c] > least_fraction(state, c);
-  remove_splinters(state, full, work);
   work.element.assign(g.cell_count(), -1);
   work.carries.assign(g.node_count(), 0);
   work.element_cell.clear();
@@ -296,10 +215,14 @@ void weigh_elements(const SolidRest& rest, const Grid& g, SolidWork& work) {
 }  // namespace
 
 void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work) {
-  remove_copies(state, compute_fractions(parallel, rest, state, work), work);
-  find_elements(state, work);
-  lump_mass(parallel, rest, state, work);
   const Grid& g = state.band.grid;
+  const auto holdings = compute_fractions(parallel, rest, state, work);
+  std::vector<std::uint8_t> full(g.cell_count());
+  for (std::size_t c = 0; c < full.size(); ++c) full[c] = work.fraction[c] > least_fraction(state, c);
+  remove_cells(find_copies(g, holdings, full, kMostStretched), full, work);
+  remove_splinters(state, full, work);
+  find_elements(g, full, work);
+  lump_mass(parallel, rest, state, work);
   const auto slab = static_cast<std::size_t>(g.cells[0]) * static_cast<std::size_t>(g.cells[1]);
   work.volume = g.h * g.h * g.h * parallel.sum(g.cells[2], [&](std::int64_t k) {
     double sum = 0.0;
