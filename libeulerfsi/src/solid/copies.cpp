@@ -60,7 +60,8 @@ class Claims {
       high = high.cwiseMax(holding.material);
     });
     if (!(low_[0] <= high[0])) return;
-    for (std::size_t a = 0; a < 3; ++a) boxes_.cells[a] = box(high)[a] + 1;
+    const Vec3i last = box(high);
+    for (std::size_t a = 0; a < 3; ++a) boxes_.cells[a] = last[a] + 1;
     strongest_.resize(boxes_.cell_count(), nullptr);
     for_full(planes, [&](const Holding& holding) {
       const Vec3i b = box(holding.material);

@@ -43,8 +43,8 @@ bool is_copy(const Vec3i& cell, const Vec3d& material, bool known, bool full = t
 }  // namespace
 
 TEST_CASE("A body that holds everything once has no copies") {
-  CHECK(solid::find_copies(Body().g, Body().planes, Body().full, 5.0).empty());
   const Body body;
+  CHECK(solid::find_copies(body.g, body.planes, body.full, 5.0).empty());
   CHECK(
       solid::find_copies(body.g, {24, std::vector<solid::Holding>{}}, std::vector<std::uint8_t>(body.full.size()), 5.0)
           .empty());
