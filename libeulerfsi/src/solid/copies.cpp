@@ -11,6 +11,7 @@ using grid::Grid;
 namespace {
 
 constexpr double kBeside = 2.0;  // cells: so near the map may be rough
+constexpr int kNear = 2;         // cells of material: wider than the box whose strongest claim stands for all in it
 
 // Per cell: full and connected over faces to the most other full ones.
 std::vector<std::uint8_t> largest_part(const Grid& g, const std::vector<std::uint8_t>& full) {
@@ -75,8 +76,8 @@ class Claims {
     const Vec3i middle = box(holding.material);
     Vec3i first, last;
     for (std::size_t a = 0; a < 3; ++a) {
-      first[a] = std::max(middle[a] - 1, 0);
-      last[a] = std::min(middle[a] + 1, boxes_.cells[a] - 1);
+      first[a] = std::max(middle[a] - kNear, 0);
+      last[a] = std::min(middle[a] + kNear, boxes_.cells[a] - 1);
     }
     for (int k = first[2]; k <= last[2]; ++k)
       for (int j = first[1]; j <= last[1]; ++j)
@@ -107,7 +108,7 @@ class Claims {
   bool contradict(const Holding& a, const Holding& b) const {
     const double apart = Vec3d(a.cell[0] - b.cell[0], a.cell[1] - b.cell[1], a.cell[2] - b.cell[2]).norm();
     const double material = (a.material - b.material).norm();
-    return material < grid_.h && apart > kBeside && grid_.h * apart > stretch_ * material;
+    return material < kNear * grid_.h && apart > kBeside && grid_.h * apart > stretch_ * material;
   }
   Vec3i box(const Vec3d& material) const {
     Vec3i b;

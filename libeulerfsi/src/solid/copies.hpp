@@ -18,7 +18,7 @@ struct Holding {
   bool known;  // the solid brought all data of the cell along
 };
 
-// Cells that hold within a cell's size the same as a full one elsewhere, so that the solid would be stretched by more
+// Cells that hold within two cells' size the same as a full one elsewhere, so that the solid would be stretched by more
 // than `stretch` between them, and have the weaker claim to it. The strongest have full cells of the largest part,
 // connected over faces, with known data, then those of it with others, then full cells of other parts. Cells that are
 // not full claim as the largest part does, and take nothing from others. full: per cell.

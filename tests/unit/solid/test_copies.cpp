@@ -74,6 +74,7 @@ TEST_CASE("Cells are copies where the solid would be stretched beyond belief bet
     CHECK(is_copy(cell, held + (cells / 5.0 - 0.05) * side, false));
     CHECK_FALSE(is_copy(cell, held + (cells / 5.0 + 0.05) * side, false));
   }
-  CHECK_FALSE(is_copy({5, 7, 3}, Vec3d(5.5, 5.5, 3.5), false));          // too near
-  CHECK_FALSE(is_copy({5, 20, 3}, Vec3d(5.5, 5.5 + 1.05, 3.5), false));  // torn off at its edge, not a copy of it
+  CHECK_FALSE(is_copy({5, 7, 3}, Vec3d(5.5, 5.5, 3.5), false));  // too near
+  CHECK(is_copy({5, 20, 3}, Vec3d(5.5, 5.5 + 1.95, 3.5), false));
+  CHECK_FALSE(is_copy({5, 20, 3}, Vec3d(5.5, 5.5 + 2.05, 3.5), false));  // torn off further away, no copy of anything
 }
