@@ -154,6 +154,15 @@ double signed_volume(std::span<const Vec3d> points, std::span<const Triangle> tr
   return volume;
 }
 
+double surface_area(const TriangleMesh& mesh) {
+  double area = 0.0;
+  for (const Triangle& t : mesh.triangles) {
+    const Vec3d &a = mesh.points[t[0]], &b = mesh.points[t[1]], &c = mesh.points[t[2]];
+    area += 0.5 * (b - a).cross(c - a).norm();
+  }
+  return area;
+}
+
 std::vector<Vec3d> vertex_normals(const TriangleMesh& mesh) {
   std::vector<Vec3d> normals(mesh.points.size(), Vec3d::Zero());
   for (const Triangle& t : mesh.triangles) {

@@ -35,10 +35,21 @@ std::vector<std::uint8_t> pressure_cells(const Parallel& parallel, const Scene& 
 }
 
 constexpr double kLargestGrowth = 0.02;  // of a solid's volume in a step, to make up for what its surface has lost
+constexpr double kFilm = 0.005;          // cells: thickness over a free surface; its loss under a load stays below that
+
+// What a solid as a whole has lost by its mesh, over its volume at rest. While nothing holds it a film does not count.
+double lost_volume(const Scene& scene, const State& state, const Workspace& work, std::size_t l) {
+  const solid::SolidRest& rest = scene.solids[l];
+  if (!state.solids[l].whole || !solid::encloses(rest)) return 0.0;
+  const double lost = 1.0 - solid::volume_ratio(rest, state.solids[l]);
+  if (work.velocity_system.touches(l)) return lost;
+  const double film = kFilm * scene.grid.h * rest.area / rest.volume;
+  return lost - std::clamp(lost, -film, film);
+}
 
 // b of Eq. 11: where det F has drifted from 1 the solid is asked to grow or shrink back, slowly, since det F is rough
-// at the surface. What a solid that touches a wall has lost as a whole its inside gains in the same step. What solids
-// gain the fluid of the box loses, so that the sum vanishes.
+// at the surface. What a solid has lost as a whole its inside gains in the same step. What solids gain the fluid of the
+// box loses, so that the sum vanishes.
 void compute_volume_source(const Parallel& parallel, const Scene& scene, const State& state, double dt,
                            Workspace& work) {
   const Grid& g = scene.grid;
@@ -49,9 +60,7 @@ void compute_volume_source(const Parallel& parallel, const Scene& scene, const S
     const solid::SolidWork& solid = work.solids[l];
     fluid_cells -= static_cast<double>(solid.element_cell.size());
     if (scene.solids[l].compressible) continue;
-    const bool lossy = work.velocity_system.touches(l) && state.solids[l].whole && solid::encloses(scene.solids[l]);
-    const double lost = lossy ? 1.0 - solid::volume_ratio(scene.solids[l], state.solids[l]) : 0.0;
-    const double growth = std::clamp(lost, -kLargestGrowth, kLargestGrowth) / dt;
+    const double growth = std::clamp(lost_volume(scene, state, work, l), -kLargestGrowth, kLargestGrowth) / dt;
     for_band_cells(parallel, state.solids[l].band, [&](std::size_t c, int i, int j, int k) {
       if (solid.element[c] < 0) return;
       const double det = static_cast<double>(solid.volume_ratio[c]);

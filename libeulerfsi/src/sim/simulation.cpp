@@ -108,6 +108,7 @@ std::size_t Simulation::add_solid(const SolidDesc& desc, geometry::MeshReport& r
   rest.distance = geometry::build_signed_distance(desc.surface, kRestSpacing * grid_.h, report, log_);
   rest.surface = desc.surface;
   rest.volume = report.solid_volume;
+  rest.area = geometry::surface_area(rest.surface);
   if (!(rest.volume > 0.0)) throw Error(ErrorCode::kMesh, "EfsiSolidDef.mesh: encloses no volume");
   constexpr const char* axis[3] = {"x", "y", "z"};
   const Vec3d top = params_.domain_min + params_.domain_size;

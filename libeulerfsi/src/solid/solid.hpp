@@ -26,6 +26,7 @@ struct SolidRest {
   geometry::SignedDistance distance;  // material space
   geometry::TriangleMesh surface;     // as given, material space
   double volume = 0.0;                // of the closed rest shape [m^3]
+  double area = 0.0;                  // of the surface at rest [m^2]
 };
 
 // A box of the global grid. Its grid has the global spacing; node (0,0,0) is global node `lo`.

@@ -114,6 +114,8 @@ TEST_CASE("A bad mesh is refused with entry, value and limit") {
 TEST_CASE("Signed volume: box, sphere, torus; negative inside out; the same wherever the mesh is", "[law]") {
   const TriangleMesh box = shapes::box({1, 2, 3}, {2, 4, 6});
   CHECK(signed_volume(box) == Approx(6.0));
+  CHECK(surface_area(box) == Approx(22.0));
+  CHECK(surface_area(shapes::sphere(0.5, 40)) == Approx(std::numbers::pi).epsilon(2e-3));
   CHECK(signed_volume(shapes::inside_out(box)) == Approx(-6.0));
   CHECK(signed_volume(shapes::sphere(0.5, 40)) == Approx(std::numbers::pi / 6).epsilon(2e-3));
   CHECK(signed_volume(shapes::torus(1.0, 0.25, 200, 60)) ==

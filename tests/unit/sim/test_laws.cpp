@@ -294,6 +294,23 @@ TEST_CASE("A ball squashed to half its height grows back in steps of a frame whe
   CHECK(end.volume_mesh == Approx(end.rest_volume).epsilon(0.01));
 }
 
+TEST_CASE("A ball that swings freely keeps its volume", "[law]") {
+  sim::Params p = box_params(Vec3d::Ones());
+  p.gravity.setZero();
+  p.fluid.present = false;
+  auto s = ball_in_cube(p, 2.0 * kRadius, 10);
+  const double along = 1.3, across = 1.0 / std::sqrt(along);
+  stretch(*s, Vec3d::Constant(0.2), {along, across, across});
+  double worst = 0.0;
+  while (s->state().time < 0.4) {
+    s->step(1.0 / 480.0);
+    const auto now = s->diagnose_solid(0);
+    worst = std::max(worst, std::abs(now.volume_mesh / now.rest_volume - 1.0));
+  }
+  INFO("volume off by " << worst);
+  CHECK(worst < 0.0075);
+}
+
 TEST_CASE("A ball on the floor stays there and keeps its volume and its energy", "[law]") {
   sim::Params p = box_params({0.4, 0.36, 0.4});
   auto s = make_simulation(p, {ball_desc({0.2, kRadius, 0.2}, kRadius)});
