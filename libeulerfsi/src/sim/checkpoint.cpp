@@ -11,7 +11,7 @@
 namespace efsi::sim {
 namespace {
 
-constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', '4'};
+constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', '5'};
 
 // One walk over the state serves writing, reading and hashing.
 template <class S, class Archive>
@@ -36,6 +36,7 @@ void walk(S& state, Archive& archive) {
     archive.array(s.surface);
     archive.value(s.rest_volume_cells);
     archive.value(s.whole);
+    archive.value(s.leak);
   }
 }
 

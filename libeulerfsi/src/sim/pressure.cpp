@@ -37,14 +37,18 @@ std::vector<std::uint8_t> pressure_cells(const Parallel& parallel, const Scene& 
 constexpr double kLargestGrowth = 0.02;  // of a solid's volume in a step, to make up for what its surface has lost
 constexpr double kFilm = 0.005;          // cells: thickness over a free surface; its loss under a load stays below that
 
-// What a solid as a whole has lost by its mesh, over its volume at rest. While nothing holds it a film does not count.
-double lost_volume(const Scene& scene, const State& state, const Workspace& work, std::size_t l) {
-  const solid::SolidRest& rest = scene.solids[l];
-  if (!state.solids[l].whole || !solid::encloses(rest)) return 0.0;
-  const double lost = 1.0 - solid::volume_ratio(rest, state.solids[l]);
-  if (work.velocity_system.touches(l)) return lost;
-  const double film = kFilm * scene.grid.h * rest.area / rest.volume;
-  return lost - std::clamp(lost, -film, film);
+constexpr double kAhead = 0.5;  // of what the last step lost: losses last for many steps
+
+// What a solid as a whole is asked to gain in this step, over its volume at rest: what its mesh has lost and part of
+// what this step will lose. While nothing holds the solid a film does not count.
+double asked_volume(const Scene& scene, const State& state, const Workspace& work, std::size_t l, double volume) {
+  double lost = 1.0 - volume;
+  if (!work.velocity_system.touches(l)) {
+    const double film = kFilm * scene.grid.h * scene.solids[l].area / scene.solids[l].volume;
+    lost -= std::clamp(lost, -film, film);
+  }
+  if (lost == 0.0) return 0.0;
+  return std::clamp(lost + kAhead * state.solids[l].leak, -kLargestGrowth, kLargestGrowth);
 }
 
 // b of Eq. 11: where det F has drifted from 1 the solid is asked to grow or shrink back, slowly, since det F is rough
@@ -57,10 +61,17 @@ void compute_volume_source(const Parallel& parallel, const Scene& scene, const S
   const double tau = std::max(4.0 * dt, 1.0 / 24.0), limit = 0.1 / dt;
   double fluid_cells = static_cast<double>(g.cell_count());
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
-    const solid::SolidWork& solid = work.solids[l];
+    solid::SolidWork& solid = work.solids[l];
+    solid.next_volume = 0.0;
     fluid_cells -= static_cast<double>(solid.element_cell.size());
     if (scene.solids[l].compressible) continue;
-    const double growth = std::clamp(lost_volume(scene, state, work, l), -kLargestGrowth, kLargestGrowth) / dt;
+    double growth = 0.0;
+    if (state.solids[l].whole && solid::encloses(scene.solids[l])) {
+      const double volume = solid::volume_ratio(scene.solids[l], state.solids[l]);
+      const double asked = asked_volume(scene, state, work, l, volume);
+      solid.next_volume = volume + asked;
+      growth = asked / dt;
+    }
     for_band_cells(parallel, state.solids[l].band, [&](std::size_t c, int i, int j, int k) {
       if (solid.element[c] < 0) return;
       const double det = static_cast<double>(solid.volume_ratio[c]);

@@ -64,6 +64,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
     {
       ScopedTimer timer(profile, Stage::kSurface);
       solid::correct_surface(parallel, scene.solids[l], state.solids[l]);
+      solid::measure_leak(scene.solids[l], work.solids[l], state.solids[l]);
       state.solids[l].whole = solid::is_whole(g, params.walls, state.solids[l]);
       timer.visited(state.solids[l].surface.size(), sizeof(Vec3d));
     }

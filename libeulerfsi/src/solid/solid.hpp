@@ -49,6 +49,7 @@ struct SolidState {
   std::vector<Vec3d> surface;       // positions of the embedded surface [m]
   double rest_volume_cells = 0.0;   // by cell fractions, at the first step [m^3]
   std::uint8_t whole = 1;           // no part of it has left through an open face
+  double leak = 0.0;                // volume that the last step lost by the mesh, over that at rest
 };
 
 // One quadrature point of an element: the linearised material in the frame of the principal axes.
@@ -85,6 +86,7 @@ struct SolidWork {
   std::uint64_t degenerate = 0;
   std::uint64_t rejected = 0;  // cells whose map was not believed
   double volume = 0.0;         // by cell fractions [m^3]
+  double next_volume = 0.0;    // that a step without loss ends with, by the mesh, over that at rest; 0: not known
   double total_mass = 0.0, counted_mass = 0.0;
   double element_weight = 1.0;  // mass of the solid over that of its elements
   double elastic_energy = 0.0;  // [J]

@@ -55,6 +55,10 @@ bool encloses(const SolidRest& rest) {
   return std::abs(std::abs(geometry::signed_volume(rest.surface)) / rest.volume - 1.0) < kTrustedVolume;
 }
 
+void measure_leak(const SolidRest& rest, const SolidWork& work, SolidState& state) {
+  state.leak = work.next_volume > 0.0 ? work.next_volume - volume_ratio(rest, state) : 0.0;
+}
+
 bool is_whole(const Grid& global, const grid::Walls& walls, const SolidState& state) {
   if (!walls.any_open()) return true;
   const Vec3d top = global.node_position(global.cells[0], global.cells[1], global.cells[2]);

@@ -18,6 +18,8 @@ void sample_surface_velocity(const Parallel& parallel, const SolidState& state, 
 
 // Volume inside the embedded surface over that at rest; 0 if it encloses none.
 double volume_ratio(const SolidRest& rest, const SolidState& state);
+// What the step has lost of the volume that it was to end with.
+void measure_leak(const SolidRest& rest, const SolidWork& work, SolidState& state);
 // Whether the surface bounds the solid; a sheet or parts that overlap do not.
 bool encloses(const SolidRest& rest);
 

@@ -308,7 +308,7 @@ TEST_CASE("A ball that swings freely keeps its volume", "[law]") {
     worst = std::max(worst, std::abs(now.volume_mesh / now.rest_volume - 1.0));
   }
   INFO("volume off by " << worst);
-  CHECK(worst < 0.0075);
+  CHECK(worst < 0.0063);
 }
 
 TEST_CASE("A ball on the floor stays there and keeps its volume and its energy", "[law]") {

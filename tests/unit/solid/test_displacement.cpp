@@ -192,6 +192,12 @@ TEST_CASE("The surface's volume over that at rest is det F, whichever way its fa
     for (const Vec3d& x : s.rest.surface.points) s.state.surface.push_back(f * x + Vec3d(0.3, 0.2, 0.1));
     CHECK(solid::volume_ratio(s.rest, s.state) == Approx(f.determinant()));
     CHECK(solid::encloses(s.rest));
+    s.work.next_volume = f.determinant() + 0.01;
+    solid::measure_leak(s.rest, s.work, s.state);
+    CHECK(s.state.leak == Approx(0.01));
+    s.work.next_volume = 0.0;  // nothing was asked
+    solid::measure_leak(s.rest, s.work, s.state);
+    CHECK(s.state.leak == 0.0);
   }
   s.rest.surface = geometry::shapes::together(s.rest.surface, s.rest.surface);  // counts everything twice
   CHECK_FALSE(solid::encloses(s.rest));
