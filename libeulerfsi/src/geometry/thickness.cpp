@@ -22,8 +22,7 @@ double thinnest_feature(const TriangleMesh& mesh, const TriangleTree& tree) {
   std::vector<double> area_up_to;
   double area = 0.0;
   for (const Triangle& t : mesh.triangles) {
-    const Vec3d& a = mesh.points[t[0]];
-    area += 0.5 * (mesh.points[t[1]] - a).cross(mesh.points[t[2]] - a).norm();
+    area += triangle_area(mesh, t);
     area_up_to.push_back(area);
   }
   const Extents box = extents(mesh);

@@ -154,12 +154,14 @@ double signed_volume(std::span<const Vec3d> points, std::span<const Triangle> tr
   return volume;
 }
 
+double triangle_area(const TriangleMesh& mesh, const Triangle& t) {
+  const Vec3d& a = mesh.points[t[0]];
+  return 0.5 * (mesh.points[t[1]] - a).cross(mesh.points[t[2]] - a).norm();
+}
+
 double surface_area(const TriangleMesh& mesh) {
   double area = 0.0;
-  for (const Triangle& t : mesh.triangles) {
-    const Vec3d &a = mesh.points[t[0]], &b = mesh.points[t[1]], &c = mesh.points[t[2]];
-    area += 0.5 * (b - a).cross(c - a).norm();
-  }
+  for (const Triangle& t : mesh.triangles) area += triangle_area(mesh, t);
   return area;
 }
 

@@ -54,7 +54,8 @@ Extents extents(const TriangleMesh& mesh);
 double signed_volume(std::span<const Vec3d> points, std::span<const Triangle> triangles);
 inline double signed_volume(const TriangleMesh& mesh) { return signed_volume(mesh.points, mesh.triangles); }
 
-double surface_area(const TriangleMesh& mesh);  // [m^2]
+double triangle_area(const TriangleMesh& mesh, const Triangle& t);  // [m^2]
+double surface_area(const TriangleMesh& mesh);                      // [m^2]
 
 // Unit normal of each point, the area-weighted mean over its triangles; zero for a point without area around it.
 std::vector<Vec3d> vertex_normals(const TriangleMesh& mesh);

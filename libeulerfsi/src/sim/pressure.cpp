@@ -36,8 +36,7 @@ std::vector<std::uint8_t> pressure_cells(const Parallel& parallel, const Scene& 
 
 constexpr double kLargestGrowth = 0.02;  // of a solid's volume in a step, to make up for what its surface has lost
 constexpr double kFilm = 0.005;          // cells: thickness over a free surface; its loss under a load stays below that
-
-constexpr double kAhead = 0.5;  // of what the last step lost: losses last for many steps
+constexpr double kAhead = 0.5;           // of what the last step lost: losses last for many steps
 
 // What a solid as a whole is asked to gain in this step, over its volume at rest: what its mesh has lost and part of
 // what this step will lose. While nothing holds the solid a film does not count.

@@ -19,14 +19,6 @@ Vec3d vector_area(const TriangleMesh& mesh) {
   return sum;
 }
 
-// Sum of the areas regardless of direction: equals the area of the polygon only without overlaps.
-double area(const TriangleMesh& mesh) {
-  double sum = 0.0;
-  for (const Triangle& t : mesh.triangles)
-    sum += 0.5 * (mesh.points[t[1]] - mesh.points[t[0]]).cross(mesh.points[t[2]] - mesh.points[t[0]]).norm();
-  return sum;
-}
-
 TriangleMesh one_polygon(const std::vector<Vec3d>& points) {
   std::vector<std::int32_t> indices;
   for (std::size_t i = 0; i < points.size(); ++i) indices.push_back(static_cast<std::int32_t>(i));
@@ -67,7 +59,7 @@ TEST_CASE("A polygon is covered once by its triangles, concave or not, in any pl
       const TriangleMesh mesh = one_polygon(points);
       INFO("polygon " << i);
       CHECK(mesh.triangles.size() == points.size() - 2);
-      CHECK(area(mesh) == Approx(areas[i]));
+      CHECK(surface_area(mesh) == Approx(areas[i]));
       CHECK(vector_area(mesh).norm() == Approx(areas[i]));
       CHECK(vector_area(mesh).dot(turned ? turn * Vec3d::UnitZ() : Vec3d::UnitZ()) == Approx(areas[i]));
     }
