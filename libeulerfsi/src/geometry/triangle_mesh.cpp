@@ -1,7 +1,8 @@
-// Purpose: triangle meshes: from polygons, volume, extents, normals.
+// Purpose: triangle meshes: from polygons, volume and its centre, area, extents, normals.
 #include "geometry/triangle_mesh.hpp"
 
 #include <Eigen/Geometry>
+#include <cmath>
 #include <limits>
 #include <string>
 
@@ -141,17 +142,42 @@ Extents extents(const TriangleMesh& mesh) {
   return box;
 }
 
-double signed_volume(std::span<const Vec3d> points, std::span<const Triangle> triangles) {
-  if (triangles.empty()) return 0.0;
+namespace {
+
+// Of the corners of all triangles.
+Vec3d mean_corner(std::span<const Vec3d> points, std::span<const Triangle> triangles) {
   Vec3d mean = Vec3d::Zero();
   for (const Triangle& t : triangles) mean += points[t[0]] + points[t[1]] + points[t[2]];
-  mean /= 3.0 * static_cast<double>(triangles.size());
+  return mean / (3.0 * static_cast<double>(triangles.size()));
+}
+
+}  // namespace
+
+double signed_volume(std::span<const Vec3d> points, std::span<const Triangle> triangles) {
+  if (triangles.empty()) return 0.0;
+  const Vec3d mean = mean_corner(points, triangles);
   double volume = 0.0;
   for (const Triangle& t : triangles) {
     const Vec3d a = points[t[0]] - mean, b = points[t[1]] - mean, c = points[t[2]] - mean;
     volume += a.dot(b.cross(c)) / 6.0;
   }
   return volume;
+}
+
+Vec3d center_of_volume(const TriangleMesh& mesh) {
+  constexpr double kNoVolume = 1e-9;  // of the volumes between the triangles and their mean, whatever their signs
+  if (mesh.triangles.empty()) return Vec3d::Zero();
+  const Vec3d mean = mean_corner(mesh.points, mesh.triangles);
+  double volume = 0.0, without_sign = 0.0;
+  Vec3d moment = Vec3d::Zero();
+  for (const Triangle& t : mesh.triangles) {
+    const Vec3d a = mesh.points[t[0]] - mean, b = mesh.points[t[1]] - mean, c = mesh.points[t[2]] - mean;
+    const double v = a.dot(b.cross(c)) / 6.0;
+    volume += v;
+    without_sign += std::abs(v);
+    moment += v * (a + b + c) / 4.0;
+  }
+  return std::abs(volume) > kNoVolume * without_sign ? Vec3d(mean + moment / volume) : mean;
 }
 
 double triangle_area(const TriangleMesh& mesh, const Triangle& t) {

@@ -54,6 +54,9 @@ Extents extents(const TriangleMesh& mesh);
 double signed_volume(std::span<const Vec3d> points, std::span<const Triangle> triangles);
 inline double signed_volume(const TriangleMesh& mesh) { return signed_volume(mesh.points, mesh.triangles); }
 
+// Wherever the mesh is, also where it is open; of a mesh that encloses nothing the mean of its corners.
+Vec3d center_of_volume(const TriangleMesh& mesh);
+
 double triangle_area(const TriangleMesh& mesh, const Triangle& t);  // [m^2]
 double surface_area(const TriangleMesh& mesh);                      // [m^2]
 

@@ -377,8 +377,7 @@ void assemble_velocity_system(const Parallel& parallel, const Scene& scene, doub
   timer.visited(static_cast<std::uint64_t>(work.velocity_system.unknowns()), 30 * sizeof(Real));
 }
 
-void solve_velocity(const Parallel& parallel, const Scene& scene, double, Workspace& work, Profile& profile,
-                    StepInfo& info) {
+void solve_velocity(const Parallel& parallel, const Scene& scene, Workspace& work, Profile& profile, StepInfo& info) {
   if (scene.solids.empty()) return;
   ScopedTimer timer(profile, Stage::kVelocitySolve);
   const Numerics& numerics = scene.params.numerics;

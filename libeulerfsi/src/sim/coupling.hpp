@@ -24,8 +24,7 @@ void add_external_forces(const Parallel& parallel, const Scene& scene, double dt
 void assemble_velocity_system(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
                               Profile& profile);
 // Line 9, Eq. 8.
-void solve_velocity(const Parallel& parallel, const Scene& scene, double dt, Workspace& work, Profile& profile,
-                    StepInfo& info);
+void solve_velocity(const Parallel& parallel, const Scene& scene, Workspace& work, Profile& profile, StepInfo& info);
 // The frame in which a solid's velocity field keeps its shape for the step: that of the rigid body with its momenta; at
 // rest while it touches a wall, which holds the field where it is.
 solid::RigidMotion transport_frame(const Scene& scene, const Workspace& work, std::size_t l);

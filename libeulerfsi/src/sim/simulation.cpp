@@ -139,18 +139,7 @@ std::size_t Simulation::add_solid(const SolidDesc& desc, geometry::MeshReport& r
   solid::move_band(state, solid::make_band(grid_, lo, hi));
   const grid::Grid& g = state.band.grid;
   std::fill(state.valid.begin(), state.valid.end(), solid::kKnown);
-  Vec3d center = Vec3d::Zero();
-  double volume = 0.0;
-  for (const auto& t : desc.surface.triangles) {  // centre of volume
-    const Vec3d &a = desc.surface.points[static_cast<std::size_t>(t[0])],
-                &b = desc.surface.points[static_cast<std::size_t>(t[1])],
-                &c = desc.surface.points[static_cast<std::size_t>(t[2])];
-    const double v = a.dot(b.cross(c)) / 6.0;
-    volume += v;
-    center += v * (a + b + c) / 4.0;
-  }
-  center = std::abs(volume) > 1e-12 * rest.volume ? Vec3d(center / volume)
-                                                  : Vec3d(0.5 * (report.extent_min + report.extent_max));
+  const Vec3d center = geometry::center_of_volume(desc.surface);
   for (int k = 0; k <= g.cells[2]; ++k)
     for (int j = 0; j <= g.cells[1]; ++j)
       for (int i = 0; i <= g.cells[0]; ++i) {

@@ -39,7 +39,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   }
   assemble_velocity_system(parallel, scene, dt, state, work, profile);  // Alg. 1 line 8
   prepare_pressure(parallel, scene, dt, state, work, profile);
-  solve_velocity(parallel, scene, dt, work, profile, info);           // Alg. 1 line 9
+  solve_velocity(parallel, scene, work, profile, info);               // Alg. 1 line 9
   solve_pressure(parallel, scene, dt, state, work, profile, info);    // Alg. 1 line 10
   project_velocity(parallel, scene, dt, state, work, profile, info);  // Alg. 1 line 11
 

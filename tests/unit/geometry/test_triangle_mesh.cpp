@@ -125,6 +125,20 @@ TEST_CASE("Signed volume: box, sphere, torus; negative inside out; the same wher
   CHECK(signed_volume({}, {}) == 0.0);
 }
 
+TEST_CASE("Centre of volume: pyramid, inside out, open, flat; it moves with the mesh", "[law]") {
+  const TriangleMesh pyramid = triangulate({{0, 0, 0}, {4, 0, 0}, {0, 8, 0}, {0, 0, 12}}, {},
+                                           std::vector<std::int32_t>{0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3});
+  CHECK((center_of_volume(pyramid) - Vec3d(1, 2, 3)).norm() < 1e-12);
+  CHECK((center_of_volume(shapes::inside_out(pyramid)) - Vec3d(1, 2, 3)).norm() < 1e-12);
+  TriangleMesh open = shapes::box({0, 0, 0}, {1, 2, 3}, true);
+  const Vec3d before = center_of_volume(open), travelled(1e4, -2e4, 3e4);
+  CHECK((before - Vec3d(0.5, 1, 1.5)).norm() < 0.3);
+  for (Vec3d& x : open.points) x += travelled;
+  CHECK((center_of_volume(open) - before - travelled).norm() < 1e-9);
+  const TriangleMesh flat = one_polygon({{1, 1, 5}, {3, 1, 5}, {3, 3, 5}, {1, 3, 5}});
+  CHECK((center_of_volume(flat) - Vec3d(2, 2, 5)).norm() < 1e-12);
+}
+
 TEST_CASE("Vertex normals point outwards and are weighted by area") {
   const TriangleMesh sphere = shapes::sphere(2.0, 20);
   const std::vector<Vec3d> normals = vertex_normals(sphere);

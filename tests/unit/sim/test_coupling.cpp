@@ -81,7 +81,7 @@ struct SqueezedBall : OneSolid {
     sim::combine_velocities(parallel, scene, dt, state, work);
     sim::assemble_velocity_system(parallel, scene, dt, state, work, profile);
     sim::prepare_pressure(parallel, scene, dt, state, work, profile);
-    sim::solve_velocity(parallel, scene, dt, work, profile, info);
+    sim::solve_velocity(parallel, scene, work, profile, info);
     before = unknowns(work.velocity);
     sim::solve_pressure(parallel, scene, dt, state, work, profile, info);
     sim::project_velocity(parallel, scene, dt, state, work, profile, info);
