@@ -6,7 +6,7 @@
 
 namespace efsi::linalg {
 
-SolveStats pcr(const Parallel& parallel, const Operator& apply, const std::vector<Real>& inverse_diagonal,
+SolveStats pcr(const Parallel& parallel, const Operator& apply, const Operator& precondition,
                const std::vector<Real>& b, std::vector<Real>& x, const SolveOptions& options, PcrWorkspace& work) {
   const std::size_t n = b.size();
   for (auto* v : {&work.r, &work.z, &work.p, &work.az, &work.ap, &work.mp}) v->resize(n);
@@ -27,18 +27,20 @@ SolveStats pcr(const Parallel& parallel, const Operator& apply, const std::vecto
   apply(x, az);
   r = b;
   add_scaled(parallel, r, -1.0, az);
+  const double reference = options.reference > 0.0 ? options.reference : b_norm;
   const auto done = [&] {
-    stats.residual = norm(parallel, r) / b_norm;
-    return stats.residual <= options.tolerance && (!options.also || options.also(r));
+    stats.residual = norm(parallel, r) / reference;
+    return stats.iterations >= options.min_iterations && stats.residual <= options.tolerance &&
+           (!options.also || options.also(r));
   };
   if (done()) return stats;
-  multiply(parallel, z, inverse_diagonal, r);
+  precondition(r, z);
   p = z;
   apply(z, az);
   ap = az;
   double zaz = dot(parallel, z, az);
   while (stats.iterations < options.max_iterations) {
-    multiply(parallel, mp, inverse_diagonal, ap);
+    precondition(ap, mp);
     const double denominator = dot(parallel, ap, mp);
     if (!(denominator > 0.0) || !(zaz > 0.0) || !std::isfinite(zaz)) break;
     const double alpha = zaz / denominator;

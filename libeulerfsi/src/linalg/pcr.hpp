@@ -1,4 +1,5 @@
-// Purpose: preconditioned conjugate residuals, the paper's solver (Section 5), for symmetric semi-definite systems.
+// Purpose: preconditioned conjugate residuals, the paper's solver (Section 5), for symmetric semi-definite systems. It
+// minimises the residual in the norm of the preconditioner.
 // Paper: Sec. 5 (PCR with a Jacobi preconditioner).
 #pragma once
 
@@ -9,10 +10,13 @@ namespace efsi::linalg {
 
 struct PcrWorkspace {
   std::vector<Real> r, z, p, az, ap, mp;
+  std::size_t bytes() const {
+    return (r.size() + z.size() + p.size() + az.size() + ap.size() + mp.size()) * sizeof(Real);
+  }
 };
 
-// inverse_diagonal: the Jacobi preconditioner. x: in start, out solution.
-SolveStats pcr(const Parallel& parallel, const Operator& apply, const std::vector<Real>& inverse_diagonal,
+// x: in start, out solution. precondition(r, z): z = B r.
+SolveStats pcr(const Parallel& parallel, const Operator& apply, const Operator& precondition,
                const std::vector<Real>& b, std::vector<Real>& x, const SolveOptions& options, PcrWorkspace& work);
 
 }  // namespace efsi::linalg

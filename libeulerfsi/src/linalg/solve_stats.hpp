@@ -16,7 +16,7 @@ struct SolveStats {
 
 struct SolveOptions {
   double tolerance = 1e-3;     // on |r| / |b|, 2-norm
-  double reference = 0.0;      // in place of |b| where it is more than 0; pcg only
+  double reference = 0.0;      // in place of |b| where it is more than 0
   bool against_start = false;  // on |r| over that of the start instead, down to the rounding of b; pcg only
   int max_iterations = 500;
   int min_iterations = 0;  // made also when the start passes

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "linalg/jacobi.hpp"
 #include "linalg/reduce.hpp"
 #include "solid/material_force.hpp"
 #include "solid/stiffness_block.hpp"
@@ -242,11 +243,9 @@ linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolve
   const linalg::Operator g = [&](const std::vector<Real>& in, std::vector<Real>& out) { apply(parallel, in, out); };
   linalg::SolveOptions options;
   options.tolerance = tolerance;
-  if (solver == VelocitySolver::kPcr) return linalg::pcr(parallel, g, inverse_diagonal_, b, x, options, pcr_);
+  const linalg::Operator jacobi = linalg::jacobi(parallel, inverse_diagonal_);
+  if (solver == VelocitySolver::kPcr) return linalg::pcr(parallel, g, jacobi, b, x, options, pcr_);
   options.against_start = true;
-  const linalg::Operator jacobi = [&](const std::vector<Real>& r, std::vector<Real>& z) {
-    linalg::multiply(parallel, z, inverse_diagonal_, r);
-  };
   return linalg::pcg(parallel, g, jacobi, b, x, options, pcg_);
 }
 
@@ -318,7 +317,7 @@ std::size_t VelocitySystem::bytes() const {
           masked_.size() + past_.size() + sliding_.size() + 3 * normal_.size()) *
              sizeof(Real) +
          (unknown_of_node_.size() + corner_.size() + gather_begin_.size() + gather_.size()) * sizeof(std::int32_t) +
-         node_.size() * sizeof(std::size_t) + pcg_.bytes();
+         node_.size() * sizeof(std::size_t) + pcg_.bytes() + pcr_.bytes();
 }
 
 }  // namespace efsi::system

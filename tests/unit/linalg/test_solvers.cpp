@@ -5,6 +5,7 @@
 #include <limits>
 #include <random>
 
+#include "linalg/jacobi.hpp"
 #include "linalg/pcg.hpp"
 #include "linalg/pcr.hpp"
 #include "linalg/reduce.hpp"
@@ -59,14 +60,16 @@ SolveStats run_pcg(const DenseSystem& s, std::vector<Real>& x, const SolveOption
   const Parallel parallel(1);
   PcgWorkspace work;
   return pcg(
-      parallel, [&](const auto& in, auto& out) { s.apply(in, out); },
-      [&](const auto& r, auto& z) { multiply(parallel, z, s.inverse_diagonal, r); }, s.b, x, options, work);
+      parallel, [&](const auto& in, auto& out) { s.apply(in, out); }, jacobi(parallel, s.inverse_diagonal), s.b, x,
+      options, work);
 }
 
 SolveStats run_pcr(const DenseSystem& s, std::vector<Real>& x, const SolveOptions& options) {
+  const Parallel parallel(1);
   PcrWorkspace work;
   return pcr(
-      Parallel(1), [&](const auto& in, auto& out) { s.apply(in, out); }, s.inverse_diagonal, s.b, x, options, work);
+      parallel, [&](const auto& in, auto& out) { s.apply(in, out); }, jacobi(parallel, s.inverse_diagonal), s.b, x,
+      options, work);
 }
 
 }  // namespace

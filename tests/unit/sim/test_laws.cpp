@@ -1,6 +1,7 @@
 // Purpose: laws with exact answers that whole steps must keep, on grids coarse enough for seconds.
 // The laboratory `./eulerfsi bench loop` measures the same laws, and more, at the resolutions that the bars are set
 // for.
+#include "unit/geometry/shapes.hpp"
 #include "unit/sim/scene.hpp"
 
 using namespace efsi;
@@ -335,6 +336,31 @@ TEST_CASE("A ball on the floor stays there and keeps its volume and its energy",
   INFO("moves by " << creep / 0.02 << " cells in a frame, energy above the first " << highest << " m g R");
   CHECK(creep < 2e-5 * 0.02);
   CHECK(highest < 1e-5);
+}
+
+TEST_CASE("A heavy box that tumbles onto a no-slip floor leaves no divergence, in few iterations", "[law]") {
+  sim::Params p = box_params({0.4, 0.4, 0.4});
+  p.walls.face.fill(grid::Wall::kNoSlip);
+  p.cfl_solid = 0.3;
+  sim::SolidDesc d = ball_desc({0.2, 0.24, 0.2});
+  d.surface = geometry::shapes::box({-0.1, -0.07, -0.06}, {0.1, 0.07, 0.06});
+  const Mat3d turn = Eigen::AngleAxisd(0.6, Vec3d(1, 1, 1).normalized()).toRotationMatrix();
+  for (Vec3d& x : d.surface.points) x = turn * x + Vec3d(0.2, 0.24, 0.2);
+  d.velocity = {0.5, -2.0, 0.0};
+  d.angular_velocity = {2.0, 0.0, 5.0};
+  auto s = make_simulation(p, {d});
+  std::uint64_t unconverged = 0, most = 0;
+  double left = 0.0;
+  while (s->state().time < 0.12 - 1e-9) {
+    const auto info = s->step(1.0 / 480.0);
+    unconverged += info.unconverged;
+    most = std::max(most, info.pressure_iterations);
+    left = std::max(left, info.divergence_after / info.divergence_before);
+  }
+  INFO(unconverged << " unconverged, most iterations " << most << ", divergence left " << left);
+  CHECK(unconverged == 0);
+  CHECK(most <= 30);
+  CHECK(left < 0.02);
 }
 
 TEST_CASE("A ball that slides over the floor keeps its momentum along it and its turn about the vertical", "[law]") {
