@@ -151,16 +151,22 @@ Vec3d mean_corner(std::span<const Vec3d> points, std::span<const Triangle> trian
   return mean / (3.0 * static_cast<double>(triangles.size()));
 }
 
+// Of the tetrahedron between the origin and a triangle.
+double cone_volume(const Vec3d& a, const Vec3d& b, const Vec3d& c) { return a.dot(b.cross(c)) / 6.0; }
+
+Vec3d twice_vector_area(const TriangleMesh& mesh, const Triangle& t) {
+  const Vec3d& a = mesh.points[t[0]];
+  return (mesh.points[t[1]] - a).cross(mesh.points[t[2]] - a);
+}
+
 }  // namespace
 
 double signed_volume(std::span<const Vec3d> points, std::span<const Triangle> triangles) {
   if (triangles.empty()) return 0.0;
   const Vec3d mean = mean_corner(points, triangles);
   double volume = 0.0;
-  for (const Triangle& t : triangles) {
-    const Vec3d a = points[t[0]] - mean, b = points[t[1]] - mean, c = points[t[2]] - mean;
-    volume += a.dot(b.cross(c)) / 6.0;
-  }
+  for (const Triangle& t : triangles)
+    volume += cone_volume(points[t[0]] - mean, points[t[1]] - mean, points[t[2]] - mean);
   return volume;
 }
 
@@ -172,7 +178,7 @@ Vec3d center_of_volume(const TriangleMesh& mesh) {
   Vec3d moment = Vec3d::Zero();
   for (const Triangle& t : mesh.triangles) {
     const Vec3d a = mesh.points[t[0]] - mean, b = mesh.points[t[1]] - mean, c = mesh.points[t[2]] - mean;
-    const double v = a.dot(b.cross(c)) / 6.0;
+    const double v = cone_volume(a, b, c);
     volume += v;
     without_sign += std::abs(v);
     moment += v * (a + b + c) / 4.0;
@@ -180,10 +186,7 @@ Vec3d center_of_volume(const TriangleMesh& mesh) {
   return std::abs(volume) > kNoVolume * without_sign ? Vec3d(mean + moment / volume) : mean;
 }
 
-double triangle_area(const TriangleMesh& mesh, const Triangle& t) {
-  const Vec3d& a = mesh.points[t[0]];
-  return 0.5 * (mesh.points[t[1]] - a).cross(mesh.points[t[2]] - a).norm();
-}
+double triangle_area(const TriangleMesh& mesh, const Triangle& t) { return 0.5 * twice_vector_area(mesh, t).norm(); }
 
 double surface_area(const TriangleMesh& mesh) {
   double area = 0.0;
@@ -194,8 +197,7 @@ double surface_area(const TriangleMesh& mesh) {
 std::vector<Vec3d> vertex_normals(const TriangleMesh& mesh) {
   std::vector<Vec3d> normals(mesh.points.size(), Vec3d::Zero());
   for (const Triangle& t : mesh.triangles) {
-    const Vec3d& a = mesh.points[t[0]];
-    const Vec3d twice_area = (mesh.points[t[1]] - a).cross(mesh.points[t[2]] - a);
+    const Vec3d twice_area = twice_vector_area(mesh, t);
     for (const std::int32_t corner : t) normals[corner] += twice_area;
   }
   for (Vec3d& normal : normals) {
