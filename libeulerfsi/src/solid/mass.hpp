@@ -18,8 +18,8 @@ inline constexpr Real kElementFraction = Real(0.6);
 inline constexpr Real kElementLag = Real(0.1);
 
 // Reads state.u; writes fraction, volume_ratio, element, element_cell, element_corner, carries, mass, volume,
-// total_mass, counted_mass. Counted in cells the mass wavers by some 0.2 % as the solid moves over the grid; a solid
-// that is whole keeps what it weighed at first (state.rest_volume_cells, once that is known).
+// total_mass. Counted in cells the mass wavers by some 0.2 % as the solid moves over the grid, by 3 % where it folds; a
+// solid that is whole keeps what it weighed at first (state.rest_volume_cells, once that is known).
 void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work);
 
 // Keeps which cells carry stiffness for the next compute_mass: state.stiff.

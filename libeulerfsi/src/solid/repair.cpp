@@ -42,7 +42,7 @@ bool repair_cells(double density, SolidState& state, const SolidWork& work, std:
                   std::set<std::size_t>& nodes) {
   const Grid& g = state.band.grid;
   const auto corner = grid::corner_offsets(g);
-  const double mean = density * work.volume / work.counted_mass;  // det F of the solid
+  const double mean = density * work.volume / work.total_mass;  // det F of the solid
   struct Move {
     Vec3d sum = Vec3d::Zero();
     int cells = 0;

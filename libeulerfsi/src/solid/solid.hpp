@@ -84,10 +84,10 @@ struct SolidWork {
   std::vector<std::uint8_t> layer;    // band nodes: 0 data, k: k-th layer of the extension, 255: none
   double min_det_f = 1.0, max_det_f = 1.0;
   std::uint64_t degenerate = 0;
-  std::uint64_t rejected = 0;  // cells whose map was not believed
-  double volume = 0.0;         // by cell fractions [m^3]
-  double next_volume = 0.0;    // that a step without loss ends with, by the mesh, over that at rest; 0: not known
-  double total_mass = 0.0, counted_mass = 0.0;
+  std::uint64_t rejected = 0;   // cells whose map was not believed
+  double volume = 0.0;          // by cell fractions [m^3]
+  double next_volume = 0.0;     // that a step without loss ends with, by the mesh, over that at rest; 0: not known
+  double total_mass = 0.0;      // [kg]
   double element_weight = 1.0;  // mass of the solid over that of its elements
   double elastic_energy = 0.0;  // [J]
   double max_speed = 0.0;

@@ -19,21 +19,23 @@ TEST_CASE("The mass of a ball is that of a ball and does not change when it move
   constexpr double kH = 0.01, kRadius = 0.1;
   TestSolid s = make_ball(cube_grid(26, kH), kSoft, Vec3d::Constant(0.13), kRadius);
   const double exact = 4.0 / 3.0 * kPi * kRadius * kRadius * kRadius * s.rest.density;
-  double lowest = 1e300, highest = 0.0;
+  double lowest = 1e300, highest = 0.0, first_volume = 0.0;
   for (int shift = 0; shift < 12; ++shift) {
     const Vec3d t = kH * Vec3d(shift / 12.0, 0.37 * shift / 12.0, -0.71 * shift / 12.0);
     set_displacement(s, [&](const Vec3d&) { return t; });
+    s.state.rest_volume_cells = 0.0;  // not known: the mass is counted in cells
     solid::compute_mass(Parallel(1), s.rest, s.state, s.work);
-    CHECK(s.work.counted_mass == Approx(exact).epsilon(3e-3));
-    CHECK(s.work.volume * s.rest.density == Approx(s.work.counted_mass).epsilon(2e-3));  // but for slivers
-    lowest = std::min(lowest, s.work.counted_mass);
-    highest = std::max(highest, s.work.counted_mass);
-    if (shift == 0) s.state.rest_volume_cells = s.work.volume;
-    if (shift == 0) continue;
-    // What the nodes carry does not change at all.
+    CHECK(s.work.total_mass == Approx(exact).epsilon(3e-3));
+    CHECK(s.work.volume * s.rest.density == Approx(s.work.total_mass).epsilon(2e-3));  // but for slivers
+    lowest = std::min(lowest, s.work.total_mass);
+    highest = std::max(highest, s.work.total_mass);
+    if (shift == 0) first_volume = s.work.volume;
+    // What the nodes carry once it is known does not change at all.
+    s.state.rest_volume_cells = first_volume;
+    solid::compute_mass(Parallel(1), s.rest, s.state, s.work);
     double sum = 0.0;
     for (const Real m : s.work.mass) sum += static_cast<double>(m);
-    CHECK(sum == Approx(s.rest.density * s.state.rest_volume_cells).epsilon(1e-5));
+    CHECK(sum == Approx(s.rest.density * first_volume).epsilon(1e-5));
   }
   INFO("between " << lowest / exact << " and " << highest / exact);
   CHECK(highest / lowest - 1.0 < 2e-3);
@@ -58,7 +60,7 @@ TEST_CASE("A stretched solid keeps its mass and gains volume by det F", "[law]")
   set_displacement(s, [&](const Vec3d& x) -> Vec3d { return x - inverse * (x - center); });
   solid::compute_mass(Parallel(1), s.rest, s.state, s.work);
   const double volume = 4.0 / 3.0 * kPi * 1e-3;
-  CHECK(s.work.counted_mass == Approx(volume * s.rest.density).epsilon(5e-3));
+  CHECK(s.work.total_mass == Approx(volume * s.rest.density).epsilon(5e-3));
   CHECK(s.work.volume == Approx(volume * f.determinant()).epsilon(5e-3));
   for (std::size_t e = 0; e < s.work.element_cell.size(); ++e)
     CHECK(static_cast<double>(s.work.volume_ratio[static_cast<std::size_t>(s.work.element_cell[e])]) ==

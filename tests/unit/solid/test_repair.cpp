@@ -40,7 +40,7 @@ void disturb(TestSolid& s, double cells) {
 
 // The largest factor by which a cell inside is off from the volume of the solid.
 double worst_growth(const TestSolid& s) {
-  const double mean = s.rest.density * s.work.volume / s.work.counted_mass;
+  const double mean = s.rest.density * s.work.volume / s.work.total_mass;
   double worst = 1.0;
   for (const auto cell : s.work.element_cell) {
     const auto c = static_cast<std::size_t>(cell);
@@ -107,6 +107,17 @@ TEST_CASE("A solid in shape is left as it is, also when it is far from its volum
     const auto u = s.state.u.c;
     CHECK(repair(s) == 0);
     CHECK((s.state.u.c == u));
+  }
+}
+
+TEST_CASE("A whole solid is judged by what it weighs, not by what its cells count") {
+  for (const double growth : {1.0, 2.0}) {  // of the solid; its map says 2
+    CAPTURE(growth);
+    TestSolid s = stretched_ball(std::cbrt(2.0) * Mat3d::Identity());
+    s.state.whole = 1;
+    s.state.rest_volume_cells = s.work.volume / growth;
+    solid::compute_mass(Parallel(1), s.rest, s.state, s.work);
+    CHECK((repair(s) > 0) == (growth == 1.0));
   }
 }
 
