@@ -154,11 +154,6 @@ Vec3d mean_corner(std::span<const Vec3d> points, std::span<const Triangle> trian
 // Of the tetrahedron between the origin and a triangle.
 double cone_volume(const Vec3d& a, const Vec3d& b, const Vec3d& c) { return a.dot(b.cross(c)) / 6.0; }
 
-Vec3d twice_vector_area(const TriangleMesh& mesh, const Triangle& t) {
-  const Vec3d& a = mesh.points[t[0]];
-  return (mesh.points[t[1]] - a).cross(mesh.points[t[2]] - a);
-}
-
 }  // namespace
 
 double signed_volume(std::span<const Vec3d> points, std::span<const Triangle> triangles) {
@@ -186,7 +181,7 @@ Vec3d center_of_volume(const TriangleMesh& mesh) {
   return std::abs(volume) > kNoVolume * without_sign ? Vec3d(mean + moment / volume) : mean;
 }
 
-double triangle_area(const TriangleMesh& mesh, const Triangle& t) { return 0.5 * twice_vector_area(mesh, t).norm(); }
+double triangle_area(const TriangleMesh& mesh, const Triangle& t) { return 0.5 * newell_normal(mesh.points, t).norm(); }
 
 double surface_area(const TriangleMesh& mesh) {
   double area = 0.0;
@@ -197,7 +192,7 @@ double surface_area(const TriangleMesh& mesh) {
 std::vector<Vec3d> vertex_normals(const TriangleMesh& mesh) {
   std::vector<Vec3d> normals(mesh.points.size(), Vec3d::Zero());
   for (const Triangle& t : mesh.triangles) {
-    const Vec3d twice_area = twice_vector_area(mesh, t);
+    const Vec3d twice_area = newell_normal(mesh.points, t);
     for (const std::int32_t corner : t) normals[corner] += twice_area;
   }
   for (Vec3d& normal : normals) {
