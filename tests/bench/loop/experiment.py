@@ -73,8 +73,8 @@ class Experiment:
 
     @property
     def cost(self) -> float:
-        """Grows with the time that the run takes: cells times simulated time over step."""
-        return float(np.prod(self.box)) / self.spacing**3 * self.duration / min(self.dt, self.spacing)
+        """Grows with the time that the run takes: cells times steps."""
+        return float(np.prod(self.box)) / self.spacing**3 * self.most_steps
 
     @property
     def most_steps(self) -> int:
