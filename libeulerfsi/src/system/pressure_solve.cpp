@@ -8,7 +8,10 @@
 namespace efsi::system {
 namespace {
 
-constexpr int kMaxMultigridIterations = 100, kMaxPcrIterations = 500;
+constexpr int kMaxPcrIterations = 500;
+// Every solve that can converge needs fewer. More do harm to one that cannot, between no-slip walls: pressures that
+// move nothing grow, and their rounding becomes divergence.
+constexpr int kMaxMultigridIterations = 100;
 constexpr int kMostGradients = 10;    // iterations of conjugate gradients before conjugate residuals take over
 constexpr double kHelps = 0.5;        // the last pressure is the start where it leaves less than this residual
 constexpr double kSolidFloor = 1e-3;  // of the whole right-hand side: less divergence in the solids counts as this
