@@ -68,6 +68,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 def _scene_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--frames", metavar="A-B", help="contiguous range, default: the stage's")
+    parser.add_argument("--start-frame", type=int, metavar="N", help="start there, default: the scene's first frame")
     parser.add_argument("--threads", type=_positive, metavar="N", help="default: what the cgroup allows")
     parser.add_argument(
         "--set",
@@ -117,6 +118,7 @@ def _simulate(options: argparse.Namespace) -> int:
     wanted = Options(
         output=options.output,
         frames=options.frames,
+        start=options.start_frame,
         threads=options.threads,
         preset=options.preset,
         settings=tuple(options.settings),
@@ -140,7 +142,10 @@ def _simulate(options: argparse.Namespace) -> int:
 def _validate(options: argparse.Namespace) -> int:
     from .report import validate
 
-    say("\n".join(validate(options.scene, options.frames, options.settings, options.threads)), sys.stdout)
+    say(
+        "\n".join(validate(options.scene, options.frames, options.start_frame, options.settings, options.threads)),
+        sys.stdout,
+    )
     return errors.EXIT_OK
 
 

@@ -10,10 +10,10 @@ import numpy as np
 
 from . import __version__, binding, checks, memory
 from .errors import EulerFsiError, SceneError
-from .frames import FrameRange, parse_frames
+from .frames import FrameRange, demand_start, parse_frames
 from .manifest import FILE_NAME, Manifest
 from .overrides import apply_overrides
-from .scene import Scene, open_stage, read_scene, stage_frames
+from .scene import Scene, open_stage, read_scene, set_frames
 from .system import available_memory, available_threads, format_bytes
 
 # Processor seconds per cell and step of the ball, from `bench speed` (voxel 0.005, 2 threads), and per frame written.
@@ -21,14 +21,19 @@ _SECONDS_PER_CELL_STEP = {"production": 2.6e-7, "paper2016": 6.6e-7}
 _SECONDS_PER_FRAME = 0.03
 
 
-def validate(path: Path, frames_text: str | None, settings: list[str], threads: int | None) -> list[str]:
+def validate(
+    path: Path, frames_text: str | None, start: int | None, settings: list[str], threads: int | None
+) -> list[str]:
     """Lines of the report. Raises SceneError with all faults, UsageError for options."""
     frames = parse_frames(frames_text) if frames_text else None
     stage = open_stage(path)
+    set_frames(stage, frames, start)
     apply_overrides(stage, settings)
     warnings = checks.raise_errors(checks.stage_issues(stage))
     limit = available_memory()
-    scene = read_scene(stage, path, frames, limit)
+    scene = read_scene(stage, path, limit)
+    if frames:
+        demand_start(frames, scene.frames.first, None)
     warnings += scene.warnings + checks.raise_errors(checks.check_scene(scene))
     lines = [*describe_scene(scene), *(f"warning: {text}" for text in dict.fromkeys(warnings))]
     need, _ = memory.estimate(scene.domain, [solid.mesh for solid in scene.solids], limit)
@@ -56,6 +61,8 @@ def describe_scene(scene: Scene) -> list[str]:
             f"density {v['density']:.4g} kg/m^3, E {v['youngs_modulus']:.4g} Pa, nu {v['poissons_ratio']:.3g}, "
             f"thinnest feature {report['thinnest_feature']:.3g} m"
         )
+        if solid.pose:
+            lines.append(f"{solid.path}: {solid.pose}")
     for emitter in scene.emitters:
         mode = next(name for name, number in binding.EMITTER_MODES.items() if number == emitter.values["mode"])
         lines.append(f"{emitter.path}: {mode} emitter, smoke density {emitter.values['density']:g}")
@@ -98,8 +105,9 @@ def info(path: Path | None) -> list[str]:
         return _cache_info(Manifest.load(path if path.is_dir() else path.parent))
     stage = open_stage(path)
     checks.raise_errors(checks.stage_issues(stage))
-    frames = stage_frames(stage) if stage.HasAuthoredTimeCodeRange() else FrameRange(1, 2)
-    return describe_scene(read_scene(stage, path, frames))
+    if not stage.HasAuthoredTimeCodeRange():
+        set_frames(stage, FrameRange(1, 2), None)
+    return describe_scene(read_scene(stage, path))
 
 
 def _cache_info(manifest: Manifest) -> list[str]:

@@ -16,11 +16,12 @@ from . import binding, checks, preview
 from . import cache as cache_module
 from .cache import Cache, FolderLock
 from .errors import Cancelled, DivergedError, LibraryError
-from .frames import parse_frames
+from .frames import demand_start, parse_frames
 from .log import Log
+from .manifest import Manifest
 from .overrides import apply_overrides, set_domain_parameter
 from .progress import Progress
-from .scene import Scene, open_stage, read_scene
+from .scene import Scene, open_stage, read_scene, set_frames
 from .solver import Simulation
 from .system import available_memory, available_threads
 
@@ -31,10 +32,14 @@ _COUNTERS = ("steps", "velocity_iterations", "pressure_iterations", "degenerate_
 
 @dataclasses.dataclass
 class Options:
-    """What `simulate` on the command line sets. threads None: all that the cgroup allows."""
+    """What `simulate` on the command line sets.
+
+    start None: the scene's first frame; threads None: all that the cgroup allows.
+    """
 
     output: Path | None = None
     frames: str | None = None
+    start: int | None = None
     threads: int | None = None
     preset: str | None = None
     settings: tuple[str, ...] = ()
@@ -59,13 +64,13 @@ def load_scene(path: Path, options: Options, log: Log, memory_limit: int) -> tup
 
     Raises UsageError for options, SceneError with every fault of the scene.
     """
-    frames = parse_frames(options.frames) if options.frames else None
     stage = open_stage(path)
+    set_frames(stage, parse_frames(options.frames) if options.frames else None, options.start)
     overrides = apply_overrides(stage, options.settings)
     if options.preset:
         overrides |= set_domain_parameter(stage, "preset", options.preset)
     warnings = checks.raise_errors(checks.stage_issues(stage))
-    scene = read_scene(stage, path, frames, memory_limit)
+    scene = read_scene(stage, path, memory_limit)
     warnings += scene.warnings + checks.raise_errors(checks.check_scene(scene))
     for text in dict.fromkeys(warnings):
         log.warning(text)
@@ -104,6 +109,9 @@ def simulate(path: Path, options: Options, log: Log | None = None) -> Result:
     folder = options.output or Path.cwd() / f"{path.stem}_cache"
     scene, overrides = load_scene(path, options, log, memory_limit)
     mode = cache_module.prepare(folder, options.overwrite, options.resume)
+    wanted = parse_frames(options.frames) if options.frames else scene.frames
+    if wanted.first > scene.frames.first:
+        demand_start(wanted, scene.frames.first, _last_checkpoint(folder, mode))
     checks.check_output(folder)
     simulation, solids = build_simulation(scene, threads, memory_limit, log)
     with simulation:
@@ -116,6 +124,12 @@ def simulate(path: Path, options: Options, log: Log | None = None) -> Result:
                 cache = Cache.create(folder, scene, overrides, _grids(scene))
             log.open(folder / "log")
             return _Run(scene, cache, simulation, solids, log, options.progress, threads).execute(mode == "resume")
+
+
+def _last_checkpoint(folder: Path, mode: str) -> int | None:
+    """Frame from which a resumed run would go on; None where it begins anew."""
+    checkpoint = Manifest.load(folder).usable_checkpoint() if mode == "resume" else None
+    return checkpoint["frame"] if checkpoint else None
 
 
 def _grids(scene: Scene) -> list[str]:
