@@ -14,7 +14,7 @@ import numpy as np
 
 from . import binding, checks, preview
 from . import cache as cache_module
-from .cache import Cache, FolderLock
+from .cache import STATS, Cache, FolderLock
 from .errors import Cancelled, DivergedError, LibraryError
 from .frames import demand_start, parse_frames
 from .log import Log
@@ -172,6 +172,7 @@ class _Run:
         self.signals = _Signals()
         self.threads = threads
         self.surfaces: list[tuple[np.ndarray, np.ndarray]] = []
+        self.warned: set[str] = set()  # solids whose mesh was warned of
 
     def execute(self, resumed: bool) -> Result:
         """Runs to the last frame."""
@@ -270,12 +271,24 @@ class _Run:
             solid.path: self.simulation.solid_diagnostics(identifier)
             for solid, identifier in zip(self.scene.solids, self.solids, strict=True)
         }
+        self._look_at_meshes(frame, solids)
         line = {"event": "frame", "frame": frame, "time": self.simulation.time, "seconds": round(seconds, 4)}
         line |= {"steps": self.simulation.steps, "solids": solids, "fluid": self.simulation.fluid_diagnostics()}
         self.cache.add_stats({**line, "profile": self.simulation.profile()})
         self.progress.frame_done(
             frame, time=self.simulation.time, seconds=round(seconds, 4), steps=self.simulation.steps
         )
+
+    def _look_at_meshes(self, frame: int, solids: dict[str, dict[str, Any]]) -> None:
+        """Warns, once a mesh, of edges that the solid does not explain; every frame's count is in the statistics."""
+        for path, facts in solids.items():
+            if facts["false_edges"] and path not in self.warned:
+                self.warned.add(path)
+                self.log.warning(
+                    f"{path}: frame {frame}: {facts['false_edges']} edges of the mesh are longer than 4 times what "
+                    f"the largest stretch of the solid ({facts['max_stretch']:.3g}) explains: parts of it have "
+                    f"exchanged points; {STATS} counts them in every frame"
+                )
 
     def _leave(self, status: str) -> None:
         """What every run does at its end: statistics, the layer that opens the cache, the picture."""

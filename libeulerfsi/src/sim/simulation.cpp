@@ -321,6 +321,8 @@ SolidDiagnostics Simulation::diagnose_solid(std::size_t index) {
   }
   d.min_det_f = work.min_det_f;
   d.max_det_f = work.max_det_f;
+  d.max_stretch = work.max_stretch;
+  d.false_edges = solid::count_false_edges(rest, state, work.max_stretch);
   d.elements = work.element_cell.size();
   d.memory_bytes = work.bytes() + solid::state_bytes(state);
   return d;
