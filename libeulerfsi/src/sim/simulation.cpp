@@ -201,7 +201,9 @@ void Simulation::prepare() {
 StepInfo Simulation::step(double max_dt) {
   if (!(max_dt > 0.0) || !std::isfinite(max_dt)) refuse("efsi_simulation_step: max_dt", max_dt, "a finite number > 0");
   prepare();
-  return checked_step(max_dt);
+  StepInfo info;
+  parallel_.together([&] { info = checked_step(max_dt); });
+  return info;
 }
 
 StepInfo Simulation::advance(double duration, const Progress& progress) {
@@ -211,7 +213,8 @@ StepInfo Simulation::advance(double duration, const Progress& progress) {
   const double start = state_.time, end = start + duration;
   StepInfo total;
   while (end - state_.time > 1e-9 * duration) {
-    const StepInfo info = checked_step(end - state_.time);
+    StepInfo info;
+    parallel_.together([&] { info = checked_step(end - state_.time); });
     const StepInfo sums = total;
     total = info;
     total.steps += sums.steps;
