@@ -37,12 +37,13 @@ def read(path: str | Path, memory_limit: int | None = None) -> Arrays:
     with tempfile.TemporaryFile() as answer, tempfile.TemporaryFile() as noise:
         code = _run(path, memory, seconds, answer, noise)
         if code is None:
-            raise LibraryError(binding.ERROR_MESH, f"{path}: not read within {seconds:.0f} s: damaged, or too large")
+            message = f"{path}: not read within {seconds:.0f} s; the file is most likely damaged"
+            raise LibraryError(binding.ERROR_MESH, message)
+        if code == -signal.SIGKILL:
+            raise LibraryError(binding.ERROR_MEMORY, f"{path}: its reader was killed; the machine may be out of memory")
         if code < 0:
             name = signal.strsignal(-code) or f"signal {-code}"
-            # Nobody else kills a child that has just begun.
-            cause = "; most likely the machine is out of memory" if -code == signal.SIGKILL else ": damaged"
-            raise LibraryError(binding.ERROR_MESH, f"{path}: its reader crashed ({name}){cause}")
+            raise LibraryError(binding.ERROR_MESH, f"{path}: its reader crashed ({name}); most likely it is damaged")
         if code > 0:
             noise.seek(0)
             last = noise.read().decode("utf-8", "replace").strip().rpartition("\n")[2]

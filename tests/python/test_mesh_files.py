@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import mesh_samples
@@ -137,6 +138,20 @@ def test_crash_of_a_reader_is_an_error_that_names_it(tmp_path):
     deep = data.replace(b'<node id="node">', b"<node>" * 1000000 + b"<node>").replace(b"</node>", b"</node>" * 1000001)
     (tmp_path / "deep.dae").write_bytes(deep)
     assert "its reader crashed (Segmentation fault)" in refusal(tmp_path / "deep.dae", binding.ERROR_MESH)
+
+
+@pytest.mark.parametrize(
+    ("number", "status", "text"),
+    [
+        (signal.SIGKILL, binding.ERROR_MEMORY, "its reader was killed; the machine may be out of memory"),
+        (signal.SIGABRT, binding.ERROR_MESH, "its reader crashed (Aborted)"),
+    ],
+)
+def test_reader_that_is_killed_is_an_error(endless, number, status, text):
+    with ThreadPoolExecutor(1) as pool:
+        answer = pool.submit(refusal, endless, status)
+        os.kill(wait_for_children(endless, 1)[0], number)
+        assert text in answer.result()
 
 
 def test_reader_that_does_not_end_is_ended(endless, monkeypatch):
