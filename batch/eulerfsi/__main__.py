@@ -14,7 +14,7 @@ import traceback
 from collections.abc import Sequence
 from pathlib import Path
 
-from . import __version__, binding, errors, paths, progress
+from . import __version__, binding, errors, mesh_file, paths, progress
 from .errors import EulerFsiError, UsageError
 from .say import say
 
@@ -52,9 +52,8 @@ def build_parser() -> argparse.ArgumentParser:
 
     new = add("new", "Write a ready scene around mesh files.")
     new.add_argument("scene", type=Path, metavar="SCENE.usda")
-    new.add_argument(
-        "--solid", type=Path, action="append", required=True, metavar="FILE", help="obj, ply, stl, gltf, ..."
-    )
+    formats = f"mesh file, named as one of: {', '.join(mesh_file.FORMATS)}; may be repeated"
+    new.add_argument("--solid", type=Path, action="append", required=True, metavar="FILE", help=formats)
     new.add_argument("--smoke", choices=("carpet", "none"), default="carpet", help="default: carpet")
 
     bench = add("bench", "Measure speed and quality against the bars (in a checkout).")
