@@ -69,7 +69,7 @@ class Parallel {
   // thread.
   template <class Body>
   void for_ranges(std::int64_t n, const Body& body) const {
-    if (threads_ == 1 || n < 2 || Team::busy()) {
+    if (threads_ == 1 || n < 2 || (team_ && team_->busy())) {
       body(std::int64_t{0}, n);
       return;
     }

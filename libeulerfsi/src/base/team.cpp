@@ -1,5 +1,7 @@
 #include "base/team.hpp"
 
+#include <omp.h>
+
 #if defined(__x86_64__)
 #include <immintrin.h>
 #endif
@@ -10,8 +12,6 @@ namespace {
 // A thread looks this often for news before it sleeps: about as long as waking it takes. A longer wait gains nothing
 // where there is work and takes the processor from others where there is none.
 constexpr int kLooks = 1000;
-
-thread_local bool does_part = false;
 
 void relax() {
 #if defined(__x86_64__)
@@ -41,7 +41,9 @@ void Team::run(std::int64_t parts, Work work, void* context) {
                 std::memory_order_release);
   loop_.store(loop, std::memory_order_release);
   loop_.notify_all();
+  leader_busy_ = true;
   take_parts(loop);
+  leader_busy_ = false;
   for (std::uint32_t left = open_.load(std::memory_order_acquire); left != 0;
        left = open_.load(std::memory_order_acquire))
     wait_for_news(open_, left);
@@ -56,15 +58,13 @@ void Team::take_parts(std::uint32_t loop) {
     if (static_cast<std::uint32_t>(ticket >> 32) != loop || next >= parts) return;
     if (!ticket_.compare_exchange_weak(ticket, ticket + 1, std::memory_order_acq_rel, std::memory_order_acquire))
       continue;
-    does_part = true;
     work_(context_, static_cast<std::int64_t>(next));
-    does_part = false;
     if (open_.fetch_sub(1, std::memory_order_acq_rel) == 1) open_.notify_one();
     ticket = ticket_.load(std::memory_order_acquire);
   }
 }
 
-bool Team::busy() { return does_part; }
+bool Team::busy() const { return leader_busy_ || omp_get_thread_num() != 0; }
 
 void Team::serve() {
   std::uint32_t seen = 0;

@@ -22,14 +22,14 @@ class Team {
   void serve();
   void dismiss();
   // Whether the calling thread does a part now: a loop inside a loop is its own.
-  static bool busy();
+  bool busy() const;
 
  private:
   void take_parts(std::uint32_t loop);
 
   Work work_ = nullptr;
   void* context_ = nullptr;
-  bool dismissed_ = false;
+  bool dismissed_ = false, leader_busy_ = false;
   // Number of the loop (32 bits), its parts (16), the next part that nobody has taken (16).
   alignas(64) std::atomic<std::uint64_t> ticket_{0};
   alignas(64) std::atomic<std::uint32_t> loop_{0};  // members wait for it to change

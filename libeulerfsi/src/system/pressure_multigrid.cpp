@@ -4,6 +4,7 @@
 #include <array>
 
 #include "base/kernel.hpp"
+#include "linalg/reduce.hpp"
 
 namespace efsi::system {
 namespace {
@@ -12,8 +13,9 @@ namespace {
 // for uniform density; the polynomial is small on [kLargest/kRange, kLargest].
 constexpr int kDegree = 3;
 constexpr double kLargest = 2.8, kRange = 16.0;
-constexpr int kCoarsestCells = 6;        // coarsen while every axis has more cells than this
-constexpr int kCoarsestIterations = 18;  // smoothing steps on the coarsest level
+constexpr int kCoarsestCells = 6;            // coarsen while every axis has more cells than this
+constexpr std::size_t kSerialCells = 27000;  // a level of no more cells is faster on one thread
+constexpr int kCoarsestIterations = 18;      // smoothing steps on the coarsest level
 
 // The roots lie at center + radius cos(pi/6, pi/2, 5 pi/6); written out, because library cosines differ between
 // machines.
@@ -285,7 +287,7 @@ void PressureMultigrid::apply(const Parallel& parallel, std::vector<Real>& x, st
 
 void PressureMultigrid::smooth(const Parallel& parallel, const PressureLevel& level, const std::vector<Real>& b,
                                std::vector<Real>& x, int step) const {
-  grid::fill_ghosts(level.grid, x, Real(0));
+  grid::fill_periodic_ghosts(level.grid, x);
   const Real weight = kWeights[step % kDegree];
   const bool slips = slip_ && &level == &finest();
   std::vector<SlipNodes::Pair> excess;  // of x before the step
@@ -305,30 +307,21 @@ void PressureMultigrid::add_slip(const Parallel& parallel, const std::vector<Rea
   });
 }
 
-void PressureMultigrid::cycle(const Parallel& parallel, std::size_t l, const std::vector<Real>& b,
-                              std::vector<Real>& x) {
+void PressureMultigrid::cycle(const Parallel& every, std::size_t l, const std::vector<Real>& b, std::vector<Real>& x) {
   Level& level = levels_[l];
-  // The first smoothing step, from zero.
-  {
-    const Real weight = kWeights[0];
-    Real* px = x.data();
-    const Real *pb = b.data(), *d = level.op.inverse_diagonal.data();
-    parallel.for_ranges(static_cast<std::int64_t>(x.size()), [=](std::int64_t begin, std::int64_t end) {
-#pragma omp simd
-      for (std::int64_t i = begin; i < end; ++i) px[i] = weight * d[i] * pb[i];
-    });
-  }
+  const Parallel& parallel = level.op.grid.cell_count() <= kSerialCells ? serial_ : every;
+  linalg::multiply(parallel, x, level.op.inverse_diagonal, b, kWeights[0]);  // the first smoothing step, from zero
   if (l + 1 == levels_.size()) {
     for (int it = 1; it < kCoarsestIterations; ++it) smooth(parallel, level.op, b, x, it);
     return;
   }
   for (int i = 1; i < kDegree; ++i) smooth(parallel, level.op, b, x, i);
   Level& coarse = levels_[l + 1];
-  grid::fill_ghosts(level.op.grid, x, Real(0));
+  grid::fill_periodic_ghosts(level.op.grid, x);
   apply_pressure_operator(parallel, level.op, x, level.residual, &b);
   if (l == 0) add_slip(parallel, x, Real(-1), level.residual);
   restrict_residual(parallel, level.op, level.residual, coarse.op, coarse.b);
-  cycle(parallel, l + 1, coarse.b, coarse.x);
+  cycle(every, l + 1, coarse.b, coarse.x);
   prolong_and_add(parallel, coarse.op, coarse.x, level.op, x);
   for (int i = kDegree - 1; i >= 0; --i) smooth(parallel, level.op, b, x, i);
 }

@@ -37,6 +37,7 @@ class PressureMultigrid {
   // y += sign (A - A_1) x on the finest level, A_1 without slip. Ghosts of x must be filled.
   void add_slip(const Parallel& parallel, const std::vector<Real>& x, Real sign, std::vector<Real>& y) const;
   std::vector<Level> levels_;
+  Parallel serial_;
   const SlipNodes* slip_ = nullptr;
 };
 

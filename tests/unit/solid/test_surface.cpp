@@ -1,4 +1,5 @@
 // Purpose: the embedded surface: edges that the solid's deformation does not explain.
+#include <array>
 #include <catch2/catch.hpp>
 
 #include "solid/surface.hpp"
@@ -13,7 +14,7 @@ namespace {
 TestSolid make_octahedron() {
   const Vec3d center(0.18, 0.18, 0.18);
   TestSolid s = make_ball(cube_grid(18, 0.02), {}, center, 0.1);
-  for (const Vec3d axis : {Vec3d(Vec3d::UnitX()), Vec3d(Vec3d::UnitY()), Vec3d(Vec3d::UnitZ())})
+  for (const Vec3d& axis : std::array<Vec3d, 3>{Vec3d::UnitX(), Vec3d::UnitY(), Vec3d::UnitZ()})
     for (const double sign : {1.0, -1.0}) s.rest.surface.points.push_back(center + sign * 0.1 * axis);
   for (const std::int32_t x : {0, 1})
     for (const std::int32_t y : {2, 3})
