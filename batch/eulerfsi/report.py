@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ from .errors import EulerFsiError, SceneError
 from .frames import FrameRange, parse_frames
 from .manifest import FILE_NAME, Manifest
 from .overrides import apply_overrides
+from .parameters import Parameter, table
 from .scene import Scene, open_stage, read_scene, stage_frames
 from .system import available_memory, available_threads, format_bytes
 
@@ -116,5 +116,48 @@ def _cache_info(manifest: Manifest) -> list[str]:
     damaged = [str(frame) for frame in manifest.frames if manifest.damaged_files(int(frame))]
     if damaged:
         raise SceneError("\n".join([*lines, f"damaged or missing frames: {', '.join(damaged)}"]))
-    lines += [f"{path}: {json.dumps(values)}" for path, values in data["parameters"].items()]
+    for path, values in data["parameters"].items():
+        lines += describe_parameters(path, values)
     return lines
+
+
+def describe_parameters(path: str, values: dict[str, Any]) -> list[str]:
+    """The prim, then one indented line per value that a run used: name, value with its unit, tokens by name.
+
+    values: {field of the C definition: SI value}, as a manifest holds them. What has no row in the parameter table is
+    named by its field.
+    """
+    scope = "domain" if "voxel_size" in values else "solid" if "youngs_modulus" in values else "emitter"
+    rows = {row.field: row for row in table()[scope].values() if row.field}
+    lines = [f"{path}: {scope}"]
+    for field, value in values.items():
+        row = rows.get(field)
+        if field == "transform":
+            corner = np.reshape(value, (4, 4))
+            lines.append(f"  {'center':<22} {_text(corner[:3, 3])} m")
+            lines.append(f"  {'edges':<22} {_text(np.linalg.norm(corner[:3, :3], axis=0))} m")
+            continue
+        name, unit = (row.name, row.unit) if row else (field.replace("_", " "), _UNITS.get(field, ""))
+        lines.append(f"  {name:<22} {_text(_token(field, row, value))} {unit}".rstrip())
+    return lines
+
+
+# Fields that are no parameters: they follow from prims.
+_UNITS = {"domain_min": "m", "domain_size": "m", "gravity": "m/s^2"}
+
+
+def _token(field: str, row: Parameter | None, value: Any) -> Any:
+    """A number of the C API as the name that a stage has for it."""
+    if field == "shape":
+        return next(name for name, number in binding.EMITTER_SHAPES.items() if number == value)
+    if row and row.type == "token":
+        return row.tokens[value]
+    return bool(value) if row and row.type == "bool" else value
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return f"({', '.join(f'{float(x):.6g}' for x in value)})"
+    return f"{value:.6g}" if isinstance(value, (int, float)) else str(value)
