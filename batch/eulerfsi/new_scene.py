@@ -123,7 +123,7 @@ def _seconds(layout: Layout, edges: np.ndarray, drop: float) -> float:
     h, poisson = layout.voxel, table()["solid"]["poissonsRatio"].default
     meets = estimate.seconds_to_meet(drop - estimate.CONTACT_REACH * h, 0.0, EARTH_GRAVITY)
     bodies = [
-        estimate.Body(0.0, EARTH_GRAVITY, meets, math.sqrt(E / 2 / (1 + poisson) / DEFAULT_DENSITY), float(edge.max()))
+        estimate.Body(0.0, EARTH_GRAVITY, meets, math.sqrt(E / 2 / (1 + poisson) / DEFAULT_DENSITY), float(edge[1]))
         for E, edge in zip(layout.moduli, edges, strict=True)
     ]
     _, most = estimate.steps(estimate.Plan(h, 1 / layout.fps, layout.frames - 1, bodies))
