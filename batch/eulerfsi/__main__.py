@@ -44,7 +44,7 @@ def build_parser() -> argparse.ArgumentParser:
     group.add_argument("--overwrite", action="store_true", help="replace the cache that the folder holds")
     group.add_argument("--resume", action="store_true", help="continue the cache at its latest checkpoint")
 
-    validate = add("validate", "Check a scene without simulating: schema, meshes, memory and time estimate.")
+    validate = add("validate", "Check a scene: schema, meshes, memory, and how long a run takes by a few steps.")
     validate.add_argument("scene", type=Path, metavar="SCENE")
     _scene_options(validate)
 

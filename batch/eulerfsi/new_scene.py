@@ -19,7 +19,7 @@ from .log import Log
 from .parameters import table
 from .reasons import mesh_reason
 from .references import how_to_reference, is_usd_file
-from .scene import DEFAULT_DENSITY, DOMAIN_API, EARTH_GRAVITY, EMITTER_API, SOLID_API
+from .scene import DEFAULT_DENSITY, DOMAIN_API, EARTH_GRAVITY, EMITTER_API, SOLID_API, open_stage
 from .simulate import Options, build_simulation, load_scene
 from .system import available_memory, available_threads
 
@@ -62,7 +62,7 @@ def new_scene(path: Path, solids: Sequence[Path], smoke: str) -> tuple[Layout, l
         raise UsageError(f"{path}: exists already")
     for file in solids:
         if is_usd_file(file):
-            raise SceneError(how_to_reference(file, path))
+            raise SceneError(how_to_reference(file, open_stage(file), path))
     boxes = [_extents(file) for file in solids]
     layout = lay_out(np.array([high - low for low, high in boxes]))
     layer = Sdf.Layer.CreateAnonymous(".usda")

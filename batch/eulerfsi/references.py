@@ -28,12 +28,12 @@ def how_to_make_a_scene(file: Path) -> str:
     )
 
 
-def how_to_reference(file: Path, scene: Path) -> str:
-    """Lines for a USD file given as mesh file: the prim that a scene has to hold. Later lines are indented."""
+def how_to_reference(file: Path, stage: Usd.Stage, scene: Path) -> str:
+    """Lines for a USD file given as mesh file: the prim that `scene` has to hold. Later lines are indented."""
     asset = Path(os.path.relpath(file.resolve(), scene.resolve().parent)).as_posix()
     asset = asset if asset.startswith("../") else f"./{asset}"
     name = Tf.MakeValidIdentifier(file.stem)
-    root, meshes = _meshes(file)
+    root, meshes = _meshes(stage)
     arcs = f"prepend references = @{asset}@" + ("" if root is None or root[0] else f"<{root[1]}>")
     schema = 'prepend apiSchemas = ["EulerFsiSolidAPI"]'
     if "" in meshes:
@@ -55,12 +55,8 @@ def _over(names: list[str], schema: str) -> list[str]:
     return [f'over "{names[0]}"', "{", *(f"    {line}" for line in _over(names[1:], schema)), "}"]
 
 
-def _meshes(file: Path) -> tuple[tuple[bool, str] | None, list[str]]:
+def _meshes(stage: Usd.Stage) -> tuple[tuple[bool, str] | None, list[str]]:
     """((whether it is the default prim, path) of the prim to reference, meshes relative to it); "" is the prim."""
-    try:
-        stage = Usd.Stage.Open(str(file))
-    except Tf.ErrorException:
-        return None, []
     root = stage.GetDefaultPrim() or next(iter(stage.GetPseudoRoot().GetChildren()), None)
     if not root:
         return None, []

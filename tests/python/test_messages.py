@@ -13,7 +13,8 @@ from conftest import environment, make_scene, write_obj
 from eulerfsi import memory, report
 from eulerfsi.__main__ import main
 from eulerfsi.command import command_line
-from eulerfsi.errors import SceneError
+from eulerfsi.errors import LibraryError, SceneError
+from eulerfsi.reasons import mesh_reason
 from eulerfsi.usd_messages import usd_messages
 from pxr import Tf, Usd, UsdGeom
 
@@ -242,6 +243,21 @@ def test_new_tells_how_to_reference_a_usd_file_and_that_works(shown, tmp_path, r
     assert f"/World/my_prop{path.removeprefix('/Prop')}: solid" in out
 
 
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("none.usda", None, "none.usda: no such file"),
+        ("bad.usda", "#usda 1.0\ndef ???", "bad.usda: cannot be opened as USD: line 2: "),
+        ("none.obj", None, "none.obj: no such file"),
+    ],
+)
+def test_new_with_a_file_that_cannot_be_read_is_one_clean_line(shown, tmp_path, name, content, words):
+    if content:
+        (tmp_path / name).write_text(content)
+    code, _, err = shown("new", "shot.usda", "--solid", name)
+    assert code == 3 and err.startswith(f"error: {words}") and err.count("\n") == 1 and not NOISE.search(err)
+
+
 def test_no_advice_leads_to_more_than_a_thousand_million_cells(tmp_path, library):
     domain = {"domain_size": [1.0, 1.0, 1.0], "voxel_size": 1e-5}
     assert memory.cells(domain, 0.1) == pytest.approx(1000)
@@ -305,3 +321,11 @@ def test_parameters_without_a_row_are_named_by_their_field():
         "wallYMax periodic",
         "new field 2",
     ]
+
+
+def test_reasons_of_the_library_are_reworded():
+    error = LibraryError(
+        3, "EfsiSolidDef.mesh: no cell of size 0.1 m lies inside the solid; its thinnest feature is 0.1 m"
+    )
+    assert mesh_reason("", error).startswith("it is too thin for this voxel size: no cell lies inside the solid")
+    assert mesh_reason("/a/b.obj", LibraryError(5, "/a/b.obj: is a folder")) == "is a folder"

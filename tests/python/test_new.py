@@ -72,7 +72,7 @@ def test_finer_where_thin_and_coarser_where_there_is_much():
         ((1, 0, 1), "the mesh is flat, without extent along y: a solid needs a volume"),
         ((1, 0, 0), "the mesh is flat, without extent along y and z"),
         ((1, 0.001, 1), "cannot be simulated at voxel size"),
-        ((4, 0.05, 0.05), "too thin for this voxel size: no cell lies inside"),
+        ((12, 0.05, 0.05), "too thin for this voxel size"),
     ],
 )
 def test_new_refuses_what_simulate_refuses_and_leaves_nothing(cli, tmp_path, edges, words):
@@ -91,7 +91,7 @@ def test_new_refuses_a_solid_too_small_beside_another(cli, tmp_path):
 
 
 def test_new_says_what_simulate_will_warn_of(cli, tmp_path):
-    write_box(tmp_path / "rod.obj", 2, 0.05, 0.05)
+    write_box(tmp_path / "rod.obj", 3, 0.05, 0.05)
     done = cli("new", "shot.usda", "--solid", "rod.obj")
     assert done.returncode == 0 and "warning: /World/Rod (rod.obj): the thinnest feature" in done.stderr, done.stderr
 
