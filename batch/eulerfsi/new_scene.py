@@ -26,7 +26,7 @@ from .system import available_memory, available_threads
 _CELLS_ACROSS = 24  # of the smallest solid
 _CELLS_THROUGH = 3  # of the shortest edge of a solid's box
 _MAX_CELLS = 2e6
-_MAX_SECONDS = 75.0  # of the whole run on two cores, if it takes the most steps that it may
+_MAX_SECONDS = 60.0  # of the whole run on two cores, if it takes the most steps that it may
 _FPS, _FRAMES, _MAX_FRAMES = 24, 48, 480
 # A solid of length L moves in times of sqrt(L/g): a scene shows at most so many of them, and at least so many.
 _MOST_TIMES, _LEAST_TIMES = 20.0, 2.5
