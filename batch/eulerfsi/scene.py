@@ -19,6 +19,8 @@ from .errors import LibraryError, SceneError, UsageError
 from .frames import FrameRange, check_frames
 from .motion import fit_rigid_motion, volume_center
 from .parameters import Parameter, StageUnits, table
+from .reasons import mesh_reason, usd_reason
+from .references import how_to_make_a_scene, is_usd_file
 from .space import SimulationSpace, determinant, domain_space, orthonormal_rows, transform_points, transform_vectors
 
 DOMAIN_API, SOLID_API, EMITTER_API = "EulerFsiDomainAPI", "EulerFsiSolidAPI", "EulerFsiEmitterAPI"
@@ -160,12 +162,13 @@ class _Reader:
 def open_stage(path: Path) -> Usd.Stage:
     """Opens a scene file with the schema registered. Raises SceneError."""
     if not path.is_file():
-        raise SceneError(f"{path}: no such file")
+        raise SceneError(f"{path}: {'is a folder, no scene file' if path.is_dir() else 'no such file'}")
+    if not is_usd_file(path):
+        raise SceneError(how_to_make_a_scene(path))
     try:
         return Usd.Stage.Open(str(path))
-    except Tf.ErrorException as error:
-        reason = error.args[0].commentary.strip() if error.args else "unknown fault"  # the first one is the cause
-        raise SceneError(f"{path}: cannot be opened as USD: {reason}") from error
+    except (Tf.ErrorException, UnicodeDecodeError) as error:  # bytes that are no text reach Python as the latter
+        raise SceneError(f"{path}: cannot be opened as USD: {usd_reason(error)}") from error
 
 
 def stage_frames(stage: Usd.Stage) -> FrameRange:
@@ -295,7 +298,7 @@ def _surface(reader: _Reader, prim: Usd.Prim) -> tuple[solver.Mesh, str, Pose]:
         try:
             return solver.load_mesh(file), file, Pose(prim, own_points=False)
         except LibraryError as error:
-            raise SceneError(f"{path}: eulerfsi:surfaceFile = {asset.path}: {error}") from error
+            raise SceneError(f"{path}: eulerfsi:surfaceFile = {asset.path}: {mesh_reason(file, error)}") from error
     if not prim.IsA(UsdGeom.Mesh):
         raise SceneError(f"{path}: a {prim.GetTypeName() or 'typeless'} prim needs eulerfsi:surfaceFile; or use a Mesh")
     geom = UsdGeom.Mesh(prim)
@@ -340,7 +343,8 @@ def _examine(reader: _Reader, solid: Solid, prim: Usd.Prim, voxel_size: float) -
     try:
         solid.report = solver.check_mesh(solid.mesh, voxel_size)
     except LibraryError as error:
-        raise SceneError(f"{solid.path}: {solid.surface_file + ': ' if solid.surface_file else ''}{error}") from error
+        file = f"{solid.surface_file}: " if solid.surface_file else ""
+        raise SceneError(f"{solid.path}: {file}{mesh_reason(solid.surface_file, error)}") from error
     solid.values["density"] = _density(reader, prim, solid.report["solid_volume"])
 
 

@@ -21,9 +21,11 @@ from .log import Log
 from .manifest import Manifest
 from .overrides import apply_overrides, set_domain_parameter
 from .progress import Progress
+from .reasons import mesh_reason
 from .scene import Scene, open_stage, read_scene, set_frames
 from .solver import Simulation
 from .system import available_memory, available_threads
+from .usd_messages import usd_messages
 
 CHECKPOINT_EVERY = 10  # frames
 # Fields of EfsiStepInfo that count.
@@ -97,7 +99,7 @@ def build_simulation(scene: Scene, threads: int, memory_limit: int, log: Log) ->
             simulation.add_emitter(**emitter.values)
     except LibraryError as error:
         simulation.close()
-        raise LibraryError(error.status, place[0] + str(error)) from error
+        raise LibraryError(error.status, place[0] + mesh_reason("", error)) from error
     place[0] = ""
     return simulation, identifiers
 
@@ -107,7 +109,8 @@ def simulate(path: Path, options: Options, log: Log | None = None) -> Result:
     log = log or Log()
     threads, memory_limit = options.threads or available_threads(), available_memory()
     folder = options.output or Path.cwd() / f"{path.stem}_cache"
-    scene, overrides = load_scene(path, options, log, memory_limit)
+    with usd_messages(log.info):
+        scene, overrides = load_scene(path, options, log, memory_limit)
     mode = cache_module.prepare(folder, options.overwrite, options.resume)
     wanted = parse_frames(options.frames) if options.frames else scene.frames
     if wanted.first > scene.frames.first:
@@ -116,7 +119,7 @@ def simulate(path: Path, options: Options, log: Log | None = None) -> Result:
     simulation, solids = build_simulation(scene, threads, memory_limit, log)
     with simulation:
         folder.mkdir(parents=True, exist_ok=True)
-        with FolderLock(folder), contextlib.closing(log):
+        with FolderLock(folder), contextlib.closing(log), usd_messages(log.info):
             if mode == "resume":
                 cache = Cache.resume(folder, scene)
             else:
