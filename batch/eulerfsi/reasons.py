@@ -11,7 +11,7 @@ from .errors import LibraryError
 
 # What assimp says, and the library -> what it means.
 _MESH_REASONS = (
-    (r"No suitable reader found.*", "its format is not known, or the file is damaged"),
+    (r"No suitable reader found.*", "it is damaged, or of another format"),
     (r"Validation failed: aiScene::mNumMeshes is 0.*", "it holds no mesh"),
     (r"Validation failed: Mesh\s.*contains no faces", "it holds no faces"),
     (r"Failed to determine STL storage representation.*", "it is no STL file"),

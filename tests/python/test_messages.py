@@ -92,9 +92,12 @@ CASES = {
     ),
     "no mesh file": (lambda d: surface(d, "none.obj", None), ["/World/Ball", "surfaceFile", "none.obj"]),
     "empty mesh file": (lambda d: surface(d, "m.obj", ""), ["/World/Ball: eulerfsi:surfaceFile = ./m.obj: not a read"]),
-    "rubbish obj": (lambda d: surface(d, "m.obj", RUBBISH), ["./m.obj: not a readable mesh: it holds no mesh"]),
-    "rubbish stl": (lambda d: surface(d, "m.stl", RUBBISH), ["./m.stl: not a readable mesh: it is no STL file"]),
-    "broken gltf": (lambda d: surface(d, "m.gltf", '{"asset":'), ["./m.gltf: not a readable mesh: its format is not"]),
+    "rubbish obj": (lambda d: surface(d, "m.obj", RUBBISH), ["./m.obj: not a readable .obj file: it holds no mesh"]),
+    "rubbish stl": (lambda d: surface(d, "m.stl", RUBBISH), ["./m.stl: not a readable .stl file: it is no STL file"]),
+    "broken gltf": (
+        lambda d: surface(d, "m.gltf", '{"asset":'),
+        ["./m.gltf: not a readable .gltf file: it is damaged"],
+    ),
     "no faces": (lambda d: surface(d, "m.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n"), ["./m.obj", "it holds no faces"]),
     "nan in mesh file": (
         lambda d: surface(d, "m.obj", "v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
