@@ -31,19 +31,6 @@ EFSI_KERNEL void gradient_row(int n, const Real* s0, const Real* d0, const Real*
   }
 }
 
-// Where the walls fix a component at all: whole rows on the y and z faces, the ends of all others.
-void fix_walls(const PressureLevel& level, int j, int k, Real* gx, Real* gy, Real* gz) {
-  const Grid& g = level.grid;
-  const int n = g.cells[0];
-  const std::uint8_t* fixed = level.fixed.data() + g.node(0, j, k);
-  const bool face = j == 0 || k == 0 || j == g.cells[1] || k == g.cells[2];
-  for (int i = 0; i <= n; i += face ? 1 : n) {
-    if (fixed[i] & 1u) gx[i] = 0;
-    if (fixed[i] & 2u) gy[i] = 0;
-    if (fixed[i] & 4u) gz[i] = 0;
-  }
-}
-
 // A row of nodes.
 struct GradientRow {
   std::vector<Real> x, y, z;
@@ -63,53 +50,72 @@ EFSI_KERNEL void divergence_row(int n, const Real* x0, const Real* x1, const Rea
   }
 }
 
-// A sweep over planes of nodes, k ascending.
+// A sweep over planes of nodes, k ascending, for the cells of a box; what the box has along z does not matter.
 class Sweep {
  public:
-  explicit Sweep(const PressureLevel& level)
-      : level_(level), n_(level.grid.cells[0]), carry(static_cast<std::size_t>(n_) * level.grid.cells[1], Real(0)) {
+  explicit Sweep(const PressureLevel& level) : Sweep(level, {Vec3i{0, 0, 0}, level.grid.cells}) {}
+  Sweep(const PressureLevel& level, const CellBox& box)
+      : level_(level),
+        first_(box.first),
+        rows_(box.second[1] - box.first[1]),
+        n_(box.second[0] - box.first[0]),
+        carry(static_cast<std::size_t>(n_) * static_cast<std::size_t>(rows_), Real(0)) {
     for (std::vector<Real>* v : {&sum_[0], &sum_[1], &difference_[0], &difference_[1], &value_})
       v->resize(static_cast<std::size_t>(n_ + 2));
     for (GradientRow& row : gradient_)
       for (std::vector<Real>* v : {&row.x, &row.y, &row.z}) v->resize(static_cast<std::size_t>(n_ + 1));
   }
 
-  // g at the nodes (., j, k); rows in ascending order from j = 0.
-  const GradientRow& gradient(const Real* p, int j, int k) {
+  // g at row `row` of nodes of the plane k; rows in ascending order from 0.
+  const GradientRow& gradient(const Real* p, int row, int k) {
     const Grid& g = level_.grid;
-    const int now = j & 1, below = 1 - now;  // cells j and j - 1
+    const int now = row & 1, below = 1 - now;  // rows of cells `row` and row - 1
     const auto pair = [&](int cells, int slot) {
-      pair_row(n_ + 2, p + g.padded(-1, cells, k - 1), p + g.padded(-1, cells, k), sum_[slot].data(),
+      const std::size_t at = g.padded(first_[0] - 1, first_[1] + cells, k - 1);
+      pair_row(n_ + 2, p + at, p + at + g.padded(0, 0, 1) - g.padded(0, 0, 0), sum_[slot].data(),
                difference_[slot].data());
     };
-    if (j == 0) pair(-1, below);
-    pair(j, now);
+    if (row == 0) pair(-1, below);
+    pair(row, now);
     GradientRow& out = gradient_[now];
+    const std::size_t node = g.node(first_[0], first_[1] + row, k);
     gradient_row(n_, sum_[below].data(), difference_[below].data(), sum_[now].data(), difference_[now].data(),
-                 level_.mobility.data() + g.node(0, j, k), out.x.data(), out.y.data(), out.z.data());
-    fix_walls(level_, j, k, out.x.data(), out.y.data(), out.z.data());
+                 level_.mobility.data() + node, out.x.data(), out.y.data(), out.z.data());
+    fix_walls(first_[1] + row, k, level_.fixed.data() + node, out);
     return out;
   }
 
-  // The plane of nodes k: consume(j, D g of the cells (., j, k - 1)), whose share of plane k - 1 is in the carry. Cells
-  // (., j, k - 1) are no longer read when consume(j, ...) is called.
+  // The plane of nodes k: consume(row, D g of a row of cells (., ., k - 1)), whose share of plane k - 1 is in the
+  // carry. These cells are no longer read when consume() is called.
   template <class Consume>
   void plane(const Real* p, int k, const Consume& consume) {
-    for (int j = 0; j <= level_.grid.cells[1]; ++j) {
-      const GradientRow& high = gradient(p, j, k);
-      if (j == 0) continue;
-      const GradientRow& low = gradient_[1 - (j & 1)];
+    for (int row = 0; row <= rows_; ++row) {
+      const GradientRow& high = gradient(p, row, k);
+      if (row == 0) continue;
+      const GradientRow& low = gradient_[1 - (row & 1)];
       divergence_row(n_, low.x.data(), high.x.data(), low.y.data(), high.y.data(), low.z.data(), high.z.data(),
-                     carry_row(j - 1), value_.data());
-      consume(j - 1, value_.data());
+                     carry_row(row - 1), value_.data());
+      consume(row - 1, value_.data());
     }
   }
 
-  Real* carry_row(int j) { return carry.data() + static_cast<std::size_t>(n_) * static_cast<std::size_t>(j); }
+  Real* carry_row(int row) { return carry.data() + static_cast<std::size_t>(n_) * static_cast<std::size_t>(row); }
 
  private:
+  // Where walls fix a component at all: whole rows on the y and z faces, the ends of all others.
+  void fix_walls(int j, int k, const std::uint8_t* fixed, GradientRow& row) const {
+    const Grid& g = level_.grid;
+    const bool face = j == 0 || k == 0 || j == g.cells[1] || k == g.cells[2];
+    for (int i = 0; i <= n_; i += face ? 1 : n_) {
+      if (fixed[i] & 1u) row.x[static_cast<std::size_t>(i)] = 0;
+      if (fixed[i] & 2u) row.y[static_cast<std::size_t>(i)] = 0;
+      if (fixed[i] & 4u) row.z[static_cast<std::size_t>(i)] = 0;
+    }
+  }
+
   const PressureLevel& level_;
-  int n_;
+  Vec3i first_;
+  int rows_, n_;
   std::vector<Real> sum_[2], difference_[2], value_;
   GradientRow gradient_[2];
 
@@ -139,6 +145,12 @@ EFSI_KERNEL void inverse_sum_row(int n, const Real* a, const Real* b, const Real
     const Real sum = ((a[i] + b[i]) + (c[i] + d[i])) + ((a[i + 1] + b[i + 1]) + (c[i + 1] + d[i + 1]));
     out[i] = sum > 0 ? 1 / sum : Real(0);
   }
+}
+
+// x += weight d r along a row
+EFSI_KERNEL void relax_row(int n, Real weight, const Real* d, const Real* r, Real* x) {
+#pragma omp simd
+  for (int i = 0; i < n; ++i) x[i] += weight * d[i] * r[i];
 }
 
 // x += weight d (b + value) along a row
@@ -204,6 +216,37 @@ void smooth_pressure(const Parallel& parallel, const PressureLevel& level, const
       add_row(nx, carry, Real(1), share, carry);
       smooth(j, end - 1, carry);
     }
+  });
+}
+
+void residual_in_boxes(const Parallel& parallel, const PressureLevel& level, const std::vector<CellBox>& boxes,
+                       const std::vector<Real>& b, const std::vector<Real>& x, std::vector<Real>& r) {
+  const Grid& g = level.grid;
+  parallel.for_each(static_cast<std::int64_t>(boxes.size()), [&](std::int64_t at) {
+    const auto& [begin, end] = boxes[static_cast<std::size_t>(at)];
+    const int nx = end[0] - begin[0];
+    Sweep sweep(level, {begin, end});
+    sweep.plane(x.data(), begin[2], [](int, const Real*) {});
+    for (int k = begin[2]; k < end[2]; ++k)
+      sweep.plane(x.data(), k + 1, [&, first = begin](int row, const Real* value) {
+        const std::size_t cells = g.padded(first[0], first[1] + row, k);
+        add_row(nx, b.data() + cells, Real(1), value, r.data() + cells);
+        if (level.active.empty()) return;
+        for (std::size_t c = cells; c < cells + static_cast<std::size_t>(nx); ++c)
+          if (!level.active[c]) r[c] = 0;
+      });
+  });
+}
+
+void relax_in_boxes(const Parallel& parallel, const PressureLevel& level, const std::vector<CellBox>& boxes,
+                    Real weight, const std::vector<Real>& r, std::vector<Real>& x) {
+  parallel.for_each(static_cast<std::int64_t>(boxes.size()), [&](std::int64_t at) {
+    const auto& [begin, end] = boxes[static_cast<std::size_t>(at)];
+    for (int k = begin[2]; k < end[2]; ++k)
+      for (int j = begin[1]; j < end[1]; ++j) {
+        const std::size_t cells = level.grid.padded(begin[0], j, k);
+        relax_row(end[0] - begin[0], weight, level.inverse_diagonal.data() + cells, r.data() + cells, x.data() + cells);
+      }
   });
 }
 

@@ -102,22 +102,53 @@ linalg::Operator PressureSystem::operator_of(const Parallel& parallel) {
   };
 }
 
+void PressureSystem::focus(const Parallel& parallel, const linalg::SolveOptions& options, std::vector<Real>& q) {
+  const double b = linalg::norm(parallel, rhs_);
+  const double goal = options.reference > 0.0 ? options.reference : b;
+  if (linalg::dot(parallel, q, q) > 0.0) {
+    multigrid_.apply(parallel, q, divergence_);
+    linalg::scale_add(parallel, divergence_, -1.0, rhs_);
+    multigrid_.focus(parallel, divergence_, goal, options.tolerance);
+  } else {
+    multigrid_.focus(parallel, rhs_, goal, options.tolerance);
+  }
+}
+
 linalg::SolveStats PressureSystem::solve_multigrid(const Parallel& parallel, const linalg::SolveOptions& options,
                                                    std::vector<Real>& q) {
   const linalg::Operator precondition = [&](const std::vector<Real>& r, std::vector<Real>& z) {
     multigrid_.precondition(parallel, r, z);
   };
   const linalg::Operator apply = operator_of(parallel);
-  linalg::SolveOptions first = options;
-  first.max_iterations = kMostGradients;
-  const linalg::SolveStats gradients = linalg::pcg(parallel, apply, precondition, rhs_, q, first, pcg_);
-  if (gradients.converged) return gradients;
+  linalg::SolveStats stats;
+  // Goes on from q for at most that many iterations.
+  const auto gradients = [&](linalg::SolveOptions part, int iterations) {
+    part.max_iterations = iterations;
+    part.min_iterations = std::max(0, part.min_iterations - stats.iterations);
+    const int before = stats.iterations;
+    stats = linalg::pcg(parallel, apply, precondition, rhs_, q, part, pcg_);
+    stats.iterations += before;
+    return stats.converged;
+  };
+  // Everything first; what the solids ask for beyond that is found by smoothing them alone.
+  linalg::SolveOptions everything = options;
+  everything.also = nullptr;
+  focus(parallel, options, q);
+  bool converged = gradients(everything, kMostGradients);
+  if (converged && options.also && !options.also(pcg_.r)) {
+    multigrid_.focus(solid_cells_);
+    converged = gradients(options, kMostGradients);
+  }
+  multigrid_.widen();
+  if (converged) return stats;
   // Between no-slip walls pressures that alternate from cell to cell move next to nothing: the energy of the error is
   // all in them, and its minimum leaves a divergence that does not fall.
   linalg::SolveOptions rest = options;
-  rest.max_iterations -= gradients.iterations;
-  linalg::SolveStats stats = linalg::pcr(parallel, apply, precondition, rhs_, q, rest, pcr_);
-  stats.iterations += gradients.iterations;
+  rest.max_iterations -= stats.iterations;
+  const linalg::SolveStats residuals = linalg::pcr(parallel, apply, precondition, rhs_, q, rest, pcr_);
+  const int before = stats.iterations;
+  stats = residuals;
+  stats.iterations += before;
   return stats;
 }
 

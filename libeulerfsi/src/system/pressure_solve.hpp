@@ -52,6 +52,8 @@ class PressureSystem {
   double solid_norm(const Parallel& parallel, const std::vector<Real>& r) const;  // of the solids' cells
   DivergenceNorms residual_norms(const Parallel& parallel, const std::vector<Real>& r) const;
   linalg::Operator operator_of(const Parallel& parallel);
+  // Where multigrid smooths in a solve that begins with q.
+  void focus(const Parallel& parallel, const linalg::SolveOptions& options, std::vector<Real>& q);
   linalg::SolveStats solve_multigrid(const Parallel& parallel, const linalg::SolveOptions& options,
                                      std::vector<Real>& q);
   // Whether q leaves a smaller residual than zero does.
