@@ -2,6 +2,8 @@
 #pragma once
 
 #include "base/log.hpp"
+#include "base/parallel.hpp"
+#include "base/progress.hpp"
 #include "geometry/signed_distance.hpp"
 #include "geometry/triangle_mesh.hpp"
 
@@ -17,8 +19,9 @@ inline constexpr double kDefaultMargin = 4.0;  // grid around the extents, in sp
 // alone, not on the number of threads.
 //
 // Throws Error(kArgument) for a spacing that is not positive, Error(kMesh) for a mesh that encloses no node of the
-// grid, Error(kMemory) for a grid that does not fit.
+// grid, Error(kMemory) for a grid that does not fit, Error(kCancelled) where `progress` stops it.
 SignedDistance build_signed_distance(const TriangleMesh& mesh, double spacing, MeshReport& report, const Log& log,
+                                     const Parallel& parallel = Parallel(), const Progress& progress = Progress(),
                                      double margin = kDefaultMargin);
 
 }  // namespace efsi::geometry

@@ -35,6 +35,10 @@ struct Topology {
 // Edges, holes and parts of a welded mesh.
 Topology analyse_topology(const TriangleMesh& welded);
 
+// Triangles that close a welded mesh: with them every edge is run along as often one way as the other, so that the
+// winding number is whole everywhere. Each loop of unbalanced edges is filled by halving it again and again.
+std::vector<Triangle> closing_triangles(const TriangleMesh& welded);
+
 struct OrientationRepair {
   std::uint64_t turned_triangles = 0;  // turned to agree with their neighbours
   std::int32_t turned_parts = 0;       // parts that were inside out

@@ -4,9 +4,12 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
+
+#include "geometry/winding_kernel.hpp"
 
 namespace efsi::geometry {
 
@@ -14,6 +17,10 @@ namespace {
 
 constexpr std::int32_t kLeafSize = 8;
 constexpr double kFarFactor = 3.0;  // a node is far when X is farther than this many radii
+
+// Beyond this many half edges of a cube the field of a node is smooth enough to be interpolated in the cube.
+constexpr double kSmoothFactor = 2.5;
+constexpr std::size_t kFewPoints = 64;  // so many points or fewer are not worth an interpolation
 
 // atan2 to 1e-9 by the Taylor series after one halving of the angle: the bits are the same on every machine, which
 // those of the C library are not.
@@ -139,6 +146,79 @@ double TriangleTree::winding_number(const Vec3d& X) const {
     }
   }
   return near + far / (4.0 * std::numbers::pi);
+}
+
+void TriangleTree::winding_numbers(const Vec3d& centre, double half, const std::vector<Vec3d>& points,
+                                   std::vector<double>& winding, std::vector<bool>& on_surface) const {
+  WindingSum sum(centre, points);
+  const bool interpolate = points.size() > kFewPoints;
+  std::vector<Vec3d> support;
+  if (interpolate) support = CubeInterpolation::support(centre, half);
+  WindingSum smooth(centre, support);
+  const double radius = std::sqrt(3.0) * half, smooth_distance = kSmoothFactor * half;
+  std::int32_t stack[64];
+  int top = 0;
+  if (!nodes_.empty()) stack[top++] = 0;
+  while (top > 0) {
+    const std::int32_t index = stack[--top];
+    const Node& node = nodes_[index];
+    const double distance = (node.centre - centre).norm(), nearest = std::max(0.0, distance - radius);
+    if (nearest * nearest > node.far_distance_squared) {
+      (interpolate && distance > smooth_distance ? smooth : sum).add_far(node.centre, node.area_normal, node.moment);
+    } else if (node.right == 0) {
+      for (std::int32_t i = node.begin; i < node.end; ++i) sum.add_near(corners_[i].a, corners_[i].b, corners_[i].c);
+    } else {
+      stack[top++] = node.right;
+      stack[top++] = index + 1;
+    }
+  }
+  sum.get(winding, on_surface);
+  if (!interpolate) return;
+  std::vector<double> values;
+  std::vector<bool> none;
+  smooth.get(values, none);
+  const CubeInterpolation interpolation(centre, half, values);
+  for (std::size_t i = 0; i < points.size(); ++i) winding[i] += interpolation.at(points[i]);
+}
+
+namespace {
+
+// On which side of the directed edge p -> q the line from `origin` along `direction` passes: the same answer for both
+// directions of an edge, up to the sign.
+bool passes_left(const Vec3d& p, const Vec3d& q, const Vec3d& origin, const Vec3d& direction) {
+  const bool ordered = std::lexicographical_compare(p.data(), p.data() + 3, q.data(), q.data() + 3);
+  const Vec3d &low = ordered ? p : q, &high = ordered ? q : p;
+  return (direction.dot((low - origin).cross(high - origin)) > 0.0) == ordered;
+}
+
+}  // namespace
+
+int TriangleTree::winding_change(const Vec3d& from, const Vec3d& to) const {
+  const Vec3d low = from.cwiseMin(to), high = from.cwiseMax(to), direction = to - from;
+  int change = 0;
+  std::int32_t stack[64];
+  int top = 0;
+  if (!nodes_.empty()) stack[top++] = 0;
+  while (top > 0) {
+    const std::int32_t index = stack[--top];
+    const Node& node = nodes_[index];
+    if ((low.array() > node.max.array()).any() || (high.array() < node.min.array()).any()) continue;
+    if (node.right != 0) {
+      stack[top++] = node.right;
+      stack[top++] = index + 1;
+      continue;
+    }
+    for (std::int32_t i = node.begin; i < node.end; ++i) {
+      const Corners& t = corners_[i];
+      const Vec3d normal = (t.b - t.a).cross(t.c - t.a);
+      const bool from_front = normal.dot(from - t.a) > 0.0, to_front = normal.dot(to - t.a) > 0.0;
+      if (from_front == to_front) continue;
+      const bool left = passes_left(t.a, t.b, from, direction);
+      if (left == passes_left(t.b, t.c, from, direction) && left == passes_left(t.c, t.a, from, direction))
+        change += to_front ? -1 : 1;
+    }
+  }
+  return change;
 }
 
 void TriangleTree::cast(const Vec3d& origin, const Vec3d& direction, std::vector<Hit>& hits) const {

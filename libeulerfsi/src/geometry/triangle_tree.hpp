@@ -24,6 +24,18 @@ class TriangleTree {
     std::int32_t triangle;  // index in the mesh
   };
 
+  // Winding numbers at points in the cube of edge 2 `half` around `centre`, the same up to 1e-3 and much faster for
+  // many points: they share the walk through the tree, and far triangles are interpolated. on_surface[i]: point i lies
+  // so close to a triangle that rounding decides on its side.
+  void winding_numbers(const Vec3d& centre, double half, const std::vector<Vec3d>& points, std::vector<double>& winding,
+                       std::vector<bool>& on_surface) const;
+
+  // w(to) - w(from) for a closed surface, counted at the triangles that the segment passes. Neighbouring triangles
+  // agree on which of them a segment through their edge passes. Neither end may lie on the surface.
+  int winding_change(const Vec3d& from, const Vec3d& to) const;
+
+  bool empty() const { return nodes_.empty(); }
+
   // Where the ray origin + t direction, t > 0, meets triangles, sorted by t. direction: unit vector.
   void cast(const Vec3d& origin, const Vec3d& direction, std::vector<Hit>& hits) const;
 
