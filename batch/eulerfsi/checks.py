@@ -49,16 +49,9 @@ def _check_mesh(scene: Scene, solid: Solid) -> list[Issue]:
     where = f"{solid.path}{f' ({Path(solid.surface_file).name})' if solid.surface_file else ''}"
     issues = []
     if report["repaired"]:
-        if report["holes"] or report["open_edges"]:
-            fault = f"{report['holes']} hole(s) with {report['open_edges']} open edges"
-            hint = f"the largest hole is {report['largest_hole'] / unit:.4g} around"
-        else:
-            fault, hint = f"{report['nonmanifold_edges']} edges with three faces and more", "the winding number decides"
-        how = "closed by the winding number"
-        if report["closing_radius"] > 0:
-            how += f" and an offset of {report['closing_radius'] / unit:.4g}"
-        message = f"{where}: the surface is no closed solid: {fault}, {how}; {hint}"
-        issues.append(Issue(solid.path, field, fault, "a closed surface", message, "warning", "RepairedMesh"))
+        found = solid.surface.repairs
+        message = f"{where}: the surface was repaired: {found}"
+        issues.append(Issue(solid.path, field, found, "a closed surface", message, "warning", "RepairedMesh"))
     voxel, thinnest = scene.domain["voxel_size"], report["thinnest_feature"]
     if 0 < thinnest < 2 * voxel:
         fitting = thinnest / 2 / unit

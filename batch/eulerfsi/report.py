@@ -28,7 +28,7 @@ def validate(path: Path, frames_text: str | None, settings: list[str], threads: 
     apply_overrides(stage, settings)
     warnings = checks.raise_errors(checks.stage_issues(stage))
     limit = available_memory()
-    scene = read_scene(stage, path, frames, limit)
+    scene = read_scene(stage, path, frames, limit, threads)
     warnings += scene.warnings + checks.raise_errors(checks.check_scene(scene))
     lines = [*describe_scene(scene), *(f"warning: {text}" for text in dict.fromkeys(warnings))]
     need, _ = memory.estimate(scene.domain, [solid.mesh for solid in scene.solids], limit)

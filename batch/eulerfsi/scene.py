@@ -14,10 +14,13 @@ import numpy as np
 from pxr import Tf, Usd, UsdGeom, UsdPhysics, UsdShade
 
 from . import binding, memory, solver
-from .errors import LibraryError, SceneError
+from .errors import Cancelled, LibraryError, SceneError
 from .frames import FrameRange, check_frames
 from .parameters import Parameter, StageUnits, table
+from .progress import Waiting
+from .signals import Signals
 from .space import SimulationSpace, determinant, domain_space, orthonormal_rows, transform_points, transform_vectors
+from .system import available_threads
 
 DOMAIN_API, SOLID_API, EMITTER_API = "EulerFsiDomainAPI", "EulerFsiSolidAPI", "EulerFsiEmitterAPI"
 APIS = {DOMAIN_API: "domain", SOLID_API: "solid", EMITTER_API: "emitter"}
@@ -35,10 +38,15 @@ class Solid:
     mesh: solver.Mesh
     local: solver.Mesh
     values: dict[str, Any]  # fields of EfsiSolidDef
-    report: dict[str, Any]  # fields of EfsiMeshReport
+    surface: solver.Surface | None = None  # the mesh as the library examined it
     surface_file: str = ""
     subdivision: str = "none"
     left_handed: bool = False
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """Fields of EfsiMeshReport."""
+        return self.surface.report
 
 
 @dataclasses.dataclass
@@ -175,11 +183,14 @@ def stage_frames(stage: Usd.Stage) -> FrameRange:
     return check_frames(FrameRange(int(first), int(last)), f"stage range {int(first)}-{int(last)}")
 
 
-def read_scene(stage: Usd.Stage, path: Path, frames: FrameRange | None = None, memory_limit: int = 0) -> Scene:
+def read_scene(
+    stage: Usd.Stage, path: Path, frames: FrameRange | None = None, memory_limit: int = 0, threads: int | None = None
+) -> Scene:
     """Reads a stage that `checks.check_stage` found without errors, at the first frame.
 
-    memory_limit: bytes that the simulation may take, 0 for no limit. Raises SceneError for what only this reading
-    finds: too fine a grid, files that do not load, meshes that the library refuses.
+    memory_limit: bytes that the simulation may take, 0 for no limit. threads: for the examination of the meshes, None
+    for all. Raises SceneError for what only this reading finds: too fine a grid, files that do not load, meshes that
+    the library refuses; Cancelled after a signal.
     """
     frames = frames or stage_frames(stage)
     units = stage_units(stage)
@@ -194,7 +205,7 @@ def read_scene(stage: Usd.Stage, path: Path, frames: FrameRange | None = None, m
     solids = [_solid(reader, space, prim) for prim in find_prims(stage, "solid") if reader.value(prim, enabled)]
     memory.demand(where, domain, [solid.mesh for solid in solids], memory_limit, units.meters_per_unit)
     for solid in solids:
-        _examine(reader, solid, stage.GetPrimAtPath(solid.path), domain["voxel_size"])
+        _examine(reader, solid, stage.GetPrimAtPath(solid.path), domain["voxel_size"], threads or available_threads())
     emitters = [_emitter(reader, space, p) for p in find_prims(stage, "emitter") if reader.value(p, enabled)]
     if not domain["ambient_fluid"]:
         emitters = []  # nothing carries the smoke; check_stage warns
@@ -300,14 +311,23 @@ def _solid(reader: _Reader, space: SimulationSpace, prim: Usd.Prim) -> Solid:
     values["velocity"], values["angular_velocity"] = _initial_motion(reader, space, prim, values)
     subdivision = "none" if file or not is_mesh else str(UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get())
     output = path if is_mesh else _free_child(prim, "surface")
-    return Solid(path, output, mesh, local, values, {}, file, subdivision, left_handed)
+    return Solid(path, output, mesh, local, values, None, file, subdivision, left_handed)
 
 
-def _examine(reader: _Reader, solid: Solid, prim: Usd.Prim, voxel_size: float) -> None:
-    """Adds what the library finds in the mesh, and the density, which may follow from the volume."""
+def _examine(reader: _Reader, solid: Solid, prim: Usd.Prim, voxel_size: float, threads: int) -> None:
+    """Adds the surface that the library makes of the mesh, and the density, which may follow from the volume."""
+    waiting, signals = Waiting(f"{solid.path}: examining the surface"), Signals()
+
+    def stop(fraction: float) -> bool:
+        waiting.at(fraction)
+        return bool(signals.number)
+
     try:
-        solid.report = solver.check_mesh(solid.mesh, voxel_size)
+        with signals.installed():
+            solid.surface = solver.Surface(solid.mesh, voxel_size, threads, stop)
     except LibraryError as error:
+        if error.status == binding.ERROR_CANCELLED:
+            raise Cancelled(signals.number) from error
         raise SceneError(f"{solid.path}: {solid.surface_file + ': ' if solid.surface_file else ''}{error}") from error
     solid.values["density"] = _density(reader, prim, solid.report["solid_volume"])
 

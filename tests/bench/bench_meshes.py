@@ -21,7 +21,7 @@ for folder in (ROOT / "batch", ROOT / "usd_plugin", ROOT / "tests" / "bench"):
     if str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
 
-from eulerfsi.solver import Mesh, check_mesh, load_mesh  # noqa: E402
+from eulerfsi.solver import Mesh, Surface, load_mesh  # noqa: E402
 from loop import shapes  # noqa: E402
 
 BAR = 5.0  # s, on two threads
@@ -100,9 +100,9 @@ def measure(name: str, mesh: Mesh, across: int) -> float:
     """Prints a line and returns the seconds."""
     voxel = float(np.ptp(mesh.points, axis=0).max()) / across
     begun, used = time.perf_counter(), time.process_time()
-    report = check_mesh(mesh, voxel)
+    report = Surface(mesh, voxel, THREADS).report
     seconds, processor = time.perf_counter() - begun, time.process_time() - used
-    found = f"{report['holes']} holes, {report['solid_volume'] / voxel**3:.4g} cells full"
+    found = f"{report['pieces']} pieces, {report['holes']} holes, {report['solid_volume'] / voxel**3:.4g} cells full"
     print(f"{name:30} {report['triangles']:8} {seconds:8.2f} s {processor:8.2f} s CPU  {found}", flush=True)
     return seconds
 

@@ -28,7 +28,13 @@ class IndexSpaceMesh {
       const openvdb::Vec3d middle = (corner(t, 0) + corner(t, 1) + corner(t, 2)) / 3.0;
       double reach = 0.0;
       for (std::size_t at = 0; at < 3; ++at) reach = std::max(reach, (corner(t, at) - middle).length());
-      balls_.push_back({middle, reach * (1.0 + 1e-9) + 1e-9});
+      openvdb::Vec3d normal = (corner(t, 1) - corner(t, 0)).cross(corner(t, 2) - corner(t, 0));
+      // The ball alone for a needle, whose normal is mostly rounding.
+      if (normal.length() > 1e-6 * reach * reach)
+        normal.normalize();
+      else
+        normal = openvdb::Vec3d(0.0);
+      discs_.push_back({middle, normal, reach * (1.0 + 1e-9) + 1e-9});
     }
   }
   std::size_t polygonCount() const { return triangles_.size(); }
@@ -46,21 +52,25 @@ class IndexSpaceMesh {
     return (X - nearest).length();
   }
 
-  // Is the triangle, by the ball around it, farther than `least` from X?
+  // Is the triangle, by the disc around it, farther than `least` from X?
   bool is_beyond(std::int32_t triangle, const openvdb::Vec3d& X, double least) const {
-    const Ball& ball = balls_[triangle];
-    const double reach = least + ball.radius;
-    return (X - ball.middle).lengthSqr() > reach * reach;
+    const Disc& disc = discs_[triangle];
+    const openvdb::Vec3d way = X - disc.middle;
+    const double height = way.dot(disc.normal);
+    const double rest = least * least * (1.0 + 1e-6) + 1e-6 - height * height;
+    if (rest < 0.0) return true;
+    const double reach = disc.radius + std::sqrt(rest);
+    return way.lengthSqr() - height * height > reach * reach;
   }
 
  private:
-  struct Ball {
-    openvdb::Vec3d middle;
+  struct Disc {
+    openvdb::Vec3d middle, normal;
     double radius;  // a little more than to the corners, so that rounding cannot drop a triangle
   };
   const std::vector<Triangle>& triangles_;
   std::vector<openvdb::Vec3d> points_;
-  std::vector<Ball> balls_;
+  std::vector<Disc> discs_;
 };
 
 // OpenVDB's voxelization: the nearest triangle of every node within kBand spacings of the mesh, -1 elsewhere. Which of
@@ -119,11 +129,15 @@ class Sweep {
       const int i = along(0, step);
       const std::size_t at = grid_.index(i, j, k);
       const int exists = (step > 0) | (row_step > 0) << 1 | (slab_step > 0) << 2;
+      std::array<std::int32_t, 8> tried;
+      int count = 0;
       for (int way = 1; way < 8; ++way) {  // along the edges, face diagonals and diagonal of a cell
         if ((way & ~exists) != 0) continue;
         const std::size_t from = at + static_cast<std::size_t>(offset_[way]);
         const std::int32_t triangle = nearest_[from];
         if (triangle < 0 || triangle == nearest_[at] || distance_[from] - apart_[way] >= distance_[at]) continue;
+        if (std::find(tried.begin(), tried.begin() + count, triangle) != tried.begin() + count) continue;
+        tried[count++] = triangle;
         const openvdb::Vec3d X(i, j, k);
         if (mesh_.is_beyond(triangle, X, distance_[at])) continue;
         const double candidate = mesh_.distance(triangle, X);

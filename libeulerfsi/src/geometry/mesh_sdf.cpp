@@ -56,18 +56,29 @@ SignedDistance make_grid(const Extents& box, double spacing, double margin) {
   return grid;
 }
 
-void warn_about_repairs(const MeshReport& report, const OrientationRepair& turned, std::uint64_t caps,
-                        std::int32_t parts, const Log& log) {
+// "1 hole", "3 holes"
+std::string counted(std::uint64_t count, const char* one, const char* many) {
+  return text(count, " ", count == 1 ? one : many);
+}
+
+std::string describe_repairs(const MeshReport& report, const OrientationRepair& turned, std::uint64_t caps) {
   std::string what;
   const auto add = [&what](const std::string& part) { what += (what.empty() ? "" : "; ") + part; };
   if (report.open_edges > 0)
-    add(text("open: ", report.holes, report.holes == 1 ? " hole" : " holes", ", the largest ", report.largest_hole,
-             " m around, ", caps > 0 ? "closed" : "below the grid's resolution", " by the winding number"));
-  if (report.nonmanifold_edges > 0) add(text(report.nonmanifold_edges, " edges with three faces and more"));
+    add(text("open: ", counted(report.holes, "hole", "holes"), ", the largest ", report.largest_hole, " m around, ",
+             caps > 0 ? "closed" : "below the grid's resolution", " by the winding number"));
+  if (report.nonmanifold_edges > 0)
+    add(counted(report.nonmanifold_edges, "edge with three faces and more", "edges with three faces and more"));
+  if (report.joined_points > 0) add(counted(report.joined_points, "doubled point: joined", "doubled points: joined"));
   if (turned.turned_mesh) add("inside out: all faces turned");
-  if (turned.turned_parts > 0) add(text(turned.turned_parts, " of ", parts, " parts inside out: turned"));
-  if (turned.turned_triangles > 0) add(text(turned.turned_triangles, " triangles against their neighbours: turned"));
-  if (!what.empty()) log.warning("mesh repaired: " + what);
+  if (turned.turned_parts > 0) add(text(turned.turned_parts, " of ", report.pieces, " pieces inside out: turned"));
+  if (turned.turned_triangles > 0)
+    add(counted(turned.turned_triangles, "triangle against its neighbours: turned",
+                "triangles against their neighbours: turned"));
+  if (report.inner_triangles > 0)
+    add(counted(report.inner_triangles, "triangle inside the solid: left out",
+                "triangles inside the solid, where surfaces cross or lie within others: left out"));
+  return what;
 }
 
 [[noreturn]] void refuse_empty(const MeshReport& report, double spacing) {
@@ -84,7 +95,7 @@ void warn_about_repairs(const MeshReport& report, const OrientationRepair& turne
 
 }  // namespace
 
-SignedDistance build_signed_distance(const TriangleMesh& mesh, double spacing, MeshReport& report, const Log& log,
+SignedDistance build_signed_distance(const TriangleMesh& mesh, double spacing, MeshReport& report,
                                      const Parallel& parallel, const Progress& progress, double margin) {
   progress.at(0.0);
   report = inspect(mesh);
@@ -95,7 +106,8 @@ SignedDistance build_signed_distance(const TriangleMesh& mesh, double spacing, M
   const Topology topology = analyse_topology(surface);
   const TriangleTree tree(surface);
   report.thinnest_feature = thinnest_feature(surface, tree, parallel, progress.part(0.05, 0.1));
-  report.repaired = !topology.simple();
+  report.pieces = static_cast<std::uint32_t>(topology.parts);
+  report.turned_triangles = static_cast<std::uint32_t>(turned.changed_triangles);
 
   SignedDistance grid = make_grid(extents(surface), spacing, margin);
   std::uint64_t caps = 0;
@@ -110,6 +122,7 @@ SignedDistance build_signed_distance(const TriangleMesh& mesh, double spacing, M
     as_given = report.closed && !boundary.differs;
     if (boundary.differs) distance_to_mesh(boundary.mesh, grid, parallel, progress.part(0.75, 1.0));
     caps = boundary.cap_triangles;
+    report.inner_triangles = static_cast<std::uint32_t>(boundary.inner_triangles);
     apply_sign(winding.at_nodes(), grid);
     if (std::none_of(grid.values.begin(), grid.values.end(), [](float phi) { return phi < 0.0f; }))
       refuse_empty(report, spacing);
@@ -119,9 +132,18 @@ SignedDistance build_signed_distance(const TriangleMesh& mesh, double spacing, M
   }
   // A closed mesh knows its volume better than the grid does.
   report.solid_volume = as_given ? std::abs(report.surface_volume) : grid.volume();
+  report.repairs = describe_repairs(report, turned, caps);
+  report.repaired = !report.repairs.empty();
   progress.at(1.0);
-  warn_about_repairs(report, turned, caps, topology.parts, log);
   return grid;
+}
+
+std::shared_ptr<const Surface> examine(TriangleMesh mesh, double spacing, const Parallel& parallel,
+                                       const Progress& progress) {
+  auto surface = std::make_shared<Surface>();
+  surface->mesh = std::move(mesh);
+  surface->distance = build_signed_distance(surface->mesh, spacing, surface->report, parallel, progress);
+  return surface;
 }
 
 }  // namespace efsi::geometry

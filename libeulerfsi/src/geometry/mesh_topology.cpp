@@ -160,6 +160,14 @@ std::uint64_t agree_with_neighbours(TriangleMesh& mesh) {
   return turned;
 }
 
+// Points that triangles use.
+std::size_t count_used(const TriangleMesh& mesh) {
+  std::vector<bool> used(mesh.points.size(), false);
+  for (const Triangle& t : mesh.triangles)
+    for (const std::int32_t corner : t) used[corner] = true;
+  return static_cast<std::size_t>(std::count(used.begin(), used.end(), true));
+}
+
 }  // namespace
 
 std::vector<std::int32_t> weld_points(const TriangleMesh& mesh) {
@@ -268,7 +276,9 @@ std::vector<Triangle> closing_triangles(const TriangleMesh& welded) {
   return triangles;
 }
 
-OrientationRepair orient_outwards(TriangleMesh& welded) {
+namespace {
+
+OrientationRepair turn_outwards(TriangleMesh& welded) {
   OrientationRepair repair;
   repair.turned_triangles = agree_with_neighbours(welded);
   if (signed_volume(welded) < 0.0) {
@@ -312,12 +322,23 @@ OrientationRepair orient_outwards(TriangleMesh& welded) {
   return repair;
 }
 
+}  // namespace
+
+OrientationRepair orient_outwards(TriangleMesh& welded) {
+  const std::vector<Triangle> before = welded.triangles;
+  OrientationRepair repair = turn_outwards(welded);
+  for (std::size_t i = 0; i < before.size(); ++i) repair.changed_triangles += before[i] != welded.triangles[i];
+  return repair;
+}
+
 MeshReport inspect(const TriangleMesh& mesh) {
   MeshReport report;
   report.triangles = mesh.triangles.size();
   if (mesh.triangles.empty()) return report;
   const Extents box = extents(mesh);
-  const Topology topology = analyse_topology(weld(mesh));
+  const TriangleMesh welded = weld(mesh);
+  const Topology topology = analyse_topology(welded);
+  report.joined_points = static_cast<std::uint32_t>(count_used(mesh) - count_used(welded));
   report.surface_volume = signed_volume(mesh);
   report.extent_min = box.min;
   report.extent_max = box.max;

@@ -186,7 +186,7 @@ SolidBoundary solid_boundary(const TriangleMesh& mesh, const SignedDistance& dis
         add_triangle(boundary.mesh, mesh.points[corner[0]], mesh.points[corner[1]], mesh.points[corner[2]]);
       continue;
     }
-    boundary.differs = true;
+    ++boundary.inner_triangles;
     auto piece = begin;
     Cut(mesh, mesh.triangles[t], distance.spacing).for_each([&](const Vec3d& a, const Vec3d& b, const Vec3d& c) {
       if (*piece++) add_triangle(boundary.mesh, a, b, c);
@@ -202,7 +202,7 @@ SolidBoundary solid_boundary(const TriangleMesh& mesh, const SignedDistance& dis
         add_triangle(boundary.mesh, slab.mesh.points[t[0]], slab.mesh.points[t[1]], slab.mesh.points[t[2]]);
     }
   }
-  boundary.differs = boundary.differs || boundary.cap_triangles > 0;
+  boundary.differs = boundary.inner_triangles + boundary.cap_triangles > 0;
   return boundary;
 }
 

@@ -15,9 +15,10 @@ namespace efsi::geometry {
 inline constexpr double kInsideWinding = 0.5;  // a point is inside the solid above this winding number
 
 struct SolidBoundary {
-  TriangleMesh mesh;                // boundary of the solid, not welded
-  bool differs = false;             // from the mesh that was given
-  std::uint64_t cap_triangles = 0;  // over holes
+  TriangleMesh mesh;                  // boundary of the solid, not welded
+  bool differs = false;               // from the mesh that was given
+  std::uint64_t inner_triangles = 0;  // of the mesh that was given and do not bound the solid, whole or in part
+  std::uint64_t cap_triangles = 0;    // over holes
 };
 
 // Boundary of the solid on the scale of the grid: triangles are cut to pieces of about one spacing and a piece stays

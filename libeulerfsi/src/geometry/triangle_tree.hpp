@@ -13,7 +13,10 @@ namespace efsi::geometry {
 
 class TriangleTree {
  public:
-  explicit TriangleTree(const TriangleMesh& mesh);
+  static constexpr std::int32_t kLeafSize = 8;
+
+  // leaf_size: triangles that are not divided further; 1 is best for winding_numbers().
+  explicit TriangleTree(const TriangleMesh& mesh, std::int32_t leaf_size = kLeafSize);
 
   // Generalized winding number at X; the sums run in one fixed order.
   double winding_number(const Vec3d& X) const;
@@ -56,6 +59,10 @@ class TriangleTree {
 
   void build(std::int32_t begin, std::int32_t end);
 
+  struct Targets;
+  void add_winding(const Vec3d& centre, double half, const std::vector<std::int32_t>& sources, Targets& targets) const;
+
+  std::int32_t leaf_size_;
   std::vector<Corners> corners_;
   std::vector<Node> nodes_;
 };

@@ -82,7 +82,7 @@ WindingField::WindingField(const TriangleMesh& mesh, const TriangleTree& tree, c
       distance_(distance),
       closing_(closing_triangles(mesh)),
       closed_tree_(together(mesh, closing_)),
-      closing_tree_({mesh.points, closing_}) {
+      closing_tree_({mesh.points, closing_}, 1) {
   progress.at(0.0);
   count_ = count_along_rows(together(mesh, closing_), distance, parallel);
   at_nodes_.assign(count_.begin(), count_.end());

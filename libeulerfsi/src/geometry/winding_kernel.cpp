@@ -102,12 +102,10 @@ void WindingSum::add_far(const Vec3d& middle, const Vec3d& area_normal, const Ma
             y_.data(), z_.data(), far_.data());
 }
 
-void WindingSum::get(std::vector<double>& winding, std::vector<bool>& on_surface) const {
-  winding.resize(count_);
-  on_surface.resize(count_);
+void WindingSum::add_to(std::vector<double>& winding, std::vector<bool>& on_surface) const {
   for (std::size_t i = 0; i < count_; ++i) {
-    winding[i] = near_[i] / (2.0 * std::numbers::pi) + far_[i] / (4.0 * std::numbers::pi);
-    on_surface[i] = flat_[i] > 0.0;
+    winding[i] += near_[i] / (2.0 * std::numbers::pi) + far_[i] / (4.0 * std::numbers::pi);
+    if (flat_[i] > 0.0) on_surface[i] = true;
   }
 }
 

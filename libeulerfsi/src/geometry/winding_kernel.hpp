@@ -19,8 +19,8 @@ class WindingSum {
   void add_near(const Vec3d& a, const Vec3d& b, const Vec3d& c);
   // A far group of triangles by two terms of the Taylor series of its dipole field, as in TriangleTree.
   void add_far(const Vec3d& middle, const Vec3d& area_normal, const Mat3d& moment);
-  // on_surface: rounding decides on which side of a triangle the point lies.
-  void get(std::vector<double>& winding, std::vector<bool>& on_surface) const;
+  // Adds the sums to what is there; on_surface: rounding decides on which side of a triangle the point lies.
+  void add_to(std::vector<double>& winding, std::vector<bool>& on_surface) const;
 
  private:
   std::size_t count_, padded_;
