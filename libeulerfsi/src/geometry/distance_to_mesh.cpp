@@ -24,18 +24,6 @@ class IndexSpaceMesh {
       const Vec3d x = (X - grid.origin) / grid.spacing;
       points_.emplace_back(x.x(), x.y(), x.z());
     }
-    for (std::size_t t = 0; t < triangles_.size(); ++t) {
-      const openvdb::Vec3d middle = (corner(t, 0) + corner(t, 1) + corner(t, 2)) / 3.0;
-      double reach = 0.0;
-      for (std::size_t at = 0; at < 3; ++at) reach = std::max(reach, (corner(t, at) - middle).length());
-      openvdb::Vec3d normal = (corner(t, 1) - corner(t, 0)).cross(corner(t, 2) - corner(t, 0));
-      // The ball alone for a needle, whose normal is mostly rounding.
-      if (normal.length() > 1e-6 * reach * reach)
-        normal.normalize();
-      else
-        normal = openvdb::Vec3d(0.0);
-      discs_.push_back({middle, normal, reach * (1.0 + 1e-9) + 1e-9});
-    }
   }
   std::size_t polygonCount() const { return triangles_.size(); }
   std::size_t pointCount() const { return points_.size(); }
@@ -45,32 +33,15 @@ class IndexSpaceMesh {
   }
   const openvdb::Vec3d& corner(std::size_t triangle, std::size_t at) const { return points_[triangles_[triangle][at]]; }
 
-  double distance(std::int32_t triangle, const openvdb::Vec3d& X) const {
+  openvdb::Vec3d nearest_point(std::int32_t triangle, const openvdb::Vec3d& X) const {
     openvdb::Vec3d weights;
-    const openvdb::Vec3d nearest = openvdb::math::closestPointOnTriangleToPoint(
-        corner(triangle, 0), corner(triangle, 1), corner(triangle, 2), X, weights);
-    return (X - nearest).length();
-  }
-
-  // Is the triangle, by the disc around it, farther than `least` from X?
-  bool is_beyond(std::int32_t triangle, const openvdb::Vec3d& X, double least) const {
-    const Disc& disc = discs_[triangle];
-    const openvdb::Vec3d way = X - disc.middle;
-    const double height = way.dot(disc.normal);
-    const double rest = least * least * (1.0 + 1e-6) + 1e-6 - height * height;
-    if (rest < 0.0) return true;
-    const double reach = disc.radius + std::sqrt(rest);
-    return way.lengthSqr() - height * height > reach * reach;
+    return openvdb::math::closestPointOnTriangleToPoint(corner(triangle, 0), corner(triangle, 1), corner(triangle, 2),
+                                                        X, weights);
   }
 
  private:
-  struct Disc {
-    openvdb::Vec3d middle, normal;
-    double radius;  // a little more than to the corners, so that rounding cannot drop a triangle
-  };
   const std::vector<Triangle>& triangles_;
   std::vector<openvdb::Vec3d> points_;
-  std::vector<Disc> discs_;
 };
 
 // OpenVDB's voxelization: the nearest triangle of every node within kBand spacings of the mesh, -1 elsewhere. Which of
@@ -90,19 +61,23 @@ std::vector<std::int32_t> nearest_triangles_in_band(const IndexSpaceMesh& mesh, 
   return nearest;
 }
 
-// Nodes outside the band take over the nearest triangle of a neighbour, swept through the grid in a diagonal direction.
+// A point of the mesh that is near a node, and its triangle; -1: none is known yet.
+struct Foot {
+  float x, y, z;
+  std::int32_t triangle;
+};
+
+// Nodes take over the foot of a neighbour where it is nearer than their own, swept through the grid in a diagonal
+// direction.
 class Sweep {
  public:
-  Sweep(const IndexSpaceMesh& mesh, const SignedDistance& grid, int direction, std::vector<std::int32_t>& nearest,
-        std::vector<double>& distance)
-      : mesh_(mesh), grid_(grid), direction_(direction), nearest_(nearest), distance_(distance) {
-    for (int way = 1; way < 8; ++way) {
-      std::array<int, 3> back = {0, 0, 0};
+  Sweep(const SignedDistance& grid, int direction, std::vector<Foot>& feet, std::vector<float>& squared)
+      : grid_(grid), direction_(direction), feet_(feet), squared_(squared) {
+    for (int way = 1; way < 8; ++way) {  // along the edges, face diagonals and diagonal of a cell
+      std::array<std::ptrdiff_t, 3> back = {0, 0, 0};
       for (int axis = 0; axis < 3; ++axis)
         if (way >> axis & 1) back[axis] = direction >> axis & 1 ? 1 : -1;
-      constexpr double kLength[] = {0.0, 1.0, 1.0, 1.4142135624, 1.0, 1.4142135624, 1.4142135624, 1.7320508076};
-      offset_[way] = back[0] + std::ptrdiff_t{grid.size[0]} * (back[1] + std::ptrdiff_t{grid.size[1]} * back[2]);
-      apart_[way] = kLength[way];
+      offset_[way] = back[0] + grid.size[0] * (back[1] + grid.size[1] * back[2]);
     }
   }
 
@@ -126,35 +101,26 @@ class Sweep {
   void sweep_row(int row_step, int slab_step) {
     const int j = along(1, row_step), k = along(2, slab_step);
     for (int step = 0; step < grid_.size[0]; ++step) {
-      const int i = along(0, step);
+      const int i = along(0, step), exists = (step > 0) | (row_step > 0) << 1 | (slab_step > 0) << 2;
       const std::size_t at = grid_.index(i, j, k);
-      const int exists = (step > 0) | (row_step > 0) << 1 | (slab_step > 0) << 2;
-      std::array<std::int32_t, 8> tried;
-      int count = 0;
-      for (int way = 1; way < 8; ++way) {  // along the edges, face diagonals and diagonal of a cell
+      for (int way = 1; way < 8; ++way) {
         if ((way & ~exists) != 0) continue;
-        const std::size_t from = at + static_cast<std::size_t>(offset_[way]);
-        const std::int32_t triangle = nearest_[from];
-        if (triangle < 0 || triangle == nearest_[at] || distance_[from] - apart_[way] >= distance_[at]) continue;
-        if (std::find(tried.begin(), tried.begin() + count, triangle) != tried.begin() + count) continue;
-        tried[count++] = triangle;
-        const openvdb::Vec3d X(i, j, k);
-        if (mesh_.is_beyond(triangle, X, distance_[at])) continue;
-        const double candidate = mesh_.distance(triangle, X);
-        if (candidate >= distance_[at]) continue;
-        distance_[at] = candidate;
-        nearest_[at] = triangle;
+        const Foot& foot = feet_[at + static_cast<std::size_t>(offset_[way])];
+        if (foot.triangle < 0) continue;
+        const float x = foot.x - static_cast<float>(i), y = foot.y - static_cast<float>(j);
+        const float z = foot.z - static_cast<float>(k), squared = x * x + y * y + z * z;
+        if (squared >= squared_[at]) continue;
+        squared_[at] = squared;
+        feet_[at] = foot;
       }
     }
   }
 
-  const IndexSpaceMesh& mesh_;
   const SignedDistance& grid_;
   int direction_;
-  std::vector<std::int32_t>& nearest_;
-  std::vector<double>& distance_;
+  std::vector<Foot>& feet_;
+  std::vector<float>& squared_;
   std::array<std::ptrdiff_t, 8> offset_{};
-  std::array<double, 8> apart_{};
 };
 
 }  // namespace
@@ -163,24 +129,33 @@ void distance_to_mesh(const TriangleMesh& triangles, SignedDistance& grid, const
                       const Progress& progress) {
   const IndexSpaceMesh mesh(triangles, grid);
   progress.at(0.0);
-  std::vector<std::int32_t> nearest = nearest_triangles_in_band(mesh, grid.size);
-  std::vector<double> distance(nearest.size(), std::numeric_limits<double>::infinity());
+  const std::vector<std::int32_t> nearest = nearest_triangles_in_band(mesh, grid.size);
+  std::vector<Foot> feet(nearest.size());
+  std::vector<float> squared(nearest.size(), std::numeric_limits<float>::infinity());
+  const auto for_each_node = [&](const auto& visit) {
+    parallel.for_each(grid.size[2], [&](std::int64_t k) {
+      for (int j = 0; j < grid.size[1]; ++j)
+        for (int i = 0; i < grid.size[0]; ++i)
+          visit(grid.index(i, j, static_cast<int>(k)), openvdb::Vec3d(i, j, static_cast<double>(k)));
+    });
+  };
   progress.at(0.4);
-  parallel.for_each(grid.size[2], [&](std::int64_t k) {
-    for (int j = 0; j < grid.size[1]; ++j) {
-      for (int i = 0; i < grid.size[0]; ++i) {
-        const std::size_t at = grid.index(i, j, static_cast<int>(k));
-        if (nearest[at] >= 0) distance[at] = mesh.distance(nearest[at], openvdb::Vec3d(i, j, static_cast<double>(k)));
-      }
-    }
+  for_each_node([&](std::size_t at, const openvdb::Vec3d& X) {
+    feet[at].triangle = nearest[at];
+    if (nearest[at] < 0) return;
+    const openvdb::Vec3d foot = mesh.nearest_point(nearest[at], X);
+    feet[at] = {static_cast<float>(foot.x()), static_cast<float>(foot.y()), static_cast<float>(foot.z()), nearest[at]};
+    squared[at] = static_cast<float>((X - foot).lengthSqr());
   });
   for (int direction = 0; direction < 8; ++direction) {
-    progress.at(0.45 + 0.06 * direction);
-    Sweep(mesh, grid, direction, nearest, distance).run(parallel);
+    progress.at(0.5 + 0.05 * direction);
+    Sweep(grid, direction, feet, squared).run(parallel);
   }
-  grid.values.resize(distance.size());
-  for (std::size_t at = 0; at < distance.size(); ++at)
-    grid.values[at] = static_cast<float>(distance[at] * grid.spacing);
+  grid.values.resize(nearest.size());
+  for_each_node([&](std::size_t at, const openvdb::Vec3d& X) {
+    const openvdb::Vec3d foot = mesh.nearest_point(feet[at].triangle, X);
+    grid.values[at] = static_cast<float>((X - foot).length() * grid.spacing);
+  });
 }
 
 }  // namespace efsi::geometry

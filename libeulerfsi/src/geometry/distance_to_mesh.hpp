@@ -9,7 +9,7 @@
 namespace efsi::geometry {
 
 // Fills grid.values with the distance to the mesh [m]: to 0.01 spacings within three spacings of it and to 2 % farther
-// away (OpenVDB's nearest triangles near the mesh, swept through the grid from there). The bits depend on mesh and grid
+// away (OpenVDB finds the nearest triangles near the mesh, sweeps carry them through the grid). The bits depend on mesh and grid
 // alone.
 void distance_to_mesh(const TriangleMesh& mesh, SignedDistance& grid, const Parallel& parallel = Parallel(),
                       const Progress& progress = Progress());

@@ -47,8 +47,8 @@ SignedDistance make_grid(const Extents& box, double spacing, double margin) {
   const Vec3d cells = ((box.max - box.min) / spacing).array() + 2.0 * margin;
   double nodes = 1.0;
   for (int axis = 0; axis < 3; ++axis) nodes *= std::ceil(cells[axis]) + 1.0;
-  // Per node while the field is built: distances, nearest triangles, winding numbers, marks.
-  constexpr double kBytesPerNode = 24.0;
+  // Per node while the field is built: distances, nearest triangles and their points, winding numbers.
+  constexpr double kBytesPerNode = 36.0;
   if (nodes > static_cast<double>(std::numeric_limits<std::int32_t>::max()))
     throw Error(ErrorCode::kMemory, text("signed distance: spacing = ", spacing, " m gives ", nodes, " nodes (",
                                          nodes * kBytesPerNode / 1e9, " GB) over the mesh: at most 2147483647"));
