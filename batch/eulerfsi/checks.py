@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Iterable
 from pathlib import Path
@@ -18,6 +19,8 @@ __all__ = ["Issue", "check_output", "check_scene", "check_stage", "raise_errors"
 
 # Part of the box by which a solid may reach out of it through rounding.
 _TOLERANCE = 1e-6
+# Voxels by which solids may overlap where they start; the library refuses more.
+_MOST_OVERLAP = 0.5
 
 
 def stage_issues(stage: Usd.Stage) -> list[Issue]:
@@ -40,6 +43,8 @@ def check_scene(scene: Scene) -> list[Issue]:
     for solid in scene.solids:
         issues += _check_mesh(scene, solid)
         issues += _check_inside(scene, solid)
+    for first, second in itertools.combinations(scene.solids, 2):
+        issues += _check_apart(scene, first, second)
     return issues
 
 
@@ -77,6 +82,19 @@ def _check_inside(scene: Scene, solid: Solid) -> list[Issue]:
     message = f"{solid.path}: the solid reaches from {value}: must be {limit} ({problem})"
     field = "eulerfsi:surfaceFile" if solid.surface_file else "points"
     return [Issue(solid.path, field, value, limit, message, "error", "OutsideDomain")]
+
+
+def _check_apart(scene: Scene, first: Solid, second: Solid) -> list[Issue]:
+    depth, volume = first.surface.overlap(second.surface)
+    unit, most = scene.units.meters_per_unit, _MOST_OVERLAP * scene.domain["voxel_size"]
+    if depth <= most:
+        return []
+    value, limit = f"{depth / unit:.4g}", f"at most half a voxel, {most / unit:.4g}"
+    message = (
+        f"{first.path} and {second.path}: the solids overlap by {value} (a volume of {volume / unit**3:.4g}): "
+        f"must be {limit}; move them apart"
+    )
+    return [Issue(second.path, "points", value, limit, message, "error", "Overlap")]
 
 
 def check_output(folder: Path) -> None:

@@ -149,6 +149,15 @@ class Surface:
         if getattr(self, "_handle", None):
             self._lib.efsi_surface_destroy(self._handle)
 
+    def overlap(self, other: Surface) -> tuple[float, float]:
+        """(diameter of the largest ball that lies in both [m], volume of what lies in both [m^3]); 0, 0 for none."""
+        depth, volume, error = c_double(), c_double(), binding.Error()
+        check_error(
+            self._lib.efsi_surface_get_overlap(self.handle, other.handle, byref(depth), byref(volume), byref(error)),
+            error,
+        )
+        return depth.value, volume.value
+
     @property
     def handle(self) -> c_void_p:
         """The C handle; valid while this object lives."""

@@ -62,6 +62,11 @@ EFSI_API EfsiStatus efsi_surface_get_report(const EfsiSurface* surface, EfsiMesh
 /* What was found and repaired, in words, the warning that efsi_solid_add logs; "" for nothing. Lives as long as the
  * surface. */
 EFSI_API const char* efsi_surface_get_repairs(const EfsiSurface* surface);
+/* How two surfaces lie in each other. depth: out, diameter of the largest ball that lies in both [m], 0 where they do
+ * not overlap; volume: out, of what lies in both [m^3]. Either may be NULL, as may error. efsi_solid_add refuses solids
+ * that overlap by more than half a voxel. */
+EFSI_API EfsiStatus efsi_surface_get_overlap(const EfsiSurface* a, const EfsiSurface* b, double* depth, double* volume,
+                                             EfsiError* error);
 /* NULL is allowed. Simulations keep what they need. */
 EFSI_API void efsi_surface_destroy(EfsiSurface* surface);
 

@@ -6,6 +6,7 @@
 #include "capi/guard.hpp"
 #include "capi/solid_id.hpp"
 #include "geometry/mesh_sdf.hpp"
+#include "geometry/overlap.hpp"
 #include "sim/parameter_table.inc"
 
 using namespace efsi::capi;
@@ -100,6 +101,17 @@ EfsiStatus efsi_surface_get_report(const EfsiSurface* surface, EfsiMeshReport* r
 
 const char* efsi_surface_get_repairs(const EfsiSurface* surface) {
   return surface ? surface->surface->report.repairs.c_str() : "";
+}
+
+EfsiStatus efsi_surface_get_overlap(const EfsiSurface* a, const EfsiSurface* b, double* depth, double* volume,
+                                    EfsiError* error) {
+  return guarded(error, [&] {
+    demand(a, "efsi_surface_get_overlap: a");
+    demand(b, "efsi_surface_get_overlap: b");
+    const efsi::geometry::Overlap found = efsi::geometry::overlap(a->surface->distance, b->surface->distance);
+    if (depth) *depth = found.depth;
+    if (volume) *volume = found.volume;
+  });
 }
 
 void efsi_surface_destroy(EfsiSurface* surface) { delete surface; }

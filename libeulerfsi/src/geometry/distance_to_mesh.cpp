@@ -71,12 +71,14 @@ struct Foot {
 // direction.
 class Sweep {
  public:
-  Sweep(const SignedDistance& grid, int direction, std::vector<Foot>& feet, std::vector<float>& squared)
-      : grid_(grid), direction_(direction), feet_(feet), squared_(squared) {
+  Sweep(const IndexSpaceMesh& mesh, const SignedDistance& grid, int direction, std::vector<Foot>& feet,
+        std::vector<float>& squared)
+      : mesh_(mesh), grid_(grid), direction_(direction), feet_(feet), squared_(squared) {
     for (int way = 1; way < 8; ++way) {  // along the edges, face diagonals and diagonal of a cell
       std::array<std::ptrdiff_t, 3> back = {0, 0, 0};
       for (int axis = 0; axis < 3; ++axis)
         if (way >> axis & 1) back[axis] = direction >> axis & 1 ? 1 : -1;
+      apart_[way] = static_cast<float>(back[0] * back[0] + back[1] * back[1] + back[2] * back[2]);
       offset_[way] = back[0] + grid.size[0] * (back[1] + grid.size[1] * back[2]);
     }
   }
@@ -109,6 +111,12 @@ class Sweep {
         if (foot.triangle < 0) continue;
         const float x = foot.x - static_cast<float>(i), y = foot.y - static_cast<float>(j);
         const float z = foot.z - static_cast<float>(k), squared = x * x + y * y + z * z;
+        // Close to the mesh the point of the neighbour's triangle counts. One that is nearest to the neighbour is at
+        // most nearer by the way from there, as squares go.
+        if (squared_[at] < kClose && foot.triangle != feet_[at].triangle) {
+          if (squared - apart_[way] < squared_[at]) take_exact(at, openvdb::Vec3d(i, j, k), foot.triangle);
+          continue;
+        }
         if (squared >= squared_[at]) continue;
         squared_[at] = squared;
         feet_[at] = foot;
@@ -116,11 +124,23 @@ class Sweep {
     }
   }
 
+  void take_exact(std::size_t at, const openvdb::Vec3d& X, std::int32_t triangle) {
+    const openvdb::Vec3d foot = mesh_.nearest_point(triangle, X);
+    const float squared = static_cast<float>((X - foot).lengthSqr());
+    if (squared >= squared_[at]) return;
+    squared_[at] = squared;
+    feet_[at] = {static_cast<float>(foot.x()), static_cast<float>(foot.y()), static_cast<float>(foot.z()), triangle};
+  }
+
+  static constexpr float kClose = 16.0f;  // squared distance [spacings^2]
+
+  const IndexSpaceMesh& mesh_;
   const SignedDistance& grid_;
   int direction_;
   std::vector<Foot>& feet_;
   std::vector<float>& squared_;
   std::array<std::ptrdiff_t, 8> offset_{};
+  std::array<float, 8> apart_{};  // squared
 };
 
 }  // namespace
@@ -149,7 +169,7 @@ void distance_to_mesh(const TriangleMesh& triangles, SignedDistance& grid, const
   });
   for (int direction = 0; direction < 8; ++direction) {
     progress.at(0.5 + 0.05 * direction);
-    Sweep(grid, direction, feet, squared).run(parallel);
+    Sweep(mesh, grid, direction, feet, squared).run(parallel);
   }
   grid.values.resize(nearest.size());
   for_each_node([&](std::size_t at, const openvdb::Vec3d& X) {

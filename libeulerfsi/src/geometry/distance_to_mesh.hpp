@@ -9,8 +9,8 @@
 namespace efsi::geometry {
 
 // Fills grid.values with the distance to the mesh [m]: to 0.01 spacings within three spacings of it and to 2 % farther
-// away (OpenVDB finds the nearest triangles near the mesh, sweeps carry them through the grid). The bits depend on mesh and grid
-// alone.
+// away (OpenVDB finds the nearest triangles near the mesh, sweeps carry them through the grid). The bits depend on mesh
+// and grid alone.
 void distance_to_mesh(const TriangleMesh& mesh, SignedDistance& grid, const Parallel& parallel = Parallel(),
                       const Progress& progress = Progress());
 

@@ -87,6 +87,16 @@ WindingField::WindingField(const TriangleMesh& mesh, const TriangleTree& tree, c
   count_ = count_along_rows(together(mesh, closing_), distance, parallel);
   at_nodes_.assign(count_.begin(), count_.end());
   if (!balanced()) subtract_closing_at_nodes(parallel, progress.part(0.1, 1.0));
+  // On the surface there is no side: the number of the mesh itself, about half-way between those of the sides.
+  parallel.for_each(distance.size[2], [&](std::int64_t k) {
+    for (int j = 0; j < distance.size[1]; ++j) {
+      for (int i = 0; i < distance.size[0]; ++i) {
+        const std::size_t at = distance.index(i, j, static_cast<int>(k));
+        if (distance.values[at] < kOnSurface * distance.spacing)
+          at_nodes_[at] = static_cast<float>(tree.winding_number(distance.node(i, j, static_cast<int>(k))));
+      }
+    }
+  });
 }
 
 void WindingField::subtract_closing_at_nodes(const Parallel& parallel, const Progress& progress) {

@@ -12,7 +12,7 @@ namespace efsi::geometry {
 namespace {
 
 constexpr std::size_t kLanes = 8;  // the number of points is filled up to a multiple of it
-constexpr double kFlat = 1e-6;     // tangent of half the angle by which a triangle misses a half space: on it
+constexpr double kFlat = 1e-6;     // of the product of the distances to the corners: on the triangle
 
 // atan2(y, x) to 1e-9, as in triangle_tree.cpp, without branches.
 EFSI_INLINE double arc_tangent(double y, double x) {
@@ -54,10 +54,11 @@ EFSI_KERNEL void add_triangle(const Corner a, const Corner b, const Corner c, st
     const double lc = std::sqrt(cx * cx + cy * cy + cz * cz);
     const double numerator = ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx);
     const double ab = ax * bx + ay * by + az * bz, bc = bx * cx + by * cy + bz * cz, ca = cx * ax + cy * ay + cz * az;
-    const double denominator = la * lb * lc + ab * lc + bc * la + ca * lb;
+    const double size = la * lb * lc, denominator = size + ab * lc + bc * la + ca * lb;
     winding[i] += arc_tangent(numerator, denominator);
     const double height = numerator < 0.0 ? -numerator : numerator;
-    flat[i] = height <= -kFlat * denominator ? 1.0 : flat[i];
+    const double larger = height < denominator ? denominator : height;  // both small: on the triangle or its edges
+    flat[i] = larger <= kFlat * size ? 1.0 : flat[i];
   }
 }
 

@@ -9,6 +9,7 @@
 
 #include "base/error.hpp"
 #include "fluid/forces.hpp"
+#include "geometry/overlap.hpp"
 #include "sim/checkpoint.hpp"
 #include "solid/displacement.hpp"
 #include "solid/mass.hpp"
@@ -132,6 +133,14 @@ std::size_t Simulation::add_solid(const SolidDesc& desc, geometry::MeshReport& r
            << axis[a] << ", the domain from " << params_.domain_min[a] << " to " << top[a];
       throw Error(ErrorCode::kArgument, text.str());
     }
+  for (std::size_t other = 0; other < solids_.size(); ++other) {
+    const geometry::Overlap found = geometry::overlap(solids_[other].distance, rest.distance, parallel_);
+    if (found.depth <= kMostOverlap * grid_.h) continue;
+    throw Error(ErrorCode::kArgument,
+                "EfsiSolidDef.mesh: solid " + std::to_string(solids_.size() + 1) + " overlaps solid " +
+                    std::to_string(other + 1) + " by " + number(found.depth) + " m (" + number(found.volume) +
+                    " m^3): must be at most half a voxel, " + number(kMostOverlap * grid_.h) + " m");
+  }
   if (report.thinnest_feature < 2.0 * grid_.h) {
     std::ostringstream text;
     text << "solid " << solids_.size() + 1 << ": its thinnest feature is about " << report.thinnest_feature

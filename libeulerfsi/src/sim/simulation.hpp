@@ -21,6 +21,9 @@ namespace efsi::sim {
 // Spacing of a rest shape's distance field, in voxels.
 inline constexpr double kRestSpacing = 0.5;
 
+// Solids may overlap by so many voxels where they start.
+inline constexpr double kMostOverlap = 0.5;
+
 // Threads to use: as many as asked for; 0: one per processor.
 int thread_count(int requested);
 
