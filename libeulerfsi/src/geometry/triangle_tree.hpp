@@ -27,7 +27,7 @@ class TriangleTree {
     std::int32_t triangle;  // index in the mesh
   };
 
-  // Winding numbers at points in the cube of edge 2 `half` around `centre`, the same up to 1e-3 and much faster for
+  // Winding numbers at points in the cube of edge 2 `half` around `centre`, the same up to 2e-3 and much faster for
   // many points: they share the walk through the tree, and far triangles are interpolated. on_surface[i]: point i lies
   // so close to a triangle that rounding decides on its side.
   void winding_numbers(const Vec3d& centre, double half, const std::vector<Vec3d>& points, std::vector<double>& winding,

@@ -24,10 +24,10 @@ class WindingField {
   // No edge of the mesh is open, so that the number changes at the surface only.
   bool balanced() const { return closing_tree_.empty(); }
 
-  // At each node of the grid (its order), to 1e-3; on the surface about half-way between its sides.
+  // At each node of the grid (its order), to 2e-3; on the surface about half-way between its sides.
   const std::vector<float>& at_nodes() const { return at_nodes_; }
 
-  // At points in the grid that are off the surface, to 1e-3.
+  // At points in the grid that are off the surface, to 2e-3.
   std::vector<float> at(const std::vector<Vec3d>& points, const Parallel& parallel, const Progress& progress) const;
 
  private:
