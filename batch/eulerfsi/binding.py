@@ -243,7 +243,10 @@ class MeshReport(Structure):
         ("repaired", c_int32),
         ("thinnest_feature", c_double),
         ("closing_radius", c_double),
-        ("reserved", c_uint64 * 2),
+        ("pieces", c_uint32),
+        ("joined_points", c_uint32),
+        ("turned_triangles", c_uint32),
+        ("inner_triangles", c_uint32),
     ]
 
 
@@ -261,10 +264,12 @@ class SolidDef(Structure):
         ("angular_velocity", Vec3),
         ("material", c_int32),
         ("compressible", c_int32),
-        ("reserved", c_uint64 * 4),
+        ("surface", c_void_p),
+        ("reserved", c_uint64 * 3),
     ]
 
 
+SurfaceProgress = ctypes.CFUNCTYPE(c_int32, c_void_p, c_double)
 ProgressCallback = ctypes.CFUNCTYPE(c_int32, c_void_p, c_double, POINTER(StepInfo))
 
 # C name -> ctypes structure.
@@ -286,6 +291,7 @@ STRUCTURES = {
 
 _SIM = c_void_p
 _MESH = c_void_p
+_SURFACE = c_void_p
 _P = POINTER
 
 # Function -> argument types; all return EfsiStatus except those in _RESULTS.
@@ -309,7 +315,11 @@ PROTOTYPES: dict[str, list] = {
     "efsi_mesh_load": [c_char_p, _P(_MESH), _P(Error)],
     "efsi_mesh_get_view": [_MESH, _P(MeshView)],
     "efsi_mesh_destroy": [_MESH],
-    "efsi_mesh_check": [_P(MeshView), c_double, _P(MeshReport), _P(Error)],
+    "efsi_surface_create": [_P(MeshView), c_double, c_int32, SurfaceProgress, c_void_p, _P(_SURFACE), _P(Error)],
+    "efsi_surface_get_report": [_SURFACE, _P(MeshReport)],
+    "efsi_surface_get_repairs": [_SURFACE],
+    "efsi_surface_get_overlap": [_SURFACE, _SURFACE, _P(c_double), _P(c_double), _P(Error)],
+    "efsi_surface_destroy": [_SURFACE],
     "efsi_solid_def_init": [_P(SolidDef)],
     "efsi_solid_add": [_SIM, _P(SolidDef), _P(c_uint32), _P(MeshReport)],
     "efsi_solid_get_count": [_SIM, _P(c_uint32)],
@@ -327,6 +337,8 @@ _RESULTS = {
     "efsi_simulation_last_error": c_char_p,
     "efsi_simulation_destroy": None,
     "efsi_mesh_destroy": None,
+    "efsi_surface_get_repairs": c_char_p,
+    "efsi_surface_destroy": None,
 }
 
 

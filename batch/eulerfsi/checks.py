@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Iterable
 from pathlib import Path
@@ -20,6 +21,8 @@ __all__ = ["Issue", "check_output", "check_scene", "check_stage", "raise_errors"
 
 # Part of the box by which a solid may reach out of it through rounding.
 _TOLERANCE = 1e-6
+# Voxels by which solids may overlap where they start; the library refuses more.
+_MOST_OVERLAP = 0.5
 
 
 def stage_issues(stage: Usd.Stage) -> list[Issue]:
@@ -52,6 +55,8 @@ def check_scene(scene: Scene) -> list[Issue]:
     for solid in scene.solids:
         issues += _check_mesh(scene, solid)
         issues += _check_inside(scene, solid)
+    for first, second in itertools.combinations(scene.solids, 2):
+        issues += _check_apart(scene, first, second)
     return issues
 
 
@@ -61,16 +66,9 @@ def _check_mesh(scene: Scene, solid: Solid) -> list[Issue]:
     where = f"{solid.path}{f' ({Path(solid.surface_file).name})' if solid.surface_file else ''}"
     issues = []
     if report["repaired"]:
-        if report["holes"] or report["open_edges"]:
-            fault = f"{report['holes']} hole(s) with {report['open_edges']} open edges"
-            hint = f"the largest hole is {report['largest_hole'] / unit:.4g} around"
-        else:
-            fault, hint = f"{report['nonmanifold_edges']} edges with three faces and more", "the winding number decides"
-        how = "closed by the winding number"
-        if report["closing_radius"] > 0:
-            how += f" and an offset of {report['closing_radius'] / unit:.4g}"
-        message = f"{where}: the surface is no closed solid: {fault}, {how}; {hint}"
-        issues.append(Issue(solid.path, field, fault, "a closed surface", message, "warning", "RepairedMesh"))
+        found = solid.surface.repairs
+        message = f"{where}: the surface was repaired: {found}"
+        issues.append(Issue(solid.path, field, found, "a closed surface", message, "warning", "RepairedMesh"))
     voxel, thinnest = scene.domain["voxel_size"], report["thinnest_feature"]
     if 0 < thinnest < 2 * voxel:
         fitting = thinnest / 2 / unit
@@ -96,6 +94,19 @@ def _check_inside(scene: Scene, solid: Solid) -> list[Issue]:
     message = f"{solid.path}: the solid reaches from {value}: must be {limit} ({problem})"
     field = "eulerfsi:surfaceFile" if solid.surface_file else "points"
     return [Issue(solid.path, field, value, limit, message, "error", "OutsideDomain")]
+
+
+def _check_apart(scene: Scene, first: Solid, second: Solid) -> list[Issue]:
+    depth, volume = first.surface.overlap(second.surface)
+    unit, most = scene.units.meters_per_unit, _MOST_OVERLAP * scene.domain["voxel_size"]
+    if depth <= most:
+        return []
+    value, limit = f"{depth / unit:.4g}", f"at most half a voxel, {most / unit:.4g}"
+    message = (
+        f"{first.path} and {second.path}: the solids overlap by {value} (a volume of {volume / unit**3:.4g}): "
+        f"must be {limit}; move them apart"
+    )
+    return [Issue(second.path, "points", value, limit, message, "error", "Overlap")]
 
 
 def check_output(folder: Path) -> None:

@@ -43,10 +43,10 @@ class CacheIOError(EulerFsiError):
 
 
 class Cancelled(EulerFsiError):
-    """A signal stopped the run. `signal_number`: which one."""
+    """A signal stopped the run. `signal_number`: which one; `hint`: how to go on."""
 
-    def __init__(self, signal_number: int) -> None:
-        super().__init__(f"stopped by signal {signal_number}")
+    def __init__(self, signal_number: int, hint: str = "") -> None:
+        super().__init__(f"stopped by signal {signal_number}" + (f"; {hint}" if hint else ""))
         self.signal_number = signal_number
         self.exit_code = 128 + signal_number
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from typing import Any, TextIO
 
 from tqdm import tqdm
@@ -12,6 +13,23 @@ from .frames import FrameRange
 from .say import say
 
 MODES = ("auto", "plain", "json", "none")
+
+
+class Waiting:
+    """Tells how far work is that takes longer than a second: "/World/Bunny: examining the surface, 35 %".
+
+    At most one line a second, on `err` (standard error).
+    """
+
+    def __init__(self, what: str, err: TextIO | None = None) -> None:
+        self._what, self._err, self._next = what, err or sys.stderr, time.monotonic() + 1
+
+    def at(self, fraction: float) -> None:
+        """A part 0..1 of the work is done."""
+        now = time.monotonic()
+        if now >= self._next:
+            self._next = now + 1
+            say(f"{self._what}, {100 * fraction:.0f} %", self._err)
 
 
 class Progress:

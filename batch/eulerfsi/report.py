@@ -27,7 +27,7 @@ def validate(
     apply_overrides(stage, settings)
     warnings = checks.raise_errors(checks.stage_issues(stage))
     limit = available_memory()
-    scene = read_scene(stage, path, limit)
+    scene = read_scene(stage, path, limit, threads)
     if frames:
         demand_start(frames, scene.frames.first, None)
     warnings += scene.warnings + checks.raise_errors(checks.check_scene(scene))

@@ -15,13 +15,16 @@ from eulerfsi_usd.pose import Pose, PoseError
 from pxr import Tf, Usd, UsdGeom, UsdPhysics, UsdShade
 
 from . import binding, memory, solver
-from .errors import LibraryError, SceneError, UsageError
+from .errors import Cancelled, LibraryError, SceneError, UsageError
 from .frames import FrameRange, check_frames
 from .motion import fit_rigid_motion, volume_center
 from .parameters import Parameter, StageUnits, table
+from .progress import Waiting
 from .reasons import mesh_reason, usd_reason
 from .references import how_to_make_a_scene, is_usd_file
+from .signals import Signals
 from .space import SimulationSpace, determinant, domain_space, orthonormal_rows, transform_points, transform_vectors
+from .system import available_threads
 
 DOMAIN_API, SOLID_API, EMITTER_API = "EulerFsiDomainAPI", "EulerFsiSolidAPI", "EulerFsiEmitterAPI"
 APIS = {DOMAIN_API: "domain", SOLID_API: "solid", EMITTER_API: "emitter"}
@@ -39,11 +42,16 @@ class Solid:
     mesh: solver.Mesh
     local: solver.Mesh
     values: dict[str, Any]  # fields of EfsiSolidDef
-    report: dict[str, Any]  # fields of EfsiMeshReport
+    surface: solver.Surface | None = None  # the mesh as the library examined it
     surface_file: str = ""
     subdivision: str = "none"
     left_handed: bool = False
     pose: str = ""  # what the start follows from, '' for a mesh that stands still as it is
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """Fields of EfsiMeshReport."""
+        return self.surface.report
 
 
 @dataclasses.dataclass
@@ -204,11 +212,12 @@ def set_frames(stage: Usd.Stage, wanted: FrameRange | None, start: int | None) -
         stage.SetEndTimeCode(last)
 
 
-def read_scene(stage: Usd.Stage, path: Path, memory_limit: int = 0) -> Scene:
+def read_scene(stage: Usd.Stage, path: Path, memory_limit: int = 0, threads: int | None = None) -> Scene:
     """Reads a stage that `checks.check_stage` found without errors, at its first frame.
 
-    memory_limit: bytes that the simulation may take, 0 for no limit. Raises SceneError for what only this reading
-    finds: too fine a grid, files that do not load, meshes that the library refuses.
+    memory_limit: bytes that the simulation may take, 0 for no limit. threads: for the examination of the meshes, None
+    for all. Raises SceneError for what only this reading finds: too fine a grid, files that do not load, meshes that
+    the library refuses; Cancelled after a signal.
     """
     frames = stage_frames(stage)
     units = stage_units(stage)
@@ -223,7 +232,7 @@ def read_scene(stage: Usd.Stage, path: Path, memory_limit: int = 0) -> Scene:
     solids = [_solid(reader, space, prim) for prim in find_prims(stage, "solid") if reader.value(prim, enabled)]
     memory.demand(where, domain, [solid.mesh for solid in solids], memory_limit, units.meters_per_unit)
     for solid in solids:
-        _examine(reader, solid, stage.GetPrimAtPath(solid.path), domain["voxel_size"])
+        _examine(reader, solid, stage.GetPrimAtPath(solid.path), domain["voxel_size"], threads or available_threads())
     emitters = [_emitter(reader, space, p) for p in find_prims(stage, "emitter") if reader.value(p, enabled)]
     if not domain["ambient_fluid"]:
         emitters = []  # nothing carries the smoke; check_stage warns
@@ -335,14 +344,23 @@ def _solid(reader: _Reader, space: SimulationSpace, prim: Usd.Prim) -> Solid:
     subdivision = "none" if file or not is_mesh else str(UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get())
     output = path if is_mesh else _free_child(prim, "surface")
     start = _describe_start(reader, pose, animated, values)
-    return Solid(path, output, mesh, local, values, {}, file, subdivision, left_handed, start)
+    return Solid(path, output, mesh, local, values, None, file, subdivision, left_handed, start)
 
 
-def _examine(reader: _Reader, solid: Solid, prim: Usd.Prim, voxel_size: float) -> None:
-    """Adds what the library finds in the mesh, and the density, which may follow from the volume."""
+def _examine(reader: _Reader, solid: Solid, prim: Usd.Prim, voxel_size: float, threads: int) -> None:
+    """Adds the surface that the library makes of the mesh, and the density, which may follow from the volume."""
+    waiting, signals = Waiting(f"{solid.path}: examining the surface"), Signals()
+
+    def stop(fraction: float) -> bool:
+        waiting.at(fraction)
+        return bool(signals.number)
+
     try:
-        solid.report = solver.check_mesh(solid.mesh, voxel_size)
+        with signals.installed():
+            solid.surface = solver.Surface(solid.mesh, voxel_size, threads, stop)
     except LibraryError as error:
+        if error.status == binding.ERROR_CANCELLED:
+            raise Cancelled(signals.number) from error
         file = f"{solid.surface_file}: " if solid.surface_file else ""
         raise SceneError(f"{solid.path}: {file}{mesh_reason(solid.surface_file, error)}") from error
     solid.values["density"] = _density(reader, prim, solid.report["solid_volume"])

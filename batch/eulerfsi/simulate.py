@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import signal
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -23,11 +21,13 @@ from .overrides import apply_overrides, set_domain_parameter
 from .progress import Progress
 from .reasons import mesh_reason
 from .scene import Scene, open_stage, read_scene, set_frames
+from .signals import Signals
 from .solver import Simulation
 from .system import available_memory, available_threads
 from .usd_messages import usd_messages
 
 CHECKPOINT_EVERY = 10  # frames
+_RESUME = "continue with --resume"
 # Fields of EfsiStepInfo that count.
 _COUNTERS = ("steps", "velocity_iterations", "pressure_iterations", "degenerate_cells", "retries", "unconverged")
 
@@ -72,7 +72,7 @@ def load_scene(path: Path, options: Options, log: Log, memory_limit: int) -> tup
     if options.preset:
         overrides |= set_domain_parameter(stage, "preset", options.preset)
     warnings = checks.raise_errors(checks.stage_issues(stage))
-    scene = read_scene(stage, path, memory_limit)
+    scene = read_scene(stage, path, memory_limit, options.threads)
     warnings += scene.warnings + checks.raise_errors(checks.check_scene(scene))
     for text in dict.fromkeys(warnings):
         log.warning(text)
@@ -93,7 +93,7 @@ def build_simulation(scene: Scene, threads: int, memory_limit: int, log: Log) ->
         identifiers = []
         for solid in scene.solids:
             place[0] = f"{solid.path}: "
-            identifiers.append(simulation.add_solid(solid.mesh, **solid.values)[0])
+            identifiers.append(simulation.add_solid(solid.surface, **solid.values)[0])
         for emitter in scene.emitters:
             place[0] = f"{emitter.path}: "
             simulation.add_emitter(**emitter.values)
@@ -141,29 +141,6 @@ def _grids(scene: Scene) -> list[str]:
     return ["density", "vel", *(["temperature"] if heated else [])]
 
 
-class _Signals:
-    """SIGTERM and SIGINT set `number`; the run looks at it between steps."""
-
-    def __init__(self) -> None:
-        self.number = 0
-
-    def _note(self, number: int, _frame: Any) -> None:
-        self.number = number
-
-    @contextlib.contextmanager
-    def installed(self) -> Iterator[_Signals]:
-        """Handles the signals inside the block (main thread only)."""
-        old = {}
-        for number in (signal.SIGTERM, signal.SIGINT):
-            with contextlib.suppress(ValueError):  # not the main thread: the caller handles signals
-                old[number] = signal.signal(number, self._note)
-        try:
-            yield self
-        finally:
-            for number, handler in old.items():
-                signal.signal(number, handler)
-
-
 class _Run:
     """One run over the frames of a scene."""
 
@@ -172,7 +149,7 @@ class _Run:
     ) -> None:
         self.scene, self.cache, self.simulation, self.solids, self.log = scene, cache, simulation, solids, log
         self.progress = Progress(mode, scene.frames)
-        self.signals = _Signals()
+        self.signals = Signals()
         self.threads = threads
         self.surfaces: list[tuple[np.ndarray, np.ndarray]] = []
         self.warned: set[str] = set()  # solids whose mesh was warned of
@@ -223,7 +200,7 @@ class _Run:
                 self.cache.write_root()
             if self.signals.number and frame < frames.last:
                 self.cache.save_checkpoint(frame, simulation)
-                raise Cancelled(self.signals.number)
+                raise Cancelled(self.signals.number, _RESUME)
 
     def _advance(self, frame: int, target: float) -> None:
         """To `target` seconds; every step is a line of the statistics."""
@@ -249,7 +226,7 @@ class _Run:
         except LibraryError as error:
             if error.status == binding.ERROR_CANCELLED:
                 self._checkpoint_inside(frame, start, target)
-                raise Cancelled(self.signals.number) from error
+                raise Cancelled(self.signals.number, _RESUME) from error
             if error.status == binding.ERROR_DIVERGED:
                 raise DivergedError(f"frame {frame}: {error}") from error
             raise

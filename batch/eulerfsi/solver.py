@@ -104,11 +104,60 @@ def load_mesh(path: str | Path, memory_limit: int | None = None) -> Mesh:
     return Mesh(*mesh_file.read(path, memory_limit))
 
 
-def check_mesh(mesh: Mesh, voxel_size: float) -> dict[str, Any]:
-    """What a solid made of this mesh would be (fields of EfsiMeshReport). Raises LibraryError."""
-    error, report, view = binding.Error(), binding.MeshReport(), mesh.view()
-    check_error(library().efsi_mesh_check(byref(view), voxel_size, byref(report), byref(error)), error)
-    return to_dict(report)
+class Surface:
+    """A mesh examined for simulations with one voxel size [m]: the solid that it bounds. Read-only; many may share it.
+
+    report: fields of EfsiMeshReport. repairs: what was found and repaired, in words, "" for nothing.
+    threads: 0 for one per processor. progress(fraction done) is called now and then on this thread; True asks to stop,
+    which raises LibraryError with status ERROR_CANCELLED. An exception inside it stops the work and is raised here.
+    """
+
+    def __init__(
+        self, mesh: Mesh, voxel_size: float, threads: int = 0, progress: Callable[[float], bool] | None = None
+    ) -> None:
+        self.mesh, self._lib, self._handle = mesh, library(), c_void_p()
+        error, report, view, raised = binding.Error(), binding.MeshReport(), mesh.view(), []
+
+        def forward(_user: Any, fraction: float) -> int:
+            return _stops(raised, lambda: progress(fraction))
+
+        callback = binding.SurfaceProgress(forward) if progress else binding.SurfaceProgress()
+        status = self._lib.efsi_surface_create(
+            byref(view), voxel_size, threads, callback, None, byref(self._handle), byref(error)
+        )
+        if raised:
+            raise raised[0]
+        check_error(status, error)
+        self._lib.efsi_surface_get_report(self._handle, byref(report))
+        self.report = to_dict(report)
+        self.repairs = self._lib.efsi_surface_get_repairs(self._handle).decode("utf-8", "replace")
+
+    def __del__(self) -> None:
+        if getattr(self, "_handle", None):
+            self._lib.efsi_surface_destroy(self._handle)
+
+    def overlap(self, other: Surface) -> tuple[float, float]:
+        """(diameter of the largest ball that lies in both [m], volume of what lies in both [m^3]); 0, 0 for none."""
+        depth, volume, error = c_double(), c_double(), binding.Error()
+        check_error(
+            self._lib.efsi_surface_get_overlap(self.handle, other.handle, byref(depth), byref(volume), byref(error)),
+            error,
+        )
+        return depth.value, volume.value
+
+    @property
+    def handle(self) -> c_void_p:
+        """The C handle; valid while this object lives."""
+        return self._handle
+
+
+def _stops(raised: list[BaseException], ask: Callable[[], Any]) -> int:
+    """What a progress callback returns to C; an exception must not cross its frames and is kept in `raised`."""
+    try:
+        return int(bool(ask()))
+    except BaseException as error:
+        raised.append(error)
+        return 1
 
 
 class Simulation:
@@ -144,12 +193,18 @@ class Simulation:
             text = self._lib.efsi_simulation_last_error(self._handle).decode("utf-8", "replace")
             raise LibraryError(status, text or binding.status_text(status))
 
-    def add_solid(self, mesh: Mesh, **values: Any) -> tuple[int, dict[str, Any]]:
-        """Adds a solid before the first step. values: fields of EfsiSolidDef (SI). Returns (id, mesh report)."""
+    def add_solid(self, shape: Mesh | Surface, **values: Any) -> tuple[int, dict[str, Any]]:
+        """Adds a solid before the first step. values: fields of EfsiSolidDef (SI). Returns (id, mesh report).
+
+        shape: a mesh, which is examined here, or a surface for this voxel size, which was.
+        """
         definition, identifier, report = binding.SolidDef(), c_uint32(), binding.MeshReport()
         self._lib.efsi_solid_def_init(byref(definition))
         _fill(definition, values)
-        definition.mesh = mesh.view()
+        if isinstance(shape, Surface):
+            definition.surface = shape.handle
+        else:
+            definition.mesh = shape.view()
         self._check(self._lib.efsi_solid_add(self._handle, byref(definition), byref(identifier), byref(report)))
         return identifier.value, to_dict(report)
 
@@ -176,11 +231,7 @@ class Simulation:
         info, raised = binding.StepInfo(), []
 
         def forward(_user: Any, fraction: float, step: Any) -> int:
-            try:
-                return int(bool(progress(fraction, to_dict(step.contents) if step else {})))
-            except BaseException as error:  # must not cross the C frames; raised again below
-                raised.append(error)
-                return 1
+            return _stops(raised, lambda: progress(fraction, to_dict(step.contents) if step else {}))
 
         callback = binding.ProgressCallback(forward) if progress else binding.ProgressCallback()
         status = self._lib.efsi_simulation_advance(self._handle, duration, byref(info), callback, None)

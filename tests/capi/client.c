@@ -142,6 +142,11 @@ static void check_base_and_memory(void) {
   CHECK(coarse > 0 && fine > 3 * coarse && fitting > def.voxel_size);
 }
 
+static int32_t go_on(void* user, double fraction) {
+  CHECK(user == NULL && fraction >= 0.0 && fraction <= 1.0);
+  return 0;
+}
+
 static void check_mesh(const char* folder) {
   char path[4096];
   path_in(path, sizeof path, folder, "cube.obj");
@@ -161,8 +166,16 @@ static void check_mesh(const char* folder) {
   CHECK_OK(NULL, efsi_mesh_load(path, &mesh, &error));
   if (mesh) {
     CHECK_OK(NULL, efsi_mesh_get_view(mesh, &view));
-    CHECK_OK(NULL, efsi_mesh_check(&view, 0.04, &report, &error));
+    EfsiSurface* surface = NULL;
+    double depth = 0.0, volume = 0.0;
+    CHECK_OK(NULL, efsi_surface_create(&view, 0.04, 2, go_on, NULL, &surface, &error));
+    CHECK_OK(NULL, efsi_surface_get_report(surface, &report));
     CHECK(report.closed == 1 && fabs(report.surface_volume - 0.008) < 1e-8);
+    CHECK(report.repaired == 0 && strcmp(efsi_surface_get_repairs(surface), "") == 0);
+    CHECK_OK(NULL, efsi_surface_get_overlap(surface, surface, &depth, &volume, &error));
+    CHECK(fabs(depth - 0.2) < 0.02 && fabs(volume - 0.008) < 0.0008);
+    efsi_surface_destroy(surface);
+    efsi_surface_destroy(NULL);
   }
   efsi_mesh_destroy(mesh);
   efsi_mesh_destroy(NULL);

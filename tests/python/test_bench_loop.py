@@ -17,7 +17,7 @@ from conftest import ROOT
 sys.path.insert(0, str(ROOT / "tests" / "bench"))
 
 import bench_loop  # noqa: E402
-from eulerfsi.solver import check_mesh  # noqa: E402
+from eulerfsi.solver import Surface  # noqa: E402
 from loop import measure, shapes, survival, table  # noqa: E402
 from loop.experiment import Experiment  # noqa: E402
 from loop.laws import Line  # noqa: E402
@@ -33,7 +33,7 @@ VOLUMES = {  # m^3
 
 @pytest.mark.parametrize("name", VOLUMES)
 def test_shapes_are_closed_and_hold_their_volume(library, name: str) -> None:
-    report = check_mesh(shapes.make_shape(name, 10, turn=0.6), 0.02)
+    report = Surface(shapes.make_shape(name, 10, turn=0.6), 0.02).report
     assert report["closed"] == 1 and report["repaired"] == 0
     assert report["surface_volume"] == pytest.approx(VOLUMES[name], rel=6e-3)
 

@@ -150,7 +150,7 @@ def test_mesh_file_has_the_points_of_the_array(library, tmp_path):
     mesh = solver.load_mesh(write_obj(tmp_path / "ball.obj", 0.15))
     assert len(mesh.triangles()) == len(ball().triangles())
     np.testing.assert_allclose(mesh.points.min(axis=0), ball().points.min(axis=0), atol=1e-6)
-    report = solver.check_mesh(mesh, 0.05)
+    report = solver.Surface(mesh, 0.05).report
     exact = 4 / 3 * np.pi * 0.15**3
     assert report["closed"] == 1 and report["holes"] == 0
     assert 0.93 * exact < report["solid_volume"] < exact

@@ -70,7 +70,7 @@ def test_every_format_gives_the_closed_ball(tmp_path, suffix, kind):
     mesh = solver.load_mesh(path)
     points, faces = mesh_samples.ball()
     assert len(mesh.points) == len(points) and len(mesh.triangles()) == len(faces)
-    report = solver.check_mesh(mesh, 0.1)
+    report = solver.Surface(mesh, 0.1).report
     corners = points[faces].astype(float)
     volume = np.linalg.det(corners).sum() / 6
     assert report["closed"] == 1 and report["surface_volume"] == pytest.approx(volume, rel=1e-5)

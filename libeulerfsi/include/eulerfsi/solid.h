@@ -33,10 +33,13 @@ typedef struct EfsiMeshReport {
   double largest_hole;        /* length of the longest such loop [m] */
   uint64_t nonmanifold_edges; /* edges with three faces and more */
   int32_t closed;             /* 1: no open edge */
-  int32_t repaired;           /* 1: the sign came from the winding number because the mesh is not a closed solid */
+  int32_t repaired;           /* 1: something was repaired; efsi_surface_get_repairs says what */
   double thinnest_feature;    /* estimate of the smallest thickness of the solid [m] */
   double closing_radius;      /* offset used to close the mesh [m]; 0: none */
-  uint64_t reserved[2];
+  uint32_t pieces;            /* that no edge connects; a closed mesh of several is no fault */
+  uint32_t joined_points;     /* points of faces that lay on another one and were joined with it */
+  uint32_t turned_triangles;  /* turned because they were inside out, alone or with their piece or the whole mesh */
+  uint32_t inner_triangles;   /* left out, whole or in part: they lie inside the solid */
 } EfsiMeshReport;
 
 /* A mesh read from a file. The suffix of path, in upper or lower case, is its format:
@@ -47,9 +50,28 @@ typedef struct EfsiMesh EfsiMesh;
 EFSI_API EfsiStatus efsi_mesh_load(const char* path, EfsiMesh** mesh, EfsiError* error);
 EFSI_API EfsiStatus efsi_mesh_get_view(const EfsiMesh* mesh, EfsiMeshView* view);
 EFSI_API void efsi_mesh_destroy(EfsiMesh* mesh);
-/* Checks a mesh as efsi_solid_add would at this voxel size, without a simulation. */
-EFSI_API EfsiStatus efsi_mesh_check(const EfsiMeshView* mesh, double voxel_size, EfsiMeshReport* report,
-                                    EfsiError* error);
+
+/* A mesh examined for one voxel size: the solid that it bounds, ready for any number of simulations and threads. */
+typedef struct EfsiSurface EfsiSurface;
+/* Called on the caller's thread now and then. fraction: part of the examination done, 0..1. Return non-zero to cancel.
+ */
+typedef int32_t (*EfsiSurfaceProgress)(void* user, double fraction);
+/* Examines a mesh; nothing of it is needed afterwards. voxel_size: of the simulations that it is for [m].
+ * threads: 0: all processors that this process may use. progress may be NULL. */
+EFSI_API EfsiStatus efsi_surface_create(const EfsiMeshView* mesh, double voxel_size, int32_t threads,
+                                        EfsiSurfaceProgress progress, void* user, EfsiSurface** surface,
+                                        EfsiError* error);
+EFSI_API EfsiStatus efsi_surface_get_report(const EfsiSurface* surface, EfsiMeshReport* report);
+/* What was found and repaired, in words, the warning that efsi_solid_add logs; "" for nothing. Lives as long as the
+ * surface. */
+EFSI_API const char* efsi_surface_get_repairs(const EfsiSurface* surface);
+/* How two surfaces lie in each other. depth: out, diameter of the largest ball that lies in both [m], 0 where they do
+ * not overlap; volume: out, of what lies in both [m^3]. Either may be NULL, as may error. efsi_solid_add refuses solids
+ * that overlap by more than half a voxel. */
+EFSI_API EfsiStatus efsi_surface_get_overlap(const EfsiSurface* a, const EfsiSurface* b, double* depth, double* volume,
+                                             EfsiError* error);
+/* NULL is allowed. Simulations keep what they need. */
+EFSI_API void efsi_surface_destroy(EfsiSurface* surface);
 
 #define EFSI_MATERIAL_COROTATIONAL 0
 #define EFSI_MATERIAL_STABLE_NEO_HOOKEAN 1
@@ -58,17 +80,18 @@ EFSI_API EfsiStatus efsi_mesh_check(const EfsiMeshView* mesh, double voxel_size,
 typedef struct EfsiSolidDef {
   uint32_t struct_size;
   uint32_t magic;
-  EfsiMeshView mesh;         /* rest shape, placed where it starts, simulation space [m]; copied */
-  double density;            /* rho [kg/m^3] */
-  double youngs_modulus;     /* E [Pa] */
-  double poissons_ratio;     /* nu */
-  double rayleigh_alpha;     /* C = alpha M + beta K, Eq. 8 [1/s] */
-  double rayleigh_beta;      /* [s] */
-  EfsiVec3 velocity;         /* initial [m/s] */
-  EfsiVec3 angular_velocity; /* initial, about the centre of volume [rad/s] */
-  int32_t material;          /* EFSI_MATERIAL_* */
-  int32_t compressible;      /* 1: the pressure does not keep its volume */
-  uint64_t reserved[4];
+  EfsiMeshView mesh;          /* rest shape, placed where it starts, simulation space [m]; copied */
+  double density;             /* rho [kg/m^3] */
+  double youngs_modulus;      /* E [Pa] */
+  double poissons_ratio;      /* nu */
+  double rayleigh_alpha;      /* C = alpha M + beta K, Eq. 8 [1/s] */
+  double rayleigh_beta;       /* [s] */
+  EfsiVec3 velocity;          /* initial [m/s] */
+  EfsiVec3 angular_velocity;  /* initial, about the centre of volume [rad/s] */
+  int32_t material;           /* EFSI_MATERIAL_* */
+  int32_t compressible;       /* 1: the pressure does not keep its volume */
+  const EfsiSurface* surface; /* stands in for `mesh` where it is not NULL; made for the simulation's voxel size */
+  uint64_t reserved[3];
 } EfsiSolidDef;
 
 EFSI_API EfsiStatus efsi_solid_def_init(EfsiSolidDef* def);

@@ -68,9 +68,8 @@ inline Log to_log(EfsiLogCallback callback, void* user) {
 }
 
 // The surface is filled in by the caller: reading the mesh can fail.
-inline sim::SolidDesc to_solid(const EfsiSolidDef& def, geometry::TriangleMesh surface) {
+inline sim::SolidDesc to_solid(const EfsiSolidDef& def) {
   sim::SolidDesc d;
-  d.surface = std::move(surface);
   d.density = def.density;
   d.youngs_modulus = def.youngs_modulus;
   d.poissons_ratio = def.poissons_ratio;
@@ -112,6 +111,10 @@ inline EfsiMeshReport to_c(const geometry::MeshReport& r) {
   c.repaired = r.repaired;
   c.thinnest_feature = r.thinnest_feature;
   c.closing_radius = r.closing_radius;
+  c.pieces = r.pieces;
+  c.joined_points = r.joined_points;
+  c.turned_triangles = r.turned_triangles;
+  c.inner_triangles = r.inner_triangles;
   return c;
 }
 

@@ -1,6 +1,7 @@
 // Purpose: what the opaque types of the C API hold.
 #pragma once
 
+#include <memory>
 #include <string>
 #include <utility>
 
@@ -12,6 +13,10 @@ struct EfsiSim {
   EfsiSim(const efsi::sim::Params& params, efsi::Log log) : simulation(params, std::move(log)) {}
   efsi::sim::Simulation simulation;
   mutable std::string last_error;  // of the last failed call, also of those that only read
+};
+
+struct EfsiSurface {
+  std::shared_ptr<const efsi::geometry::Surface> surface;
 };
 
 struct EfsiMesh {

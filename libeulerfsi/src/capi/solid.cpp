@@ -6,6 +6,7 @@
 #include "capi/guard.hpp"
 #include "capi/solid_id.hpp"
 #include "geometry/mesh_sdf.hpp"
+#include "geometry/overlap.hpp"
 #include "sim/parameter_table.inc"
 
 using namespace efsi::capi;
@@ -76,16 +77,44 @@ EfsiStatus efsi_mesh_get_view(const EfsiMesh* mesh, EfsiMeshView* view) {
 
 void efsi_mesh_destroy(EfsiMesh* mesh) { delete mesh; }
 
-EfsiStatus efsi_mesh_check(const EfsiMeshView* mesh, double voxel_size, EfsiMeshReport* report, EfsiError* error) {
+EfsiStatus efsi_surface_create(const EfsiMeshView* mesh, double voxel_size, int32_t threads,
+                               EfsiSurfaceProgress progress, void* user, EfsiSurface** surface, EfsiError* error) {
+  if (surface) *surface = nullptr;
   return guarded(error, [&] {
-    demand(mesh, "efsi_mesh_check: mesh");
-    check("efsi_mesh_check: voxel_size", voxel_size, {0.0, kInfinity, true});
-    const efsi::geometry::TriangleMesh surface = read_view(*mesh, "EfsiMeshView");
-    efsi::geometry::MeshReport found;
-    efsi::geometry::build_signed_distance(surface, efsi::sim::kRestSpacing * voxel_size, found, efsi::Log());
-    if (report) *report = to_c(found);
+    demand(mesh, "efsi_surface_create: mesh");
+    demand(surface, "efsi_surface_create: surface");
+    check("efsi_surface_create: voxel_size", voxel_size, {0.0, kInfinity, true});
+    check("efsi_surface_create: threads", threads, {0.0, 1024.0, false});
+    efsi::Progress forward;
+    if (progress) forward = efsi::Progress([&](double fraction) { return progress(user, fraction) != 0; });
+    const efsi::Parallel parallel(efsi::sim::thread_count(threads));
+    *surface = new EfsiSurface{efsi::geometry::examine(read_view(*mesh, "EfsiMeshView"),
+                                                       efsi::sim::kRestSpacing * voxel_size, parallel, forward)};
   });
 }
+
+EfsiStatus efsi_surface_get_report(const EfsiSurface* surface, EfsiMeshReport* report) {
+  if (!surface || !report) return EFSI_ERROR_ARGUMENT;
+  *report = to_c(surface->surface->report);
+  return EFSI_OK;
+}
+
+const char* efsi_surface_get_repairs(const EfsiSurface* surface) {
+  return surface ? surface->surface->report.repairs.c_str() : "";
+}
+
+EfsiStatus efsi_surface_get_overlap(const EfsiSurface* a, const EfsiSurface* b, double* depth, double* volume,
+                                    EfsiError* error) {
+  return guarded(error, [&] {
+    demand(a, "efsi_surface_get_overlap: a");
+    demand(b, "efsi_surface_get_overlap: b");
+    const efsi::geometry::Overlap found = efsi::geometry::overlap(a->surface->distance, b->surface->distance);
+    if (depth) *depth = found.depth;
+    if (volume) *volume = found.volume;
+  });
+}
+
+void efsi_surface_destroy(EfsiSurface* surface) { delete surface; }
 
 EfsiStatus efsi_solid_def_init(EfsiSolidDef* def) {
   if (!def) return EFSI_ERROR_ARGUMENT;
@@ -101,8 +130,13 @@ EfsiStatus efsi_solid_add(EfsiSim* sim, const EfsiSolidDef* def, uint32_t* id, E
     demand(def, "efsi_solid_add: def");
     check_definition(*def);
     efsi::geometry::MeshReport found;
-    const std::size_t index =
-        sim->simulation.add_solid(to_solid(*def, read_view(def->mesh, "EfsiSolidDef.mesh")), found);
+    efsi::sim::SolidDesc solid = to_solid(*def);
+    if (def->surface) {
+      solid.examined = def->surface->surface;
+    } else {
+      solid.surface = read_view(def->mesh, "EfsiSolidDef.mesh");
+    }
+    const std::size_t index = sim->simulation.add_solid(solid, found);
     if (id) *id = static_cast<uint32_t>(index + 1);
     if (report) *report = to_c(found);
   });

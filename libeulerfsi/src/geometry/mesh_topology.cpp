@@ -72,7 +72,8 @@ void trace_holes(const TriangleMesh& mesh, const std::vector<std::array<std::int
   std::sort(sides.begin(), sides.end(),
             [](const Side& a, const Side& b) { return a.from != b.from ? a.from < b.from : a.edge < b.edge; });
   std::vector<bool> used(open.size(), false);
-  std::vector<std::size_t> path;  // indices of sides walked and not yet closed
+  std::vector<std::size_t> path;                              // indices of sides walked and not yet closed
+  std::vector<std::ptrdiff_t> place(mesh.points.size(), -1);  // of the side on the path that leaves a point, -1: none
   const auto next_side = [&](std::int32_t point) {
     auto side = std::lower_bound(sides.begin(), sides.end(), point,
                                  [](const Side& s, std::int32_t value) { return s.from < value; });
@@ -80,22 +81,36 @@ void trace_holes(const TriangleMesh& mesh, const std::vector<std::array<std::int
     return side != sides.end() && side->from == point ? static_cast<std::size_t>(side - sides.begin()) : sides.size();
   };
   for (std::size_t start = 0; start < sides.size(); ++start) {
+    for (const std::size_t side : path) place[sides[side].from] = -1;
     path.clear();
     std::int32_t point = sides[start].from;
     for (std::size_t side = next_side(point); side != sides.size(); side = next_side(point)) {
       used[sides[side].edge] = true;
+      place[point] = static_cast<std::ptrdiff_t>(path.size());
       path.push_back(side);
       point = sides[side].to;
-      auto begin = std::find_if(path.begin(), path.end(), [&](std::size_t s) { return sides[s].from == point; });
-      if (begin == path.end()) continue;
+      if (place[point] < 0) continue;
+      const auto begin = path.begin() + place[point];
       double length = 0.0;
-      for (auto s = begin; s != path.end(); ++s)
+      for (auto s = begin; s != path.end(); ++s) {
         length += (mesh.points[sides[*s].to] - mesh.points[sides[*s].from]).norm();
+        place[sides[*s].from] = -1;
+      }
       path.erase(begin, path.end());
       ++topology.holes;
       topology.largest_hole = std::max(topology.largest_hole, length);
     }
   }
+}
+
+// Fills the loop first..last of points, whose edges run from each to the next and from the last to the first.
+void fill_loop(const std::vector<std::int32_t>& points, std::size_t first, std::size_t last,
+               std::vector<Triangle>& triangles) {
+  if (last - first < 2) return;
+  const std::size_t middle = first + (last - first) / 2;
+  triangles.push_back({points[first], points[middle], points[last]});
+  fill_loop(points, first, middle, triangles);
+  fill_loop(points, middle, last, triangles);
 }
 
 // Turns triangles until the two sides of every manifold edge run in opposite directions, where that is possible; in
@@ -143,6 +158,14 @@ std::uint64_t agree_with_neighbours(TriangleMesh& mesh) {
     }
   }
   return turned;
+}
+
+// Points that triangles use.
+std::size_t count_used(const TriangleMesh& mesh) {
+  std::vector<bool> used(mesh.points.size(), false);
+  for (const Triangle& t : mesh.triangles)
+    for (const std::int32_t corner : t) used[corner] = true;
+  return static_cast<std::size_t>(std::count(used.begin(), used.end(), true));
 }
 
 }  // namespace
@@ -219,7 +242,43 @@ Topology analyse_topology(const TriangleMesh& welded) {
   return topology;
 }
 
-OrientationRepair orient_outwards(TriangleMesh& welded) {
+std::vector<Triangle> closing_triangles(const TriangleMesh& welded) {
+  std::vector<std::array<std::int32_t, 2>> missing;  // edges in the direction that the closing triangles run along
+  const std::vector<HalfEdge> edges = sorted_half_edges(welded);
+  for_each_edge(edges, [&](std::size_t begin, std::size_t end) {
+    std::ptrdiff_t surplus = 0;
+    for (std::size_t e = begin; e < end; ++e) surplus += edges[e].forward ? 1 : -1;
+    const std::int32_t low = edges[begin].low, high = edges[begin].high;
+    missing.insert(missing.end(), static_cast<std::size_t>(std::abs(surplus)),
+                   surplus > 0 ? std::array{high, low} : std::array{low, high});
+  });
+  // As many missing edges end at a point as begin there: every walk comes back.
+  std::sort(missing.begin(), missing.end());
+  std::vector<std::size_t> next(welded.points.size() + 1, 0);  // per point, its first edge not yet walked
+  for (const auto& edge : missing) ++next[edge[0] + 1];
+  std::partial_sum(next.begin(), next.end(), next.begin());
+  const std::vector<std::size_t> first = next;
+  std::vector<std::int32_t> path, loop, place(welded.points.size(), -1);  // place on the path, -1: not there
+  std::vector<Triangle> triangles;
+  for (const auto& start : missing) {
+    std::int32_t point = start[0];
+    while (next[point] < first[point + 1]) {
+      place[point] = static_cast<std::int32_t>(path.size());
+      path.push_back(point);
+      point = missing[next[point]++][1];
+      if (place[point] < 0) continue;
+      loop.assign(path.begin() + place[point], path.end());
+      for (const std::int32_t p : loop) place[p] = -1;
+      path.resize(path.size() - loop.size());
+      fill_loop(loop, 0, loop.size() - 1, triangles);
+    }
+  }
+  return triangles;
+}
+
+namespace {
+
+OrientationRepair turn_outwards(TriangleMesh& welded) {
   OrientationRepair repair;
   repair.turned_triangles = agree_with_neighbours(welded);
   if (signed_volume(welded) < 0.0) {
@@ -263,12 +322,23 @@ OrientationRepair orient_outwards(TriangleMesh& welded) {
   return repair;
 }
 
+}  // namespace
+
+OrientationRepair orient_outwards(TriangleMesh& welded) {
+  const std::vector<Triangle> before = welded.triangles;
+  OrientationRepair repair = turn_outwards(welded);
+  for (std::size_t i = 0; i < before.size(); ++i) repair.changed_triangles += before[i] != welded.triangles[i];
+  return repair;
+}
+
 MeshReport inspect(const TriangleMesh& mesh) {
   MeshReport report;
   report.triangles = mesh.triangles.size();
   if (mesh.triangles.empty()) return report;
   const Extents box = extents(mesh);
-  const Topology topology = analyse_topology(weld(mesh));
+  const TriangleMesh welded = weld(mesh);
+  const Topology topology = analyse_topology(welded);
+  report.joined_points = static_cast<std::uint32_t>(count_used(mesh) - count_used(welded));
   report.surface_volume = signed_volume(mesh);
   report.extent_min = box.min;
   report.extent_max = box.max;

@@ -28,24 +28,27 @@ struct Topology {
   std::vector<bool> part_closed;  // per part: every edge has two triangles, consistently oriented
 
   bool closed() const { return open_edges == 0; }
-  // One closed, consistently oriented, manifold surface.
-  bool simple() const { return closed() && nonmanifold_edges == 0 && inconsistent_edges == 0 && parts == 1; }
 };
 
 // Edges, holes and parts of a welded mesh.
 Topology analyse_topology(const TriangleMesh& welded);
 
+// Triangles that close a welded mesh: with them every edge is run along as often one way as the other, so that the
+// winding number is whole everywhere. Each loop of unbalanced edges is filled by halving it again and again.
+std::vector<Triangle> closing_triangles(const TriangleMesh& welded);
+
 struct OrientationRepair {
-  std::uint64_t turned_triangles = 0;  // turned to agree with their neighbours
-  std::int32_t turned_parts = 0;       // parts that were inside out
-  bool turned_mesh = false;            // the mesh as a whole was inside out
+  std::uint64_t turned_triangles = 0;   // turned to agree with their neighbours
+  std::int32_t turned_parts = 0;        // parts that were inside out
+  bool turned_mesh = false;             // the mesh as a whole was inside out
+  std::uint64_t changed_triangles = 0;  // that run the other way now than before, by all of these together
 };
 
 // Turns triangles of a welded mesh so that neighbours agree and the normals point out of the solid: the whole mesh when
 // its volume is negative, then every closed part that is inside out and is not the wall of a cavity.
 OrientationRepair orient_outwards(TriangleMesh& welded);
 
-// A report of what the mesh is like as given; solid_volume, thinnest_feature, repaired are left to the solid's builder.
+// A report of what the mesh is like as given; what only the solid shows is left to its builder.
 MeshReport inspect(const TriangleMesh& mesh);
 
 }  // namespace efsi::geometry

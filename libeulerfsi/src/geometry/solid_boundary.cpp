@@ -36,36 +36,65 @@ void add_triangle(TriangleMesh& mesh, const Vec3d& a, const Vec3d& b, const Vec3
   mesh.triangles.push_back({first, first + 1, first + 2});
 }
 
-// Adds what bounds the solid of one triangle; returns whether that is all of it.
-template <class Bounds>
-bool add_bounding_pieces(const std::array<Vec3d, 3>& t, double spacing, const Bounds& bounds, TriangleMesh& boundary) {
-  const Vec3d e1 = t[1] - t[0], e2 = t[2] - t[0], twice_area = e1.cross(e2);
-  if (twice_area.squaredNorm() == 0.0) return true;
-  const Vec3d normal = twice_area.normalized();
-  const double longest = std::sqrt(std::max({e1.squaredNorm(), e2.squaredNorm(), (t[2] - t[1]).squaredNorm()}));
-  const int cuts = std::max(1, static_cast<int>(std::ceil(longest / spacing)));
-  const auto at = [&](int i, int j) -> Vec3d { return t[0] + (i * e1 + j * e2) / cuts; };
-  const std::size_t points_before = boundary.points.size(), triangles_before = boundary.triangles.size();
-  bool all = true;
-  const auto piece = [&](const Vec3d& a, const Vec3d& b, const Vec3d& c) {
-    if (bounds((a + b + c) / 3.0, normal)) {
-      add_triangle(boundary, a, b, c);
-    } else {
-      all = false;
-    }
-  };
-  for (int i = 0; i < cuts; ++i) {
-    for (int j = 0; i + j < cuts; ++j) {
-      piece(at(i, j), at(i + 1, j), at(i, j + 1));
-      if (i + j + 1 < cuts) piece(at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
+// A triangle cut to pieces of about one spacing, all alike.
+struct Cut {
+  Cut(const TriangleMesh& mesh, const Triangle& t, double spacing)
+      : a(mesh.points[t[0]]), e1(mesh.points[t[1]] - a), e2(mesh.points[t[2]] - a) {
+    const Vec3d e3 = mesh.points[t[2]] - mesh.points[t[1]], twice_area = e1.cross(e2);
+    normal = twice_area.normalized();
+    const double longest = std::sqrt(std::max({e1.squaredNorm(), e2.squaredNorm(), e3.squaredNorm()}));
+    cuts = twice_area.squaredNorm() == 0.0 ? 0 : std::max(1, static_cast<int>(std::ceil(longest / spacing)));
+  }
+
+  std::size_t pieces() const { return static_cast<std::size_t>(cuts) * cuts; }
+  Vec3d at(int i, int j) const { return a + (i * e1 + j * e2) / cuts; }
+
+  // Calls visit(corner, corner, corner) for each piece.
+  template <class Visit>
+  void for_each(const Visit& visit) const {
+    for (int i = 0; i < cuts; ++i) {
+      for (int j = 0; i + j < cuts; ++j) {
+        visit(at(i, j), at(i + 1, j), at(i, j + 1));
+        if (i + j + 1 < cuts) visit(at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
+      }
     }
   }
-  if (all) {  // whole again
-    boundary.points.resize(points_before);
-    boundary.triangles.resize(triangles_before);
-    add_triangle(boundary, t[0], t[1], t[2]);
+
+  Vec3d a, e1, e2, normal;
+  int cuts;  // along an edge; 0: the triangle has no area
+};
+
+// For every piece of every triangle whether it bounds the solid: the winding number passes 1/2 across it.
+std::vector<char> bounding_pieces(const TriangleMesh& mesh, const std::vector<std::size_t>& first_piece,
+                                  const SignedDistance& distance, const WindingField& winding, bool trust_cells,
+                                  const Parallel& parallel, const Progress& progress) {
+  const double step = 1e-3 * distance.spacing;
+  const auto triangles = static_cast<std::int64_t>(mesh.triangles.size());
+  std::vector<char> bounds(first_piece.back(), 0);
+  std::vector<Vec3d> middles(bounds.size());
+  parallel.for_each(triangles, [&](std::int64_t t) {
+    std::size_t piece = first_piece[t];
+    Cut(mesh, mesh.triangles[t], distance.spacing).for_each([&](const Vec3d& a, const Vec3d& b, const Vec3d& c) {
+      middles[piece] = (a + b + c) / 3.0;
+      bounds[piece] = trust_cells && cell_is_cut(distance, winding.at_nodes(), middles[piece]);
+      ++piece;
+    });
+  });
+  std::vector<std::size_t> open;  // pieces that need a test
+  std::vector<Vec3d> points;      // in front of each and behind it
+  for (std::size_t t = 0; t + 1 < first_piece.size(); ++t) {
+    const Vec3d offset = step * Cut(mesh, mesh.triangles[t], distance.spacing).normal;
+    for (std::size_t piece = first_piece[t]; piece < first_piece[t + 1]; ++piece) {
+      if (bounds[piece]) continue;
+      open.push_back(piece);
+      points.push_back(middles[piece] + offset);
+      points.push_back(middles[piece] - offset);
+    }
   }
-  return all;
+  const std::vector<float> numbers = winding.at(points, parallel, progress);
+  for (std::size_t i = 0; i < open.size(); ++i)
+    bounds[open[i]] = (numbers[2 * i] > kInsideWinding) != (numbers[2 * i + 1] > kInsideWinding);
+  return bounds;
 }
 
 struct Corner {
@@ -115,24 +144,24 @@ void add_cap(const std::array<Corner, 4>& corners, TriangleMesh& boundary, std::
   }
 }
 
-void add_caps(const SignedDistance& distance, const std::vector<float>& winding, SolidBoundary& boundary) {
-  for (int k = 0; k + 1 < distance.size[2]; ++k) {
-    for (int j = 0; j + 1 < distance.size[1]; ++j) {
-      for (int i = 0; i + 1 < distance.size[0]; ++i) {
-        std::array<Corner, 8> corners;
-        int inside = 0;
-        for (int c = 0; c < 8; ++c) {
-          const int x = i + (c & 1), y = j + (c >> 1 & 1), z = k + (c >> 2 & 1);
-          const std::size_t at = distance.index(x, y, z);
-          corners[c] = {distance.node(x, y, z), winding[at], distance.values[at] / distance.spacing};
-          inside += is_inside(corners[c]);
-        }
-        if (inside == 0 || inside == 8) continue;
-        for (const auto& t : kKuhnTetrahedra) {
-          const std::array<Corner, 4> tetrahedron = {corners[t[0]], corners[t[1]], corners[t[2]], corners[t[3]]};
-          const auto ins = std::count_if(tetrahedron.begin(), tetrahedron.end(), is_inside);
-          if (ins != 0 && ins != 4) add_cap(tetrahedron, boundary.mesh, boundary.cap_triangles);
-        }
+// Caps of the cells between two slabs of nodes.
+void add_caps(const SignedDistance& distance, const std::vector<float>& winding, int k, SolidBoundary& boundary) {
+  for (int j = 0; j + 1 < distance.size[1]; ++j) {
+    for (int i = 0; i + 1 < distance.size[0]; ++i) {
+      std::array<Corner, 8> corners;
+      int inside = 0;
+      for (int c = 0; c < 8; ++c)
+        inside += winding[distance.index(i + (c & 1), j + (c >> 1 & 1), k + (c >> 2 & 1))] > kInsideWinding;
+      if (inside == 0 || inside == 8) continue;
+      for (int c = 0; c < 8; ++c) {
+        const int x = i + (c & 1), y = j + (c >> 1 & 1), z = k + (c >> 2 & 1);
+        const std::size_t at = distance.index(x, y, z);
+        corners[c] = {distance.node(x, y, z), winding[at], distance.values[at] / distance.spacing};
+      }
+      for (const auto& t : kKuhnTetrahedra) {
+        const std::array<Corner, 4> tetrahedron = {corners[t[0]], corners[t[1]], corners[t[2]], corners[t[3]]};
+        const auto ins = std::count_if(tetrahedron.begin(), tetrahedron.end(), is_inside);
+        if (ins != 0 && ins != 4) add_cap(tetrahedron, boundary.mesh, boundary.cap_triangles);
       }
     }
   }
@@ -140,62 +169,40 @@ void add_caps(const SignedDistance& distance, const std::vector<float>& winding,
 
 }  // namespace
 
-std::vector<float> node_winding_numbers(const TriangleTree& tree, const SignedDistance& distance, bool balanced) {
-  const std::size_t nodes = distance.values.size();
-  std::vector<float> winding(nodes, 0.0f);
-  // Two neighbouring nodes that are both farther than one spacing from the surface have none of it between them.
-  const float close = balanced ? static_cast<float>(distance.spacing) : std::numeric_limits<float>::infinity();
-  const std::size_t row = distance.size[0], slab = row * distance.size[1];
-  std::vector<bool> known(nodes, false);
-  std::vector<std::size_t> region;
-  for (int k = 0; k < distance.size[2]; ++k) {
-    for (int j = 0; j < distance.size[1]; ++j) {
-      for (int i = 0; i < distance.size[0]; ++i) {
-        const std::size_t at = distance.index(i, j, k);
-        if (known[at]) continue;
-        known[at] = true;
-        winding[at] = static_cast<float>(tree.winding_number(distance.node(i, j, k)));
-        if (distance.values[at] <= close) continue;
-        region.assign(1, at);
-        while (!region.empty()) {
-          const std::size_t here = region.back();
-          region.pop_back();
-          const std::size_t x = here % row, y = here % slab / row, z = here / slab;
-          const auto visit = [&](bool exists, std::size_t next) {
-            if (!exists || known[next] || distance.values[next] <= close) return;
-            known[next] = true;
-            winding[next] = winding[at];
-            region.push_back(next);
-          };
-          visit(x > 0, here - 1);
-          visit(x + 1 < row, here + 1);
-          visit(y > 0, here - row);
-          visit(here % slab + row < slab, here + row);
-          visit(z > 0, here - slab);
-          visit(here + slab < nodes, here + slab);
-        }
-      }
+SolidBoundary solid_boundary(const TriangleMesh& mesh, const SignedDistance& distance, const WindingField& winding,
+                             bool trust_cells, const Parallel& parallel, const Progress& progress) {
+  std::vector<std::size_t> first_piece = {0};
+  for (const Triangle& t : mesh.triangles)
+    first_piece.push_back(first_piece.back() + Cut(mesh, t, distance.spacing).pieces());
+  const std::vector<char> bounds =
+      bounding_pieces(mesh, first_piece, distance, winding, trust_cells, parallel, progress);
+  SolidBoundary boundary;
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    const auto begin = bounds.begin() + static_cast<std::ptrdiff_t>(first_piece[t]);
+    const auto end = bounds.begin() + static_cast<std::ptrdiff_t>(first_piece[t + 1]);
+    if (std::find(begin, end, 0) == end) {  // whole
+      const Triangle& corner = mesh.triangles[t];
+      if (begin != end)
+        add_triangle(boundary.mesh, mesh.points[corner[0]], mesh.points[corner[1]], mesh.points[corner[2]]);
+      continue;
+    }
+    ++boundary.inner_triangles;
+    auto piece = begin;
+    Cut(mesh, mesh.triangles[t], distance.spacing).for_each([&](const Vec3d& a, const Vec3d& b, const Vec3d& c) {
+      if (*piece++) add_triangle(boundary.mesh, a, b, c);
+    });
+  }
+  if (!winding.balanced()) {
+    std::vector<SolidBoundary> caps(distance.size[2] - 1);
+    parallel.for_each(static_cast<std::int64_t>(caps.size()),
+                      [&](std::int64_t k) { add_caps(distance, winding.at_nodes(), static_cast<int>(k), caps[k]); });
+    for (const SolidBoundary& slab : caps) {
+      boundary.cap_triangles += slab.cap_triangles;
+      for (const Triangle& t : slab.mesh.triangles)
+        add_triangle(boundary.mesh, slab.mesh.points[t[0]], slab.mesh.points[t[1]], slab.mesh.points[t[2]]);
     }
   }
-  return winding;
-}
-
-SolidBoundary solid_boundary(const TriangleMesh& mesh, const TriangleTree& tree, const SignedDistance& distance,
-                             const std::vector<float>& winding, bool balanced, bool trust_cells) {
-  SolidBoundary boundary;
-  const double step = 1e-3 * distance.spacing;
-  const auto bounds = [&](const Vec3d& middle, const Vec3d& normal) {
-    if (trust_cells && cell_is_cut(distance, winding, middle)) return true;
-    const bool front = tree.winding_number(middle + step * normal) > kInsideWinding;
-    const bool back = tree.winding_number(middle - step * normal) > kInsideWinding;
-    return front != back;
-  };
-  for (const Triangle& t : mesh.triangles) {
-    const std::array<Vec3d, 3> corners = {mesh.points[t[0]], mesh.points[t[1]], mesh.points[t[2]]};
-    if (!add_bounding_pieces(corners, distance.spacing, bounds, boundary.mesh)) boundary.differs = true;
-  }
-  if (!balanced) add_caps(distance, winding, boundary);
-  boundary.differs = boundary.differs || boundary.cap_triangles > 0;
+  boundary.differs = boundary.inner_triangles + boundary.cap_triangles > 0;
   return boundary;
 }
 

@@ -1,6 +1,8 @@
 // Purpose: the smallest thickness of a solid, measured by rays from its surface to the opposite one.
 #pragma once
 
+#include "base/parallel.hpp"
+#include "base/progress.hpp"
 #include "geometry/triangle_mesh.hpp"
 #include "geometry/triangle_tree.hpp"
 
@@ -10,6 +12,7 @@ namespace efsi::geometry {
 // end where they leave the solid through a surface that faces them within 45 degrees; the first percentile of
 // their lengths. A plate gives its thickness, a ball its diameter, a box its shortest edge. 0: no ray found one.
 // mesh: oriented outwards, tree: over the same mesh.
-double thinnest_feature(const TriangleMesh& mesh, const TriangleTree& tree);
+double thinnest_feature(const TriangleMesh& mesh, const TriangleTree& tree, const Parallel& parallel = Parallel(),
+                        const Progress& progress = Progress());
 
 }  // namespace efsi::geometry

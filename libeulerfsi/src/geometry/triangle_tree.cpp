@@ -4,16 +4,24 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
+
+#include "geometry/winding_kernel.hpp"
 
 namespace efsi::geometry {
 
 namespace {
 
-constexpr std::int32_t kLeafSize = 8;
 constexpr double kFarFactor = 3.0;  // a node is far when X is farther than this many radii
+
+// Beyond this many half edges of a cube the field of a node is smooth enough to be interpolated in the cube.
+constexpr double kSmoothFactor = 2.5;
+constexpr std::size_t kManyPoints = 128;  // from here on an interpolation is worth it
+constexpr std::size_t kFewPoints = 16;    // up to here a cube is not divided
+constexpr std::int64_t kFewNear = 8;      // nodes close to a cube that is not divided
 
 // atan2 to 1e-9 by the Taylor series after one halving of the angle: the bits are the same on every machine, which
 // those of the C library are not.
@@ -56,13 +64,13 @@ bool ray_meets_box(const Vec3d& origin, const Vec3d& inverse, const Vec3d& min, 
 
 }  // namespace
 
-TriangleTree::TriangleTree(const TriangleMesh& mesh) {
+TriangleTree::TriangleTree(const TriangleMesh& mesh, std::int32_t leaf_size) : leaf_size_(leaf_size) {
   corners_.reserve(mesh.triangles.size());
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
     const Triangle& t = mesh.triangles[i];
     corners_.push_back({mesh.points[t[0]], mesh.points[t[1]], mesh.points[t[2]], static_cast<std::int32_t>(i)});
   }
-  nodes_.reserve(corners_.size() / 2 + 1);
+  nodes_.reserve(4 * corners_.size() / static_cast<std::size_t>(leaf_size_) + 1);
   if (!corners_.empty()) build(0, static_cast<std::int32_t>(corners_.size()));
 }
 
@@ -98,7 +106,7 @@ void TriangleTree::build(std::int32_t begin, std::int32_t end) {
   const Vec3d reach = (node.max - node.centre).cwiseMax(node.centre - node.min);
   node.far_distance_squared = kFarFactor * kFarFactor * reach.squaredNorm();
 
-  if (end - begin > kLeafSize) {
+  if (end - begin > leaf_size_) {
     // Halves by the order of the triangle centres along the longest side; equal centres by index, so that the tree
     // depends on the mesh alone.
     int axis = 0;
@@ -139,6 +147,127 @@ double TriangleTree::winding_number(const Vec3d& X) const {
     }
   }
   return near + far / (4.0 * std::numbers::pi);
+}
+
+// Points of a cube and what was summed up at them.
+struct TriangleTree::Targets {
+  std::vector<Vec3d> points;
+  std::vector<double> winding;
+  std::vector<bool> on_surface;
+};
+
+// Adds the winding numbers of the nodes `sources` and all below. What is not far from the cube is left to its eighths,
+// which are farther from it for their size.
+void TriangleTree::add_winding(const Vec3d& centre, double half, const std::vector<std::int32_t>& sources,
+                               Targets& targets) const {
+  WindingSum sum(centre, targets.points);
+  const bool interpolate = targets.points.size() >= kManyPoints;
+  std::vector<Vec3d> support;
+  if (interpolate) support = CubeInterpolation::support(centre, half);
+  WindingSum smooth(centre, support);
+  const double radius = std::sqrt(3.0) * half, smooth_distance = kSmoothFactor * half;
+  std::int64_t near_triangles = 0;
+  std::vector<std::int32_t> near, stack(sources.rbegin(), sources.rend());
+  const bool divide = targets.points.size() > kFewPoints;
+  while (!stack.empty()) {
+    const std::int32_t index = stack.back();
+    stack.pop_back();
+    const Node& node = nodes_[index];
+    const double distance = (node.centre - centre).norm(), nearest = std::max(0.0, distance - radius);
+    if (nearest * nearest > node.far_distance_squared) {
+      (interpolate && distance > smooth_distance ? smooth : sum).add_far(node.centre, node.area_normal, node.moment);
+    } else if (node.right == 0 || (divide && radius * radius > node.far_distance_squared)) {
+      near.push_back(index);  // the cube is large for the node
+      near_triangles += node.end - node.begin;
+    } else {
+      stack.push_back(node.right);
+      stack.push_back(index + 1);
+    }
+  }
+  const bool eighths = divide && near_triangles > kFewNear;
+  if (!eighths) {
+    for (const std::int32_t index : near) {
+      const Node& node = nodes_[index];
+      for (std::int32_t i = node.begin; i < node.end; ++i) sum.add_near(corners_[i].a, corners_[i].b, corners_[i].c);
+    }
+  }
+  sum.add_to(targets.winding, targets.on_surface);
+  if (interpolate) {
+    std::vector<double> values(support.size(), 0.0);
+    std::vector<bool> none(support.size(), false);
+    smooth.add_to(values, none);
+    const CubeInterpolation interpolation(centre, half, values);
+    for (std::size_t i = 0; i < targets.points.size(); ++i) targets.winding[i] += interpolation.at(targets.points[i]);
+  }
+  if (!eighths) return;
+  std::array<std::vector<std::size_t>, 8> members;
+  for (std::size_t i = 0; i < targets.points.size(); ++i) {
+    const Vec3d& X = targets.points[i];
+    members[(X.x() > centre.x()) | (X.y() > centre.y()) << 1 | (X.z() > centre.z()) << 2].push_back(i);
+  }
+  for (int c = 0; c < 8; ++c) {
+    Targets eighth;
+    for (const std::size_t i : members[c]) {
+      eighth.points.push_back(targets.points[i]);
+      eighth.winding.push_back(targets.winding[i]);
+      eighth.on_surface.push_back(targets.on_surface[i]);
+    }
+    if (eighth.points.empty()) continue;
+    const Vec3d way(c & 1 ? 0.5 : -0.5, c & 2 ? 0.5 : -0.5, c & 4 ? 0.5 : -0.5);
+    add_winding(centre + half * way, 0.5 * half, near, eighth);
+    for (std::size_t m = 0; m < members[c].size(); ++m) {
+      targets.winding[members[c][m]] = eighth.winding[m];
+      targets.on_surface[members[c][m]] = eighth.on_surface[m];
+    }
+  }
+}
+
+void TriangleTree::winding_numbers(const Vec3d& centre, double half, const std::vector<Vec3d>& points,
+                                   std::vector<double>& winding, std::vector<bool>& on_surface) const {
+  Targets targets{points, std::vector<double>(points.size(), 0.0), std::vector<bool>(points.size(), false)};
+  if (!nodes_.empty() && !points.empty()) add_winding(centre, half, {0}, targets);
+  winding = std::move(targets.winding);
+  on_surface = std::move(targets.on_surface);
+}
+
+namespace {
+
+// On which side of the directed edge p -> q the line from `origin` along `direction` passes: the same answer for both
+// directions of an edge, up to the sign.
+bool passes_left(const Vec3d& p, const Vec3d& q, const Vec3d& origin, const Vec3d& direction) {
+  const bool ordered = std::lexicographical_compare(p.data(), p.data() + 3, q.data(), q.data() + 3);
+  const Vec3d &low = ordered ? p : q, &high = ordered ? q : p;
+  return (direction.dot((low - origin).cross(high - origin)) > 0.0) == ordered;
+}
+
+}  // namespace
+
+int TriangleTree::winding_change(const Vec3d& from, const Vec3d& to) const {
+  const Vec3d low = from.cwiseMin(to), high = from.cwiseMax(to), direction = to - from;
+  int change = 0;
+  std::int32_t stack[64];
+  int top = 0;
+  if (!nodes_.empty()) stack[top++] = 0;
+  while (top > 0) {
+    const std::int32_t index = stack[--top];
+    const Node& node = nodes_[index];
+    if ((low.array() > node.max.array()).any() || (high.array() < node.min.array()).any()) continue;
+    if (node.right != 0) {
+      stack[top++] = node.right;
+      stack[top++] = index + 1;
+      continue;
+    }
+    for (std::int32_t i = node.begin; i < node.end; ++i) {
+      const Corners& t = corners_[i];
+      const Vec3d normal = (t.b - t.a).cross(t.c - t.a);
+      const bool from_front = normal.dot(from - t.a) > 0.0, to_front = normal.dot(to - t.a) > 0.0;
+      if (from_front == to_front) continue;
+      const bool left = passes_left(t.a, t.b, from, direction);
+      if (left == passes_left(t.b, t.c, from, direction) && left == passes_left(t.c, t.a, from, direction))
+        change += to_front ? -1 : 1;
+    }
+  }
+  return change;
 }
 
 void TriangleTree::cast(const Vec3d& origin, const Vec3d& direction, std::vector<Hit>& hits) const {

@@ -13,7 +13,10 @@ namespace efsi::geometry {
 
 class TriangleTree {
  public:
-  explicit TriangleTree(const TriangleMesh& mesh);
+  static constexpr std::int32_t kLeafSize = 8;
+
+  // leaf_size: triangles that are not divided further; 1 is best for winding_numbers().
+  explicit TriangleTree(const TriangleMesh& mesh, std::int32_t leaf_size = kLeafSize);
 
   // Generalized winding number at X; the sums run in one fixed order.
   double winding_number(const Vec3d& X) const;
@@ -23,6 +26,18 @@ class TriangleTree {
     double cosine;          // of the angle between the ray and the normal of the triangle; > 0: the ray leaves
     std::int32_t triangle;  // index in the mesh
   };
+
+  // Winding numbers at points in the cube of edge 2 `half` around `centre`, the same up to 2e-3 and much faster for
+  // many points: they share the walk through the tree, and far triangles are interpolated. on_surface[i]: point i lies
+  // so close to a triangle that rounding decides on its side.
+  void winding_numbers(const Vec3d& centre, double half, const std::vector<Vec3d>& points, std::vector<double>& winding,
+                       std::vector<bool>& on_surface) const;
+
+  // w(to) - w(from) for a closed surface, counted at the triangles that the segment passes. Neighbouring triangles
+  // agree on which of them a segment through their edge passes. Neither end may lie on the surface.
+  int winding_change(const Vec3d& from, const Vec3d& to) const;
+
+  bool empty() const { return nodes_.empty(); }
 
   // Where the ray origin + t direction, t > 0, meets triangles, sorted by t. direction: unit vector.
   void cast(const Vec3d& origin, const Vec3d& direction, std::vector<Hit>& hits) const;
@@ -44,6 +59,10 @@ class TriangleTree {
 
   void build(std::int32_t begin, std::int32_t end);
 
+  struct Targets;
+  void add_winding(const Vec3d& centre, double half, const std::vector<std::int32_t>& sources, Targets& targets) const;
+
+  std::int32_t leaf_size_;
   std::vector<Corners> corners_;
   std::vector<Node> nodes_;
 };

@@ -9,7 +9,7 @@
 
 #include "base/error.hpp"
 #include "fluid/forces.hpp"
-#include "geometry/mesh_sdf.hpp"
+#include "geometry/overlap.hpp"
 #include "sim/checkpoint.hpp"
 #include "solid/displacement.hpp"
 #include "solid/mass.hpp"
@@ -26,8 +26,10 @@ constexpr double kRetryStrain = 0.5;        // strain of a compressible solid, w
 constexpr double kLostShare = 0.1;          // of a solid's elements; more degenerate ones than that: its shape is lost
 constexpr std::uint64_t kLostElements = 8;  // and no fewer than these
 
-int thread_count(int requested) {
-  return requested > 0 ? requested : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+std::string number(double value) {
+  std::ostringstream text;
+  text << value;
+  return text.str();
 }
 
 [[noreturn]] void refuse(const std::string& field, double value, const std::string& limit) {
@@ -79,6 +81,10 @@ bool finite(const Parallel& parallel, const grid::VectorField& field) {
 
 }  // namespace
 
+int thread_count(int requested) {
+  return requested > 0 ? requested : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+}
+
 Simulation::Simulation(const Params& params, Log log)
     : params_(params), log_(std::move(log)), parallel_(thread_count(params.threads)) {
   validate(params_);
@@ -105,8 +111,15 @@ std::size_t Simulation::add_solid(const SolidDesc& desc, geometry::MeshReport& r
   rest.rayleigh_alpha = desc.rayleigh_alpha;
   rest.rayleigh_beta = desc.rayleigh_beta;
   rest.compressible = desc.compressible;
-  rest.distance = geometry::build_signed_distance(desc.surface, kRestSpacing * grid_.h, report, log_);
-  rest.surface = desc.surface;
+  const double spacing = kRestSpacing * grid_.h;
+  const auto surface = desc.examined ? desc.examined : geometry::examine(desc.surface, spacing, parallel_);
+  if (surface->distance.spacing != spacing)
+    refuse("EfsiSolidDef.surface: made for voxel_size", surface->distance.spacing / kRestSpacing,
+           "the simulation's, " + number(grid_.h));
+  report = surface->report;
+  if (report.repaired) log_.warning("mesh repaired: " + report.repairs);
+  rest.distance = surface->distance;
+  rest.surface = surface->mesh;
   rest.volume = report.solid_volume;
   rest.area = geometry::surface_area(rest.surface);
   if (!(rest.volume > 0.0)) throw Error(ErrorCode::kMesh, "EfsiSolidDef.mesh: encloses no volume");
@@ -120,6 +133,14 @@ std::size_t Simulation::add_solid(const SolidDesc& desc, geometry::MeshReport& r
            << axis[a] << ", the domain from " << params_.domain_min[a] << " to " << top[a];
       throw Error(ErrorCode::kArgument, text.str());
     }
+  for (std::size_t other = 0; other < solids_.size(); ++other) {
+    const geometry::Overlap found = geometry::overlap(solids_[other].distance, rest.distance, parallel_);
+    if (found.depth <= kMostOverlap * grid_.h) continue;
+    throw Error(ErrorCode::kArgument,
+                "EfsiSolidDef.mesh: solid " + std::to_string(solids_.size() + 1) + " overlaps solid " +
+                    std::to_string(other + 1) + " by " + number(found.depth) + " m (" + number(found.volume) +
+                    " m^3): must be at most half a voxel, " + number(kMostOverlap * grid_.h) + " m");
+  }
   if (report.thinnest_feature < 2.0 * grid_.h) {
     std::ostringstream text;
     text << "solid " << solids_.size() + 1 << ": its thinnest feature is about " << report.thinnest_feature
@@ -139,14 +160,14 @@ std::size_t Simulation::add_solid(const SolidDesc& desc, geometry::MeshReport& r
   solid::move_band(state, solid::make_band(grid_, lo, hi));
   const grid::Grid& g = state.band.grid;
   std::fill(state.valid.begin(), state.valid.end(), solid::kKnown);
-  const Vec3d center = geometry::center_of_volume(desc.surface);
+  const Vec3d center = geometry::center_of_volume(rest.surface);
   for (int k = 0; k <= g.cells[2]; ++k)
     for (int j = 0; j <= g.cells[1]; ++j)
       for (int i = 0; i <= g.cells[0]; ++i) {
         const Vec3d v = desc.velocity + desc.angular_velocity.cross(g.node_position(i, j, k) - center);
         state.v.set(g.node(i, j, k), v.cast<Real>());
       }
-  state.surface = desc.surface.points;
+  state.surface = rest.surface.points;
   double speed = 0.0;
   for (const Vec3d& x : state.surface)
     speed = std::max(speed, (desc.velocity + desc.angular_velocity.cross(x - center)).cwiseAbs().maxCoeff());

@@ -9,7 +9,7 @@
 
 #include "base/log.hpp"
 #include "base/parallel.hpp"
-#include "geometry/triangle_mesh.hpp"
+#include "geometry/mesh_sdf.hpp"
 #include "sim/params.hpp"
 #include "sim/profile.hpp"
 #include "sim/state.hpp"
@@ -21,9 +21,16 @@ namespace efsi::sim {
 // Spacing of a rest shape's distance field, in voxels.
 inline constexpr double kRestSpacing = 0.5;
 
+// Solids may overlap by so many voxels where they start.
+inline constexpr double kMostOverlap = 0.5;
+
+// Threads to use: as many as asked for; 0: one per processor.
+int thread_count(int requested);
+
 // An elastic solid as the caller describes it (EfsiSolidDef).
 struct SolidDesc {
-  geometry::TriangleMesh surface;  // rest shape where it starts [m]
+  geometry::TriangleMesh surface;                     // rest shape where it starts [m]
+  std::shared_ptr<const geometry::Surface> examined;  // stands in for `surface` where it is given
   double density = 1000.0;
   double youngs_modulus = 2e4;
   double poissons_ratio = 0.3;

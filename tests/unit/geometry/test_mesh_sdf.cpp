@@ -15,6 +15,7 @@
 using namespace efsi;
 using namespace efsi::geometry;
 using Catch::Matchers::Contains;
+using Catch::Matchers::Equals;
 
 namespace {
 
@@ -24,12 +25,10 @@ struct Built {
   std::string warnings;
 };
 
-Built build(const TriangleMesh& mesh, double spacing) {
+Built build(const TriangleMesh& mesh, double spacing, int threads = 2) {
   Built built;
-  const Log log([&](LogLevel level, const std::string& text) {
-    if (level == LogLevel::kWarning) built.warnings += text + "\n";
-  });
-  built.phi = build_signed_distance(mesh, spacing, built.report, log);
+  built.phi = build_signed_distance(mesh, spacing, built.report, Parallel(threads));
+  built.warnings = built.report.repairs;
   return built;
 }
 
@@ -199,13 +198,69 @@ TEST_CASE("What is no solid at this spacing is refused with a reason") {
   CHECK_THAT(refusal(box, 1e-5, ErrorCode::kMemory), Contains("GB"));
 }
 
-TEST_CASE("The field is the same for any number of TBB threads", "[law]") {
+TEST_CASE("The field is the same for any number of threads, TBB's too", "[law]") {
   const TriangleMesh mesh =
       shapes::together(shapes::torus(0.8, 0.3, 120, 60), shapes::box({-0.2, -1, -0.2}, {0.2, 1, 0.2}, true));
   std::vector<SignedDistance> fields;
   for (const std::size_t threads : {1, 2, 3, 8}) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-    fields.push_back(build(mesh, 0.09).phi);
+    for (const int own : {1, 3, 8}) fields.push_back(build(mesh, 0.09, own).phi);
   }
   for (const SignedDistance& field : fields) CHECK(field.values == fields[0].values);
+}
+
+TEST_CASE("The report says what was repaired, and nothing of clean pieces") {
+  const TriangleMesh ball = shapes::sphere(0.4, 12), other = shapes::sphere(0.3, 10, {1.2, 0, 0});
+  const Built apart = build(shapes::together(ball, other), 0.05);
+  CHECK(apart.warnings.empty());
+  CHECK_FALSE(apart.report.repaired);
+  CHECK(apart.report.pieces == 2);
+  CHECK(apart.report.inner_triangles == 0);
+
+  const Built turned = build(shapes::together(ball, shapes::inside_out(other)), 0.05);
+  CHECK_THAT(turned.warnings, Contains("1 of 2 pieces inside out: turned"));
+  CHECK(turned.report.turned_triangles == other.triangles.size());
+  CHECK(turned.report.repaired);
+
+  TriangleMesh one = ball;
+  std::swap(one.triangles[7][0], one.triangles[7][1]);
+  const Built single = build(one, 0.05);
+  CHECK_THAT(single.warnings, Equals("1 triangle against its neighbours: turned"));
+  CHECK(single.report.turned_triangles == 1);
+
+  TriangleMesh soup;  // every triangle with points of its own
+  for (const Triangle& t : ball.triangles) {
+    const auto first = static_cast<std::int32_t>(soup.points.size());
+    for (const std::int32_t corner : t) soup.points.push_back(ball.points[corner]);
+    soup.triangles.push_back({first, first + 1, first + 2});
+  }
+  const Built joined = build(soup, 0.05);
+  CHECK(joined.report.joined_points == soup.points.size() - ball.points.size());
+  CHECK_THAT(joined.warnings, Contains("doubled points: joined") && !Contains("three faces"));
+
+  const Built crossing = build(shapes::together(ball, shapes::sphere(0.3, 10, {0.5, 0, 0})), 0.05);
+  CHECK_THAT(crossing.warnings, Contains("triangles inside the solid") && !Contains("0 edges"));
+  CHECK(crossing.report.inner_triangles > 0);
+}
+
+TEST_CASE("The examination of a mesh can be stopped and tells how far it is") {
+  const TriangleMesh ball = shapes::together(shapes::sphere(0.4, 12), shapes::sphere(0.3, 10, {0.5, 0, 0}));
+  double last = 0.0;
+  bool rises = true;
+  const auto whole = examine(ball, 0.05, Parallel(2), Progress([&](double fraction) {
+                               rises = rises && fraction >= last && fraction <= 1.0;
+                               last = fraction;
+                               return false;
+                             }));
+  CHECK(rises);
+  CHECK(last == 1.0);
+  CHECK(whole->distance.values == build(ball, 0.05).phi.values);
+  for (const double when : {0.0, 0.3, 0.7}) {
+    try {
+      examine(ball, 0.05, Parallel(2), Progress([&](double fraction) { return fraction >= when; }));
+      FAIL("went on");
+    } catch (const Error& error) {
+      CHECK(error.code() == ErrorCode::kCancelled);
+    }
+  }
 }

@@ -118,9 +118,8 @@ void check_solid(const std::string& file, bool closed, std::uint64_t holes) {
   }
   const Extents box = extents(*mesh);
   MeshReport report;
-  std::string warnings;
-  const Log log([&](LogLevel, const std::string& text) { warnings += text; });
-  const SignedDistance phi = build_signed_distance(*mesh, (box.max - box.min).maxCoeff() / 60.0, report, log);
+  const SignedDistance phi = build_signed_distance(*mesh, (box.max - box.min).maxCoeff() / 60.0, report, Parallel(2));
+  const std::string& warnings = report.repairs;
   INFO(file << ": volume " << report.solid_volume << ", thinnest " << report.thinnest_feature << ", " << warnings);
   CHECK(report.closed == closed);
   CHECK(report.holes == holes);
@@ -141,7 +140,7 @@ TEST_CASE("The Stanford bunny with its five holes has the closed bunny's volume"
   check_solid("stanford-bunny.obj", false, 5);
   if (const auto bunny = shapes::shared_mesh("stanford-bunny.obj")) {
     MeshReport report;
-    build_signed_distance(*bunny, 0.0025, report, Log());
+    build_signed_distance(*bunny, 0.0025, report, Parallel(2));
     CHECK(report.solid_volume == Approx(volume_with_fans(*bunny)).epsilon(0.01));
   }
 }
