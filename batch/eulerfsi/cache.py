@@ -81,7 +81,7 @@ class Cache:
         Raises SceneError when the scene has changed, CacheIOError for a damaged manifest.
         """
         manifest = Manifest.load(folder)
-        manifest.check_same_scene(scene.hash(), scene.parameters())
+        manifest.check_same_scene(scene.hash(), scene.parameters(), scene.frames.first, scene.fps)
         files.remove_leftovers(folder)
         cache = cls(folder, scene, manifest)
         manifest.data["last"] = max(scene.frames.last, manifest.last_frame or scene.frames.last)

@@ -57,9 +57,10 @@ def parse_frames(text: str) -> FrameRange:
 def demand_start(wanted: FrameRange, first: int, checkpoint: int | None) -> None:
     """Raises UsageError when frames are wanted that nothing leads up to.
 
-    first: where the simulation starts; checkpoint: frame of the cache's checkpoint that it goes on from, None for none.
+    first: where the simulation starts; checkpoint: frame of the cache's checkpoint that it goes on from, None for none:
+    what comes before that is in the cache.
     """
-    if wanted.first <= first or (checkpoint is not None and checkpoint < wanted.first):
+    if wanted.first <= first or checkpoint is not None:
         return
     raise UsageError(
         f"--frames {wanted}: the simulation starts at frame {first}, and there is no checkpoint before frame "
@@ -72,6 +73,8 @@ def check_frames(frames: FrameRange, where: str) -> FrameRange:
     """Limits of every range: not negative (cache readers take the number from file names), two frames at least."""
     if frames.first < 0:
         raise UsageError(f"{where}: first frame {frames.first} must be >= 0")
+    if frames.last < frames.first:
+        raise UsageError(f"{where}: the last frame {frames.last} comes before the first, {frames.first}")
     if len(frames) < 2:
         raise UsageError(f"{where}: {len(frames)} frame; a cache needs at least 2 (the first is the initial state)")
     return frames

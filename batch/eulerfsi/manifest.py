@@ -60,8 +60,9 @@ class Manifest:
         """Writes the file."""
         files.write_text(self.folder / FILE_NAME, json.dumps(self.data, indent=1) + "\n")
 
-    def check_same_scene(self, scene_hash: str, parameters: dict[str, dict[str, Any]]) -> None:
+    def check_same_scene(self, scene_hash: str, parameters: dict[str, dict[str, Any]], first: int, fps: float) -> None:
         """Raises SceneError that names the parameter (or the geometry) which differs from the cache's."""
+        starts = (("first", "first frame (--start-frame)", first), ("fps", "frame rate", fps))
         if scene_hash == self.data["scene_hash"]:
             return
         before, changes = self.data["parameters"], []
@@ -75,7 +76,10 @@ class Manifest:
                 for key in sorted({*old, *new})
                 if old.get(key) != new.get(key)
             ]
-        what = "; ".join(changes[:5]) or "a mesh, the frame rate or the first frame"
+        changes += [
+            f"the {name} was {self.data[key]:g}, is {now:g}" for key, name, now in starts if self.data[key] != now
+        ]
+        what = "; ".join(changes[:5]) or "a mesh"
         raise SceneError(f"{self.folder}: cannot resume, the scene has changed since the cache was begun: {what}")
 
     def damaged_files(self, frame: int) -> list[str]:

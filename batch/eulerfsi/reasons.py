@@ -9,19 +9,24 @@ from pxr import Tf
 
 from .errors import LibraryError
 
+_LONGEST = 200  # characters; parsers quote whole files
 # What assimp says, and the library -> what it means.
 _MESH_REASONS = (
     (r"No suitable reader found.*", "it is damaged, or of another format"),
     (r"Validation failed: aiScene::mNumMeshes is 0.*", "it holds no mesh"),
     (r"Validation failed: Mesh\s.*contains no faces", "it holds no faces"),
     (r"Failed to determine STL storage representation.*", "it is no STL file"),
+    (r'Cannot parse string ".*', "a number cannot be read"),
+    (r"Validation failed: aiMesh::.*", "its faces or points are damaged"),
     (r"Validation failed: ", ""),
+    (r"file: (?:FBX|Collada|STL|OBJ|PLY|GLTF|3DS|OFF)(?:-\w+)?:? (?:\(.*?\) )?(?=\S)", "file: it is damaged: "),
     # The library's own: the grid of distances is finer than the voxel size that a user sets.
     (
         r"mesh: encloses no node .*, thinnest feature about (\S+) m.*",
         r"it is too thin for this voxel size: nowhere thicker than a cell, thinnest feature about \1 m",
     ),
     (r"mesh: encloses no node .*: it must bound a volume", "it encloses no volume"),
+    (r"EfsiSolidDef\.mesh: encloses no volume", "it encloses no volume"),
     (r"EfsiSolidDef\.mesh: no cell of size \S+ m lies", "it is too thin for this voxel size: no cell lies"),
 )
 
@@ -31,7 +36,8 @@ def mesh_reason(file: str | Path, error: LibraryError) -> str:
     text = one_line(str(error)).removeprefix(f"{file}: ")
     for pattern, words in _MESH_REASONS:
         text = re.sub(pattern, words, text)
-    return text.replace(str(file), Path(file).name) if str(file) else text
+    text = text.replace(str(file), Path(file).name) if str(file) else text
+    return text if len(text) <= _LONGEST else "it is damaged: " + text[: _LONGEST - 20].rsplit(" ", 1)[0] + " ..."
 
 
 def usd_reason(error: Tf.ErrorException | UnicodeDecodeError) -> str:

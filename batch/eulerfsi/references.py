@@ -40,19 +40,21 @@ def how_to_reference(file: Path, stage: Usd.Stage, scene: Path) -> str:
         body = [f'def "{name}" (', f"    {arcs}", f"    {schema}", ")", "{", "}"]
     else:
         body = [f'def "{name}" (', f"    {arcs}", ")", "{"]
-        for mesh in meshes[:_SHOWN] or ["path/of/the/mesh"]:
-            body += [f"    {line}" for line in _over(mesh.split("/"), schema)]
-        body += ["}"]
+        shown = [mesh.split("/") for mesh in meshes[:_SHOWN] or ["path/of/the/mesh"]]
+        body += [*(f"    {line}" for line in _overs(shown, schema)), "}"]
     more = f" ({len(meshes)} meshes, {_SHOWN} shown)" if len(meshes) > _SHOWN else ""
     first = f"{file}: is a USD file, no mesh file: reference it in a scene and make its meshes solids{more}, as in"
     return "\n".join([first, *(f"    {line}" for line in body)])
 
 
-def _over(names: list[str], schema: str) -> list[str]:
-    """Nested opinions down to a prim that gets a schema."""
-    if len(names) == 1:
-        return [f'over "{names[0]}" (', f"    {schema}", ")", "{", "}"]
-    return [f'over "{names[0]}"', "{", *(f"    {line}" for line in _over(names[1:], schema)), "}"]
+def _overs(paths: list[list[str]], schema: str) -> list[str]:
+    """Nested opinions down to prims that get a schema; every prim once."""
+    lines = []
+    for name in dict.fromkeys(path[0] for path in paths):
+        below = [path[1:] for path in paths if path[0] == name]
+        lines += [f'over "{name}" (', f"    {schema}", ")", "{"] if [] in below else [f'over "{name}"', "{"]
+        lines += [*(f"    {line}" for line in _overs([path for path in below if path], schema)), "}"]
+    return lines
 
 
 def _meshes(stage: Usd.Stage) -> tuple[tuple[bool, str] | None, list[str]]:

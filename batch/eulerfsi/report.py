@@ -43,7 +43,7 @@ def describe_scene(scene: Scene) -> list[str]:
     """Domain, solids and emitters, one a line, in SI."""
     cells = np.ceil(np.array(scene.domain["domain_size"]) / scene.domain["voxel_size"] - 1e-6).astype(int)
     size = " x ".join(f"{edge:.4g}" for edge in scene.domain["domain_size"])
-    gravity = ", ".join(f"{g:.4g}" for g in scene.domain["gravity"])
+    gravity = ", ".join(f"{g + 0.0:.4g}" for g in scene.domain["gravity"])
     lines = [
         f"{scene.path.name}: frames {scene.frames} at {scene.fps:g} per second, "
         f"{scene.units.meters_per_unit:g} m per unit",

@@ -30,6 +30,7 @@ DOMAIN_API, SOLID_API, EMITTER_API = "EulerFsiDomainAPI", "EulerFsiSolidAPI", "E
 APIS = {DOMAIN_API: "domain", SOLID_API: "solid", EMITTER_API: "emitter"}
 EARTH_GRAVITY = 9.81  # m/s^2
 DEFAULT_DENSITY = 1000.0  # kg/m^3
+_VOXEL_SIZES = (1e-6, 1e6)  # m: what single precision and OpenVDB's transforms can hold, and a continuum is
 _TOKENS = {"preset": binding.PRESETS, "material": binding.MATERIALS, "mode": binding.EMITTER_MODES}
 
 
@@ -260,6 +261,12 @@ def _domain_values(reader: _Reader, prim: Usd.Prim, meters: np.ndarray, mirrored
     if not (edges > 0).all():
         raise SceneError(f"{where}: the edges of the domain must be > 0 (on an Xform set eulerfsi:size)")
     size, voxel = edges * meters, values["voxel_size"]
+    if not _VOXEL_SIZES[0] <= voxel <= _VOXEL_SIZES[1]:
+        low, high = (limit / reader.units.meters_per_unit for limit in _VOXEL_SIZES)
+        raise SceneError(
+            f"{prim.GetPath()}: eulerfsi:voxelSize = {voxel / reader.units.meters_per_unit:g}: must be between {low:g} "
+            f"and {high:g} (a micrometre and a thousand kilometres)"
+        )
     # A size that is a whole number of voxels up to rounding must not gain a voxel from that rounding.
     count = np.round(size / voxel)
     size = np.where(np.abs(size / voxel - count) < 1e-4 * np.maximum(count, 1), np.maximum(count, 1) * voxel, size)
@@ -427,13 +434,22 @@ def _animated_motion(
     if not pose.drivers():
         return np.zeros(3), np.zeros(3)
 
-    def surface(frame: float) -> np.ndarray:
+    def surface(frame: float) -> np.ndarray | None:
+        """None where the mesh is another one then, or none at all."""
         at = _Reader(reader.units, Usd.TimeCode(frame))
-        points = pose.points(at.time) if pose.own_points else local.points
-        return transform_points(points, space.from_local(at.local_to_world(pose.prim)))
+        if not pose.own_points:
+            points = local.points
+        elif not pose.has_faces(at.time, local.counts, local.indices):
+            return None
+        else:
+            points = pose.points(at.time)
+        matrix = at.local_to_world(pose.prim)
+        whole = len(points) == len(local.points) and np.isfinite(points).all() and np.isfinite(matrix).all()
+        return transform_points(points, space.from_local(matrix)) if whole and determinant(matrix) != 0 else None
 
     now = reader.time.GetValue()
     poses = {frame: surface(frame) for frame in (now - 1, now, now + 1)}
+    poses = {frame: points for frame, points in poses.items() if points is not None}
     times = [frame for frame, points in poses.items() if frame == now or not np.array_equal(points, poses[now])]
     if len(times) == 1:
         return np.zeros(3), np.zeros(3)
@@ -453,10 +469,12 @@ def _describe_start(
     if not sources:
         return ""
     text = f"starts from its pose at frame {reader.time.GetValue():g} ({', '.join(sources)})"
+    if pose.drivers() and not any(motion.any() for motion in animated):
+        return f"{text}, where its animation gives it no motion"
     for name, unit, motion in zip(("velocity", "angular_velocity"), ("m/s", "rad/s"), animated, strict=True):
         if motion.any():
             kept = values[name] == motion.tolist()
-            vector = ", ".join(f"{component:.4g}" for component in values[name])
+            vector = ", ".join(f"{component:.4g}" for component in np.round(values[name], 9) + 0.0)
             text += f"; {name.replace('_', ' ')} ({vector}) {unit} {'of the animation' if kept else 'as authored'}"
     return text
 

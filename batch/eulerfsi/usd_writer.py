@@ -96,11 +96,9 @@ class UsdWriter:
         to_world = self._local_to_world(prim, frame)
         to_local = np.array(Gf.Matrix4d(to_world).GetInverse())
         local = transform_points(self.scene.space.point_to_world(points), to_local)
-        # A prim that is itself animated carries its points along; that part is not theirs.
+        # A prim that is itself animated carries its points along in the frame that follows; that part is not theirs.
         step = 0.01
-        rate = (self._local_to_world(prim, frame + step) - self._local_to_world(prim, frame - step)) * (
-            self.scene.fps / (2 * step)
-        )
+        rate = (self._local_to_world(prim, frame + step) - np.array(to_world)) * (self.scene.fps / step)
         world_velocities = self.scene.space.velocity_to_world(velocities) - transform_points(local, rate)
         values = {
             "points": local.astype(np.float32),
@@ -261,11 +259,13 @@ class UsdWriter:
 def _block_deformers(spec: Sdf.PrimSpec, prim: Usd.Prim) -> None:
     """Keeps clients from deforming the simulated points of a mesh once more: no skinning, no blend shapes.
 
-    Some clients look for a skeleton (which may be inherited), others for weights. The schema stays: without it what the
-    scene's own layers say of the skinning would be an error.
+    Some clients look for a skeleton, which may be inherited, others for weights, others place the mesh by the bind
+    transform. The schema must be there: without it no opinion on the mesh stops those that it inherits.
     """
     if not (UsdSkel.Root.Find(prim) or prim.HasAPI(UsdSkel.BindingAPI)):
         return
+    if not prim.HasAPI(UsdSkel.BindingAPI):
+        spec.SetInfo("apiSchemas", Sdf.TokenListOp.Create(prependedItems=["SkelBindingAPI"]))
     for name in ("skel:skeleton", "skel:animationSource", "skel:blendShapeTargets"):
         targets = Sdf.RelationshipSpec(spec, name, custom=False).targetPathList
         targets.ClearEditsAndMakeExplicit()
@@ -273,6 +273,7 @@ def _block_deformers(spec: Sdf.PrimSpec, prim: Usd.Prim) -> None:
     for name, kind in (
         ("primvars:skel:jointIndices", kinds.IntArray),
         ("primvars:skel:jointWeights", kinds.FloatArray),
+        ("primvars:skel:geomBindTransform", kinds.Matrix4d),
         ("skel:blendShapes", kinds.TokenArray),
     ):
         Sdf.AttributeSpec(spec, name, kind).default = Sdf.ValueBlock()

@@ -196,3 +196,9 @@ def test_stage_without_a_range_asks_for_frames(cli, tmp_path):
     stage.GetRootLayer().Save()
     done = cli("simulate", "range.usda")
     assert done.returncode == 3 and "--frames" in done.stderr
+
+
+def test_voxels_that_no_continuum_has_are_refused(cli, scene):
+    refused = cli("validate", scene, "--set", "Domain.voxelSize=1e-8")
+    assert refused.returncode == 3
+    assert "/World/Domain: eulerfsi:voxelSize = 1e-08: must be between 1e-06 and 1e+06" in refused.stderr

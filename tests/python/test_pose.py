@@ -83,6 +83,73 @@ def test_figure_starts_from_its_pose_and_no_client_skins_the_cache_again(tmp_pat
         np.testing.assert_array_equal(world_points(cache, BODY, frame), points)
 
 
+def test_binding_that_a_mesh_inherits_does_not_act_on_the_cache(tmp_path):
+    """Skeleton, joints and weights on an Xform above the mesh; another mesh below it stays skinned."""
+    stage = make_figure(tmp_path / "f.usda")
+    group = UsdGeom.Xform.Define(stage, "/World/Figure/Group")
+    binding = UsdSkel.BindingAPI.Apply(group.GetPrim())
+    binding.CreateSkeletonRel().SetTargets(["/World/Figure/Skeleton"])
+    binding.CreateJointIndicesPrimvar(True, 1).Set(Vt.IntArray([1]))
+    binding.CreateJointWeightsPrimvar(True, 1).Set(Vt.FloatArray([1.0]))
+    inside, hat = "/World/Figure/Group/Inside", "/World/Figure/Group/Hat"
+    add_tube(stage, inside, radius=0.08, height=0.3).AddTranslateOp().Set(Gf.Vec3d(0.3, 0, 0))
+    add_tube(stage, hat).GetPrim().RemoveAppliedSchema("EulerFsiSolidAPI")
+    stage.GetPrimAtPath(BODY).RemoveAppliedSchema("EulerFsiSolidAPI")
+    stage.GetRootLayer().Save()
+    cache = Usd.Stage.Open(str(run(tmp_path / "f.usda")))
+    root, skel, predicate = (
+        UsdSkel.Root.Find(cache.GetPrimAtPath(inside)),
+        UsdSkel.Cache(),
+        Usd.TraverseInstanceProxies(),
+    )
+    skel.Populate(root, predicate)
+    bindings = skel.ComputeSkelBindings(root, predicate)
+    skinned = {str(t.GetPrim().GetPath()) for b in bindings for t in b.GetSkinningTargets()}
+    assert skinned == {hat, BODY}
+    registry = UsdValidation.ValidationRegistry()
+    errors = UsdValidation.ValidationContext(registry.GetOrLoadAllValidators()).Validate(cache)
+    assert not [e.GetMessage() for e in errors if e.GetType() == UsdValidation.ValidationErrorType.Error]
+
+
+def test_cache_of_a_skinned_mesh_has_no_bind_transform(tmp_path):
+    """Some clients place a mesh by it, instead of by the mesh's own transform."""
+    stage = make_figure(tmp_path / "f.usda")
+    bind = UsdSkel.BindingAPI(stage.GetPrimAtPath(BODY)).GetGeomBindTransformAttr()
+    bind.Set(Gf.Matrix4d().SetTranslate(Gf.Vec3d(0, 0.1, 0)))
+    stage.GetRootLayer().Save()
+    cache = Usd.Stage.Open(str(run(tmp_path / "f.usda")))
+    assert not UsdSkel.BindingAPI(cache.GetPrimAtPath(BODY)).GetGeomBindTransformAttr().HasValue()
+
+
+@pytest.mark.parametrize("fault", ["fewer points", "no points", "other faces", "not finite", "zero scale"])
+def test_a_frame_beside_the_first_with_another_mesh_or_none_does_not_count(tmp_path, fault):
+    """The frame after the first moves it by 0.48 m/s; the frame before is faulty."""
+    stage = start_stage(tmp_path / "s.usda")
+    mesh = add_tube(stage, TUBE)
+    points, indices = np.array(mesh.GetPointsAttr().Get()), list(mesh.GetFaceVertexIndicesAttr().Get())
+    before = {"fewer points": points[:-1], "no points": points[:0], "not finite": points * np.nan}.get(fault, points)
+    for frame, values in ((0, before), (1, points), (2, points + (0.02, 0, 0))):
+        mesh.GetPointsAttr().Set(Vt.Vec3fArray.FromNumpy(values.astype(np.float32)), frame)
+    if fault == "other faces":
+        for frame, turned in ((0, indices[3:] + indices[:3]), (1, indices)):
+            mesh.GetFaceVertexIndicesAttr().Set(turned, frame)
+    if fault == "zero scale":
+        scale = mesh.AddScaleOp()
+        for frame, size in ((0, 0), (1, 1)):
+            scale.Set(Gf.Vec3f(size), frame)
+    values = read_scene(stage, tmp_path / "s.usda").solids[0].values
+    np.testing.assert_allclose(values["velocity"], (0.48, 0, 0), atol=1e-5)
+    np.testing.assert_allclose(values["angular_velocity"], 0, atol=1e-4)
+
+
+def test_an_animation_that_ends_at_the_first_frame_is_not_warned_of(cli, tmp_path):
+    stage = start_stage(tmp_path / "s.usda", (9, 10))
+    animate(add_tube(stage, TUBE), {1: (Gf.Vec3d(0, 0, 0), 0.0), 9: (Gf.Vec3d(0.1, 0, 0), 0.0)})
+    stage.GetRootLayer().Save()
+    report = cli("validate", "s.usda").stdout
+    assert "warning" not in report and "of the animation" in report
+
+
 def test_figure_has_the_motion_of_its_animation(tmp_path):
     """All weights on one joint: the body turns rigidly about the joint's place, 4 degrees a frame."""
     stage = make_figure(tmp_path / "f.usda")

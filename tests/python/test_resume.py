@@ -126,6 +126,22 @@ def test_later_range_goes_on_from_the_checkpoint_before_it(whole, tmp_path):
     assert content_hashes(tmp_path / "cache") == {frame: h for frame, h in expected.items() if int(frame) <= 7}
 
 
+def test_range_that_begins_inside_the_cache_goes_on(whole, tmp_path):
+    scene, expected = whole
+    run(scene, tmp_path / "cache", frames="1-4")
+    run(scene, tmp_path / "cache", frames="3-6", resume=True)
+    assert content_hashes(tmp_path / "cache") == {frame: h for frame, h in expected.items() if int(frame) <= 6}
+
+
+def test_other_first_frame_is_refused_by_name(whole, tmp_path):
+    scene, _ = whole
+    run(scene, tmp_path / "cache", frames="3-5", start=3)
+    with pytest.raises(SceneError, match=r"the first frame \(--start-frame\) was 3, is 1"):
+        run(scene, tmp_path / "cache", frames="1-6", resume=True)
+    with pytest.raises(UsageError, match="the last frame 26 comes before the first, 30"):
+        run(scene, tmp_path / "other", start=30)
+
+
 @pytest.mark.parametrize("how", [{}, {"resume": True}, {"overwrite": True}])
 def test_later_range_without_a_checkpoint_before_it_is_refused_with_the_way_out(whole, tmp_path, how):
     scene, _ = whole

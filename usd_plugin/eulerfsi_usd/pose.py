@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from pxr import Tf, Usd, UsdGeom, UsdSkel
 
@@ -88,29 +90,54 @@ class Pose:
         to_world = cache.GetLocalToWorldTransform(self._skeleton.GetPrim())
         return np.array(to_world * cache.GetLocalToWorldTransform(self.prim).GetInverse())
 
-    def drivers(self) -> list[str]:
-        """What animates the solid in world space, by name."""
-        found = transform_drivers(self.prim)
-        if self.own_points and UsdGeom.Mesh(self.prim).GetPointsAttr().ValueMightBeTimeVarying():
-            found.append("its points")
+    def has_faces(self, time: Usd.TimeCode, counts: np.ndarray, indices: np.ndarray) -> bool:
+        """Whether the faces at a time are these: only then are points with the same number the same points."""
+        mesh = UsdGeom.Mesh(self.prim)
+        now = mesh.GetFaceVertexCountsAttr().Get(time), mesh.GetFaceVertexIndicesAttr().Get(time)
+        return all(np.array_equal(np.asarray(a or ()), b) for a, b in zip(now, (counts, indices), strict=True))
+
+    def drivers(self, after: float = -math.inf) -> list[str]:
+        """What animates the solid in world space, by name; only what has keys later than `after`."""
+        found = transform_drivers(self.prim, after)
+        mesh = UsdGeom.Mesh(self.prim)
+        attributes = {
+            "its points": [mesh.GetPointsAttr()],
+            "its faces": [mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()],
+        }
+        for name, parts in attributes.items() if self.own_points else ():
+            if any(part.ValueMightBeTimeVarying() and _goes_on(part.GetTimeSamples(), after) for part in parts):
+                found.append(name)
         if self._skeleton:
-            found += transform_drivers(self._skeleton.GetPrim())
-            animation = self._skeleton.GetAnimQuery()
-            if animation and self._skinning.HasJointInfluences() and animation.JointTransformsMightBeTimeVarying():
-                found.append(f"the joints of {self.skeleton}")
-            if animation and self.has_blend_shapes and animation.BlendShapeWeightsMightBeTimeVarying():
-                found.append("its blend shapes")
+            found += transform_drivers(self._skeleton.GetPrim(), after)
+            found += self._skeleton_drivers(self._skeleton.GetAnimQuery(), after)
         return list(dict.fromkeys(found))
 
+    def _skeleton_drivers(self, animation: UsdSkel.AnimQuery, after: float) -> list[str]:
+        found = []
+        if not animation:
+            return found
+        joints, shapes = animation.GetJointTransformTimeSamples(), animation.GetBlendShapeWeightTimeSamples()
+        moves = self._skinning.HasJointInfluences() and animation.JointTransformsMightBeTimeVarying()
+        if moves and _goes_on(joints, after):
+            found.append(f"the joints of {self.skeleton}")
+        if self.has_blend_shapes and animation.BlendShapeWeightsMightBeTimeVarying() and _goes_on(shapes, after):
+            found.append("its blend shapes")
+        return found
 
-def transform_drivers(prim: Usd.Prim) -> list[str]:
-    """The animated transforms above a prim, its own included, by name."""
+
+def transform_drivers(prim: Usd.Prim, after: float = -math.inf) -> list[str]:
+    """The animated transforms above a prim, its own included, by name; only those with keys later than `after`."""
     found = []
     while prim and not prim.IsPseudoRoot():
         xform = UsdGeom.Xformable(prim)
-        if xform and xform.TransformMightBeTimeVarying():
+        if xform and xform.TransformMightBeTimeVarying() and _goes_on(xform.GetTimeSamples(), after):
             found.append(f"the transform of {prim.GetPath()}")
         if xform and xform.GetResetXformStack():
             break
         prim = prim.GetParent()
     return found
+
+
+def _goes_on(samples: list[float], after: float) -> bool:
+    """Whether there are keys later than `after`; an animation without samples (a spline) counts as endless."""
+    return not samples or max(samples) > after

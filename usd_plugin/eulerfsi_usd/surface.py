@@ -118,15 +118,16 @@ def check_inside(prim: Usd.Prim, domain: Usd.Prim) -> list[Issue]:
 
 def check_animation(prim: Usd.Prim, scope: str) -> list[Issue]:
     """Warns of what animates a prim: its pose and motion at the first time count, what follows does not."""
+    time = first_time(prim.GetStage())
+    after = -math.inf if time.IsEarliestTime() else time.GetValue()
     if scope == "solid":
-        drivers = Pose(prim, prim.IsA(UsdGeom.Mesh) and not surface_file(prim)).drivers()
+        drivers = Pose(prim, prim.IsA(UsdGeom.Mesh) and not surface_file(prim)).drivers(after)
         effect = "it starts from that pose and motion at frame {}; the animation after it does not act"
     else:
-        drivers = transform_drivers(prim)
+        drivers = transform_drivers(prim, after)
         effect = "it stays where it is at frame {}"
     if not drivers:
         return []
-    time = first_time(prim.GetStage())
     effect = effect.format("1" if time.IsEarliestTime() else f"{time.GetValue():g}")
     value = " and ".join(drivers)
     message = f"{prim.GetPath()}: is animated by {value}: {effect}"

@@ -93,9 +93,20 @@ openvdb::math::Transform::Ptr to_transform(const std::array<double, 16>& m) {
     throw Error(ErrorCode::kArgument,
                 "VDB: index_to_world must be affine (last row 0 0 0 1) and invertible, determinant " +
                     std::to_string(determinant));
-  // The simplest map that does it: readers know a uniform scale with translation best.
-  return std::make_shared<openvdb::math::Transform>(
-      openvdb::math::simplify(std::make_shared<openvdb::math::AffineMap>(transposed)));
+  // The simplest map that does it: readers know a uniform scale with translation best, and small voxels fit.
+  const double scale = m[0];
+  const bool uniform = scale > 0.0 && m[5] == scale && m[10] == scale && m[1] == 0.0 && m[2] == 0.0 && m[4] == 0.0 &&
+                       m[6] == 0.0 && m[8] == 0.0 && m[9] == 0.0;
+  if (uniform)
+    return std::make_shared<openvdb::math::Transform>(openvdb::math::MapBase::Ptr(
+        new openvdb::math::UniformScaleTranslateMap(scale, openvdb::Vec3d(m[3], m[7], m[11]))));
+  try {
+    return std::make_shared<openvdb::math::Transform>(
+        openvdb::math::simplify(std::make_shared<openvdb::math::AffineMap>(transposed)));
+  } catch (const openvdb::ArithmeticError&) {
+    throw Error(ErrorCode::kArgument, "VDB: index_to_world has the determinant " + std::to_string(determinant) +
+                                          ": too small for a grid that is turned");
+  }
 }
 
 std::array<double, 16> from_transform(const openvdb::math::Transform& transform) {
