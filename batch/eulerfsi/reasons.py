@@ -19,6 +19,7 @@ _MESH_REASONS = (
     (r'Cannot parse string ".*', "a number cannot be read"),
     (r"Validation failed: aiMesh::.*", "its faces or points are damaged"),
     (r"Validation failed: ", ""),
+    (r"file: GLTF: could not open referenced file (.+)", r"file: it refers to \1, which cannot be opened"),
     (r"file: (?:FBX|Collada|STL|OBJ|PLY|GLTF|3DS|OFF)(?:-\w+)?:? (?:\(.*?\) )?(?=\S)", "file: it is damaged: "),
     # The library's own: the grid of distances is finer than the voxel size that a user sets.
     (
@@ -37,7 +38,7 @@ def mesh_reason(file: str | Path, error: LibraryError) -> str:
     for pattern, words in _MESH_REASONS:
         text = re.sub(pattern, words, text)
     text = text.replace(str(file), Path(file).name) if str(file) else text
-    return text if len(text) <= _LONGEST else "it is damaged: " + text[: _LONGEST - 20].rsplit(" ", 1)[0] + " ..."
+    return text if len(text) <= _LONGEST else text[:_LONGEST].rsplit(" ", 1)[0] + " ..."
 
 
 def usd_reason(error: Tf.ErrorException | UnicodeDecodeError) -> str:
