@@ -15,7 +15,7 @@ constexpr int kDegree = 3;
 constexpr double kLargest = 2.8, kRange = 16.0;
 constexpr int kCoarsestCells = 6;            // coarsen while every axis has more cells than this
 constexpr std::size_t kSerialCells = 27000;  // a level of no more cells is faster on one thread
-constexpr double kUnfocused = 0.5;          // of the tolerance: residual in tiles that are not smoothed
+constexpr double kUnfocused = 0.5;           // of the tolerance: residual in tiles that are not smoothed
 constexpr double kMostFocused = 0.5;         // of all tiles: with more, sweeps of everything are faster
 constexpr int kCoarsestIterations = 18;      // smoothing steps on the coarsest level
 
@@ -231,7 +231,9 @@ void PressureMultigrid::build(const Parallel& parallel, const Grid& g, const Wal
     if (levels_.size() <= count) levels_.emplace_back();
     Level& level = levels_[count++];
     if (level.op.grid.cells != level_grid.cells || level.residual.empty()) {
-      for (auto* field : {&level.x, &level.b, &level.residual}) field->assign(level_grid.padded_count(), 0);
+      level.residual.assign(level_grid.padded_count(), 0);
+      if (count > 1)  // those of the finest level are the caller's
+        for (auto* field : {&level.x, &level.b}) field->assign(level_grid.padded_count(), 0);
       level.op.fixed = grid::fixed_by_walls(level_grid, level_walls);
     }
     level.op.grid = level_grid;
@@ -241,7 +243,6 @@ void PressureMultigrid::build(const Parallel& parallel, const Grid& g, const Wal
   {
     Level& level = prepare(g, walls);
     level.op.fixed = fixed;
-    level.specific_volume = specific_volume;
     level.op.active = std::move(active);
   }
   while (true) {
@@ -258,7 +259,8 @@ void PressureMultigrid::build(const Parallel& parallel, const Grid& g, const Wal
       if (face == grid::Wall::kNoSlip) face = grid::Wall::kSlip;
     Level& level = prepare(coarse, coarse_walls);
     const Level& parent = levels_[count - 2];
-    coarsen_specific_volume(parallel, fine, parent.specific_volume, coarse, level.specific_volume);
+    const std::vector<Real>& finer = count == 2 ? specific_volume : parent.specific_volume;
+    coarsen_specific_volume(parallel, fine, finer, coarse, level.specific_volume);
     level.op.active.clear();
     if (!parent.op.active.empty()) {  // a coarse cell has an equation when one of its children has
       level.op.active.assign(coarse.padded_count(), 0);
@@ -270,7 +272,7 @@ void PressureMultigrid::build(const Parallel& parallel, const Grid& g, const Wal
   }
   levels_.resize(count);
   for (Level& level : levels_) {
-    set_mobility(parallel, level.specific_volume, level.op);
+    set_mobility(parallel, &level == &levels_.front() ? specific_volume : level.specific_volume, level.op);
     compute_pressure_diagonal(parallel, level.op);
   }
   if (slip_ && !slip_->empty()) {

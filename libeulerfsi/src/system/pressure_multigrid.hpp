@@ -36,8 +36,8 @@ class PressureMultigrid {
  private:
   struct Level {
     PressureLevel op;
-    std::vector<Real> specific_volume;
-    std::vector<Real> x, b, residual;  // padded cells
+    std::vector<Real> specific_volume, x, b;  // of coarse levels; x, b: padded cells
+    std::vector<Real> residual;               // padded cells
   };
   void cycle(const Parallel& parallel, std::size_t l, const std::vector<Real>& b, std::vector<Real>& x);
   void smooth(const Parallel& parallel, const PressureLevel& level, const std::vector<Real>& b, std::vector<Real>& x,

@@ -146,6 +146,7 @@ linalg::SolveStats PressureSystem::solve_multigrid(const Parallel& parallel, con
   linalg::SolveOptions rest = options;
   rest.max_iterations -= stats.iterations;
   const linalg::SolveStats residuals = linalg::pcr(parallel, apply, precondition, rhs_, q, rest, pcr_);
+  pcr_ = {};  // seldom needed
   const int before = stats.iterations;
   stats = residuals;
   stats.iterations += before;
