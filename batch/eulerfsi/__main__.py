@@ -14,7 +14,8 @@ import traceback
 from collections.abc import Sequence
 from pathlib import Path
 
-from . import __version__, binding, errors, paths, progress
+from . import __version__, binding, errors, mesh_file, paths, progress
+from .command import command_line
 from .errors import EulerFsiError, UsageError
 from .say import say
 
@@ -43,7 +44,7 @@ def build_parser() -> argparse.ArgumentParser:
     group.add_argument("--overwrite", action="store_true", help="replace the cache that the folder holds")
     group.add_argument("--resume", action="store_true", help="continue the cache at its latest checkpoint")
 
-    validate = add("validate", "Check a scene without simulating: schema, meshes, memory and time estimate.")
+    validate = add("validate", "Check a scene: schema, meshes, memory, and how long a run takes by a few steps.")
     validate.add_argument("scene", type=Path, metavar="SCENE")
     _scene_options(validate)
 
@@ -52,13 +53,12 @@ def build_parser() -> argparse.ArgumentParser:
 
     new = add("new", "Write a ready scene around mesh files.")
     new.add_argument("scene", type=Path, metavar="SCENE.usda")
-    new.add_argument(
-        "--solid", type=Path, action="append", required=True, metavar="FILE", help="obj, ply, stl, gltf, ..."
-    )
+    formats = f"mesh file, named as one of: {', '.join(mesh_file.FORMATS)}; may be repeated"
+    new.add_argument("--solid", type=Path, action="append", required=True, metavar="FILE", help=formats)
     new.add_argument("--smoke", choices=("carpet", "none"), default="carpet", help="default: carpet")
 
     bench = add("bench", "Measure speed and quality against the bars (in a checkout).")
-    bench.add_argument("name", choices=("speed", "loop", "meshes"))
+    bench.add_argument("name", choices=("speed", "loop", "estimate", "meshes"))
     bench.add_argument("rest", nargs=argparse.REMAINDER, help="options of the benchmark; --help lists them")
 
     test = add("test", "Run the tests (in a checkout).")
@@ -68,6 +68,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 def _scene_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--frames", metavar="A-B", help="contiguous range, default: the stage's")
+    parser.add_argument("--start-frame", type=int, metavar="N", help="start there, default: the scene's first frame")
     parser.add_argument("--threads", type=_positive, metavar="N", help="default: what the cgroup allows")
     parser.add_argument(
         "--set",
@@ -96,12 +97,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return error.exit_code
     except EulerFsiError as error:
         for line in str(error).splitlines():
-            say(f"error: {line}", sys.stderr)
+            say(line if line.startswith(" ") else f"error: {line}", sys.stderr)  # an indented line goes on
         return error.exit_code
     except KeyboardInterrupt:
         return errors.EXIT_SIGINT
     except OSError as error:
-        say(f"error: {error.filename or ''}: {error.strerror}", sys.stderr)
+        where = f"{error.filename}: " if error.filename else ""
+        say(f"error: {where}{error.strerror or error}", sys.stderr)
         return errors.EXIT_IO
     except Exception:
         traceback.print_exc()
@@ -117,6 +119,7 @@ def _simulate(options: argparse.Namespace) -> int:
     wanted = Options(
         output=options.output,
         frames=options.frames,
+        start=options.start_frame,
         threads=options.threads,
         preset=options.preset,
         settings=tuple(options.settings),
@@ -139,26 +142,37 @@ def _simulate(options: argparse.Namespace) -> int:
 
 def _validate(options: argparse.Namespace) -> int:
     from .report import validate
+    from .usd_messages import usd_messages
 
-    say("\n".join(validate(options.scene, options.frames, options.settings, options.threads)), sys.stdout)
+    with usd_messages():
+        lines = validate(options.scene, options.frames, options.start_frame, options.settings, options.threads)
+    say("\n".join(lines), sys.stdout)
     return errors.EXIT_OK
 
 
 def _info(options: argparse.Namespace) -> int:
     from .report import info
+    from .usd_messages import usd_messages
 
-    say("\n".join(info(options.path)), sys.stdout)
+    with usd_messages():
+        lines = info(options.path)
+    say("\n".join(lines), sys.stdout)
     return errors.EXIT_OK
 
 
 def _new(options: argparse.Namespace) -> int:
     from .new_scene import new_scene
+    from .usd_messages import usd_messages
 
-    chosen = new_scene(options.scene, options.solid, options.smoke)
+    with usd_messages():
+        layout, warnings = new_scene(options.scene, options.solid, options.smoke)
+    for line in warnings:
+        say(line, sys.stderr)
+    slow = f" (slow motion, 1:{layout.fps // 24})" if layout.fps > 24 else ""
     say(
-        f"{options.scene}: {len(options.solid)} solid(s), voxel size {chosen['voxel_size']:g} m, "
-        f"{chosen['cells']:,.0f} cells, Young's modulus up to {chosen['youngs_modulus']:g} Pa\n"
-        f"next: eulerfsi simulate {options.scene}",
+        f"{options.scene}: {len(options.solid)} solid(s), voxel size {layout.voxel:g} m, {layout.cells:,} cells, "
+        f"Young's modulus up to {max(layout.moduli):g} Pa, frames 1-{layout.frames} at {layout.fps} per second{slow}\n"
+        f"next: {command_line('simulate', options.scene)}",
         sys.stdout,
     )
     return errors.EXIT_OK

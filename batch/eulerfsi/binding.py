@@ -171,7 +171,8 @@ class SolidDiagnostics(Structure):
         ("max_det_f", c_double),
         ("elements", c_uint64),
         ("memory_bytes", c_uint64),
-        ("reserved", c_uint64 * 2),
+        ("max_stretch", c_double),
+        ("false_edges", c_uint64),
     ]
 
 

@@ -84,7 +84,7 @@ class Cache:
         manifest.check_same_scene(scene.hash(), scene.parameters())
         files.remove_leftovers(folder)
         cache = cls(folder, scene, manifest)
-        manifest.data["last"] = scene.frames.last
+        manifest.data["last"] = max(scene.frames.last, manifest.last_frame or scene.frames.last)
         if not cache.is_complete():
             cache.checkpoint = manifest.usable_checkpoint()
             manifest.data["status"] = "running"

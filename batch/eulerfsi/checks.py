@@ -12,8 +12,10 @@ from eulerfsi_usd.checks import check_stage
 from eulerfsi_usd.issues import Issue
 from pxr import Usd
 
+from . import memory
 from .errors import CacheIOError, SceneError
 from .scene import Scene, Solid
+from .usd_messages import composition_faults
 
 __all__ = ["Issue", "check_output", "check_scene", "check_stage", "raise_errors", "stage_issues"]
 
@@ -24,8 +26,18 @@ _MOST_OVERLAP = 0.5
 
 
 def stage_issues(stage: Usd.Stage) -> list[Issue]:
-    """Issues of the stage alone."""
-    return check_stage(stage)
+    """Issues of the stage alone; first what it refers to and could not be brought in.
+
+    That is a warning while the rest is sound and a missing file the cause, for a scene may refer to what a run does not
+    need. A file that is there and broken cannot be copied into a cache.
+    """
+    issues = check_stage(stage)
+    unsound = any(issue.severity == "error" for issue in issues)
+    faults = []
+    for message, broken in composition_faults(stage):
+        severity = "error" if broken or unsound else "warning"
+        faults.append(Issue("/", "references", "unresolved", "a layer that USD opens", message, severity, "Unresolved"))
+    return faults + issues
 
 
 def raise_errors(issues: Iterable[Issue]) -> list[str]:
@@ -61,9 +73,9 @@ def _check_mesh(scene: Scene, solid: Solid) -> list[Issue]:
     if 0 < thinnest < 2 * voxel:
         fitting = thinnest / 2 / unit
         value, limit = f"{thinnest / unit:.4g}", f"at least two voxels of {voxel / unit:.4g}"
-        message = (
-            f"{where}: the thinnest feature is {value}: must be {limit}; eulerfsi:voxelSize = {fitting:.3g} resolves it"
-        )
+        affordable = memory.cells(scene.domain, thinnest / 2) <= memory.MOST_CELLS
+        advice = f"eulerfsi:voxelSize = {fitting:.3g} resolves it" if affordable else "too thin for a domain this large"
+        message = f"{where}: the thinnest feature is {value}: must be {limit}; {advice}"
         issues.append(Issue(solid.path, field, value, limit, message, "warning", "ThinFeature"))
     return issues
 

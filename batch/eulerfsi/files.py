@@ -11,6 +11,7 @@ from pathlib import Path
 from pxr import Sdf, Tf
 
 from .errors import CacheIOError, LibraryError
+from .reasons import usd_reason
 
 TEMPORARY_PREFIX = ".writing-"
 
@@ -47,7 +48,7 @@ def export_layer(layer: Sdf.Layer, path: Path) -> None:
     try:
         written, reason = layer.Export(str(path)), ""
     except Tf.ErrorException as error:
-        written, reason = False, f": {error.args[0].commentary}" if error.args else ""
+        written, reason = False, f": {usd_reason(error)}"
     if not written:
         raise OSError(f"USD could not export it{reason}")
 

@@ -54,6 +54,20 @@ def parse_frames(text: str) -> FrameRange:
     return check_frames(FrameRange(frames[0], frames[-1]), where)
 
 
+def demand_start(wanted: FrameRange, first: int, checkpoint: int | None) -> None:
+    """Raises UsageError when frames are wanted that nothing leads up to.
+
+    first: where the simulation starts; checkpoint: frame of the cache's checkpoint that it goes on from, None for none.
+    """
+    if wanted.first <= first or (checkpoint is not None and checkpoint < wanted.first):
+        return
+    raise UsageError(
+        f"--frames {wanted}: the simulation starts at frame {first}, and there is no checkpoint before frame "
+        f"{wanted.first} to go on from: write --frames {first}-{wanted.last}, or --start-frame {wanted.first} to start "
+        "there, or --resume with the folder (-o) of a cache that comes that far"
+    )
+
+
 def check_frames(frames: FrameRange, where: str) -> FrameRange:
     """Limits of every range: not negative (cache readers take the number from file names), two frames at least."""
     if frames.first < 0:

@@ -7,10 +7,11 @@ import re
 import shutil
 from pathlib import Path
 
-from pxr import Ar, Sdf, UsdUtils
+from pxr import Ar, Sdf, Tf, UsdUtils
 
 from .errors import CacheIOError
 from .files import export_layer
+from .reasons import usd_reason
 
 
 def localize_scene(scene: Path, folder: Path) -> Path:
@@ -20,7 +21,10 @@ def localize_scene(scene: Path, folder: Path) -> Path:
     do not resolve stay as they are.
     """
     root = scene.resolve()
-    layers, assets, _ = UsdUtils.ComputeAllDependencies(str(root))
+    try:
+        layers, assets, _ = UsdUtils.ComputeAllDependencies(str(root))
+    except (Tf.ErrorException, UnicodeDecodeError) as error:
+        raise CacheIOError(f"{folder}: cannot copy the scene: {usd_reason(error)}") from error
     places = _Places(root.parent, folder)
     try:
         for layer in layers:
@@ -43,7 +47,9 @@ def localize_scene(scene: Path, folder: Path) -> Path:
                 target.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(source, target)
     except OSError as error:
-        raise CacheIOError(f"{folder}: cannot copy the scene: {error}") from error
+        raise CacheIOError(
+            f"{folder}: cannot copy the scene: {error.filename or ''} {error.strerror or error}"
+        ) from error
     return places.of(root)
 
 

@@ -12,6 +12,13 @@ from .system import format_bytes
 
 # The library's counts of bytes end here.
 _LARGEST = 2**64 - 1
+# No advice leads to a grid of more cells.
+MOST_CELLS = 1e9
+
+
+def cells(domain: Mapping[str, Any], voxel_size: float) -> float:
+    """Cells of the domain's box at a voxel size [m]. domain: fields of EfsiSimulationDef."""
+    return math.prod(edge / voxel_size for edge in domain["domain_size"])
 
 
 def estimate(domain: Mapping[str, Any], meshes: Iterable[solver.Mesh], limit: int) -> tuple[int, float]:
@@ -29,6 +36,8 @@ def demand(prim: str, domain: Mapping[str, Any], meshes: Iterable[solver.Mesh], 
     need, fitting = estimate(domain, meshes, limit)
     if not limit or need <= limit:
         return
+    if fitting > 0:
+        fitting = max(fitting, math.cbrt(math.prod(domain["domain_size"]) / MOST_CELLS))
     # Rounded up in the third digit, so that the number in the message does fit.
     digits = 10.0 ** (math.floor(math.log10(fitting / unit)) - 2) if fitting > 0 else 0
     suggested = math.ceil(fitting / unit / digits) * digits if digits else 0

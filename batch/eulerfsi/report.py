@@ -2,38 +2,39 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from . import __version__, binding, checks, memory
-from .errors import EulerFsiError, SceneError
-from .frames import FrameRange, parse_frames
+from . import __version__, binding, checks, estimate, memory
+from .errors import EulerFsiError, LibraryError, SceneError
+from .frames import FrameRange, demand_start, parse_frames
 from .manifest import FILE_NAME, Manifest
 from .overrides import apply_overrides
-from .scene import Scene, open_stage, read_scene, stage_frames
+from .parameters import Parameter, table
+from .scene import Scene, open_stage, read_scene, set_frames
 from .system import available_memory, available_threads, format_bytes
 
-# Processor seconds per cell and step of the ball, from `bench speed` (voxel 0.005, 2 threads), and per frame written.
-_SECONDS_PER_CELL_STEP = {"production": 2.6e-7, "paper2016": 6.6e-7}
-_SECONDS_PER_FRAME = 0.03
 
-
-def validate(path: Path, frames_text: str | None, settings: list[str], threads: int | None) -> list[str]:
+def validate(
+    path: Path, frames_text: str | None, start: int | None, settings: list[str], threads: int | None
+) -> list[str]:
     """Lines of the report. Raises SceneError with all faults, UsageError for options."""
     frames = parse_frames(frames_text) if frames_text else None
     stage = open_stage(path)
+    set_frames(stage, frames, start)
     apply_overrides(stage, settings)
     warnings = checks.raise_errors(checks.stage_issues(stage))
     limit = available_memory()
-    scene = read_scene(stage, path, frames, limit, threads)
+    scene = read_scene(stage, path, limit, threads)
+    if frames:
+        demand_start(frames, scene.frames.first, None)
     warnings += scene.warnings + checks.raise_errors(checks.check_scene(scene))
     lines = [*describe_scene(scene), *(f"warning: {text}" for text in dict.fromkeys(warnings))]
     need, _ = memory.estimate(scene.domain, [solid.mesh for solid in scene.solids], limit)
     lines.append(f"memory: about {format_bytes(need)} of {format_bytes(limit)} available")
-    lines.append(time_estimate(scene, threads or available_threads()))
+    lines.append(time_estimate(scene, threads or available_threads(), limit))
     lines.append("the scene can be simulated")
     return lines
 
@@ -56,29 +57,28 @@ def describe_scene(scene: Scene) -> list[str]:
             f"density {v['density']:.4g} kg/m^3, E {v['youngs_modulus']:.4g} Pa, nu {v['poissons_ratio']:.3g}, "
             f"thinnest feature {report['thinnest_feature']:.3g} m"
         )
+        if solid.pose:
+            lines.append(f"{solid.path}: {solid.pose}")
     for emitter in scene.emitters:
         mode = next(name for name, number in binding.EMITTER_MODES.items() if number == emitter.values["mode"])
         lines.append(f"{emitter.path}: {mode} emitter, smoke density {emitter.values['density']:g}")
     return lines
 
 
-def time_estimate(scene: Scene, threads: int) -> str:
-    """A rough guess from the number of cells and the steps that the start speeds and gravity ask for."""
-    h, frame = scene.domain["voxel_size"], 1 / scene.fps
-    duration = (len(scene.frames) - 1) * frame
-    start = max((float(np.abs(s.values["velocity"]).max()) for s in scene.solids), default=0.0)
-    fall = float(np.sqrt(np.sum(np.square(scene.domain["gravity"]))))
-    # Nothing falls farther than the box is high.
-    height = float(max(scene.domain["domain_size"]))
-    speed = start + min(fall * duration, (2 * fall * height) ** 0.5) / 2 if scene.solids else 0.0
-    # Impacts and rebounds slow a solid down: half of that speed is the mean of a run.
-    steps = max(1.0, speed / 2 * frame / (scene.domain["cfl_solid"] * h))
-    cells = float(np.prod(np.array(scene.domain["domain_size"]) / h))
-    preset = next(name for name, number in binding.PRESETS.items() if number == scene.domain["preset"])
-    seconds = cells * steps * _SECONDS_PER_CELL_STEP[preset] / max(threads, 1) + _SECONDS_PER_FRAME
-    total = seconds * (len(scene.frames) - 1)
-    whole = f"{total:.2g} s" if total < 99.5 else f"{total / 60:.2g} min"
-    return f"time: very roughly {seconds:.2g} s per frame ({steps:.0f} steps), {whole} for all, on {threads} threads"
+def time_estimate(scene: Scene, threads: int, memory_limit: int) -> str:
+    """How long a run will take, by its first steps on this machine.
+
+    Raises LibraryError where the library refuses the scene; where only its first steps fail, says that.
+    """
+    plan = estimate.plan_of(scene)
+    try:
+        taken = estimate.try_steps(scene, threads, memory_limit)
+    except LibraryError as error:
+        if error.status != binding.ERROR_DIVERGED:
+            raise
+        return f"time: not estimated, the first steps fail: {error}"
+    cells = float(np.prod(np.array(scene.domain["domain_size"]) / scene.domain["voxel_size"]))
+    return estimate.describe(plan, taken, threads, cells)
 
 
 def info(path: Path | None) -> list[str]:
@@ -98,8 +98,9 @@ def info(path: Path | None) -> list[str]:
         return _cache_info(Manifest.load(path if path.is_dir() else path.parent))
     stage = open_stage(path)
     checks.raise_errors(checks.stage_issues(stage))
-    frames = stage_frames(stage) if stage.HasAuthoredTimeCodeRange() else FrameRange(1, 2)
-    return describe_scene(read_scene(stage, path, frames))
+    if not stage.HasAuthoredTimeCodeRange():
+        set_frames(stage, FrameRange(1, 2), None)
+    return describe_scene(read_scene(stage, path))
 
 
 def _cache_info(manifest: Manifest) -> list[str]:
@@ -116,5 +117,48 @@ def _cache_info(manifest: Manifest) -> list[str]:
     damaged = [str(frame) for frame in manifest.frames if manifest.damaged_files(int(frame))]
     if damaged:
         raise SceneError("\n".join([*lines, f"damaged or missing frames: {', '.join(damaged)}"]))
-    lines += [f"{path}: {json.dumps(values)}" for path, values in data["parameters"].items()]
+    for path, values in data["parameters"].items():
+        lines += describe_parameters(path, values)
     return lines
+
+
+def describe_parameters(path: str, values: dict[str, Any]) -> list[str]:
+    """The prim, then one indented line per value that a run used: name, value with its unit, tokens by name.
+
+    values: {field of the C definition: SI value}, as a manifest holds them. What has no row in the parameter table is
+    named by its field.
+    """
+    scope = "domain" if "voxel_size" in values else "solid" if "youngs_modulus" in values else "emitter"
+    rows = {row.field: row for row in table()[scope].values() if row.field}
+    lines = [f"{path}: {scope}"]
+    for field, value in values.items():
+        row = rows.get(field)
+        if field == "transform":
+            corner = np.reshape(value, (4, 4))
+            lines.append(f"  {'center':<22} {_text(corner[:3, 3])} m")
+            lines.append(f"  {'edges':<22} {_text(np.linalg.norm(corner[:3, :3], axis=0))} m")
+            continue
+        name, unit = (row.name, row.unit) if row else (field.replace("_", " "), _UNITS.get(field, ""))
+        lines.append(f"  {name:<22} {_text(_token(field, row, value))} {unit}".rstrip())
+    return lines
+
+
+# Fields that are no parameters: they follow from prims.
+_UNITS = {"domain_min": "m", "domain_size": "m", "gravity": "m/s^2"}
+
+
+def _token(field: str, row: Parameter | None, value: Any) -> Any:
+    """A number of the C API as the name that a stage has for it."""
+    if field == "shape":
+        return next(name for name, number in binding.EMITTER_SHAPES.items() if number == value)
+    if row and row.type == "token":
+        return row.tokens[value]
+    return bool(value) if row and row.type == "bool" else value
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return f"({', '.join(f'{float(x):.6g}' for x in value)})"
+    return f"{value:.6g}" if isinstance(value, (int, float)) else str(value)

@@ -11,13 +11,17 @@ from typing import Any
 
 import eulerfsi_usd  # noqa: F401 - registers the schema before a stage is opened
 import numpy as np
+from eulerfsi_usd.pose import Pose, PoseError
 from pxr import Tf, Usd, UsdGeom, UsdPhysics, UsdShade
 
 from . import binding, memory, solver
-from .errors import Cancelled, LibraryError, SceneError
+from .errors import Cancelled, LibraryError, SceneError, UsageError
 from .frames import FrameRange, check_frames
+from .motion import fit_rigid_motion, volume_center
 from .parameters import Parameter, StageUnits, table
 from .progress import Waiting
+from .reasons import mesh_reason, usd_reason
+from .references import how_to_make_a_scene, is_usd_file
 from .signals import Signals
 from .space import SimulationSpace, determinant, domain_space, orthonormal_rows, transform_points, transform_vectors
 from .system import available_threads
@@ -42,6 +46,7 @@ class Solid:
     surface_file: str = ""
     subdivision: str = "none"
     left_handed: bool = False
+    pose: str = ""  # what the start follows from, '' for a mesh that stands still as it is
 
     @property
     def report(self) -> dict[str, Any]:
@@ -165,34 +170,56 @@ class _Reader:
 def open_stage(path: Path) -> Usd.Stage:
     """Opens a scene file with the schema registered. Raises SceneError."""
     if not path.is_file():
-        raise SceneError(f"{path}: no such file")
+        raise SceneError(f"{path}: {'is a folder, no scene file' if path.is_dir() else 'no such file'}")
+    if not is_usd_file(path):
+        raise SceneError(how_to_make_a_scene(path))
     try:
         return Usd.Stage.Open(str(path))
-    except Tf.ErrorException as error:
-        reason = error.args[0].commentary.strip() if error.args else "unknown fault"  # the first one is the cause
-        raise SceneError(f"{path}: cannot be opened as USD: {reason}") from error
+    except (Tf.ErrorException, UnicodeDecodeError) as error:  # bytes that are no text reach Python as the latter
+        raise SceneError(f"{path}: cannot be opened as USD: {usd_reason(error)}") from error
 
 
 def stage_frames(stage: Usd.Stage) -> FrameRange:
     """The stage's own range. Raises UsageError or SceneError."""
     if not stage.HasAuthoredTimeCodeRange():
         raise SceneError("stage: startTimeCode and endTimeCode are not authored; give --frames first-last")
+    return check_frames(_authored_range(stage), f"stage range {_authored_range(stage)}")
+
+
+def _authored_range(stage: Usd.Stage) -> FrameRange:
     first, last = stage.GetStartTimeCode(), stage.GetEndTimeCode()
     if first != int(first) or last != int(last):
         raise SceneError(f"stage: startTimeCode {first:g} and endTimeCode {last:g}: must be whole numbers")
-    return check_frames(FrameRange(int(first), int(last)), f"stage range {int(first)}-{int(last)}")
+    return FrameRange(int(first), int(last))
 
 
-def read_scene(
-    stage: Usd.Stage, path: Path, frames: FrameRange | None = None, memory_limit: int = 0, threads: int | None = None
-) -> Scene:
-    """Reads a stage that `checks.check_stage` found without errors, at the first frame.
+def set_frames(stage: Usd.Stage, wanted: FrameRange | None, start: int | None) -> None:
+    """Makes the frames that this run simulates the stage's own, on its session layer, for all that read them later.
+
+    wanted: --frames, start: --start-frame. A simulation starts at the scene's first frame, whatever frames are wanted,
+    unless `start` says otherwise; `wanted` gives the first where the stage has no range. Raises UsageError.
+    """
+    own = _authored_range(stage) if stage.HasAuthoredTimeCodeRange() else wanted
+    if own is None or (wanted is None and start is None):
+        return  # the range is the stage's own, or missing
+    start, last = own.first if start is None else start, (wanted or own).last
+    if wanted and wanted.first < start:
+        way_out = f"write --frames {start}-{max(last, start + 1)}, or --start-frame {wanted.first} to start there"
+        raise UsageError(f"--frames {wanted}: the simulation starts at frame {start}; {way_out}")
+    check_frames(FrameRange(start, last), f"frames {start}-{last}")
+    with Usd.EditContext(stage, stage.GetSessionLayer()):
+        stage.SetStartTimeCode(start)
+        stage.SetEndTimeCode(last)
+
+
+def read_scene(stage: Usd.Stage, path: Path, memory_limit: int = 0, threads: int | None = None) -> Scene:
+    """Reads a stage that `checks.check_stage` found without errors, at its first frame.
 
     memory_limit: bytes that the simulation may take, 0 for no limit. threads: for the examination of the meshes, None
     for all. Raises SceneError for what only this reading finds: too fine a grid, files that do not load, meshes that
     the library refuses; Cancelled after a signal.
     """
-    frames = frames or stage_frames(stage)
+    frames = stage_frames(stage)
     units = stage_units(stage)
     reader = _Reader(units, Usd.TimeCode(frames.first))
     domain_prim = _the_domain(stage)
@@ -269,8 +296,8 @@ def _gravity(stage: Usd.Stage, units: StageUnits, warnings: list[str]) -> np.nda
     return direction * magnitude
 
 
-def _surface(reader: _Reader, prim: Usd.Prim) -> tuple[solver.Mesh, str]:
-    """The prim's rest surface in its local space, and the file that it came from ('' for the prim's own points)."""
+def _surface(reader: _Reader, prim: Usd.Prim) -> tuple[solver.Mesh, str, Pose]:
+    """The prim's surface in its local space, posed as it starts, the file that it came from ('' for none), its pose."""
     path = str(prim.GetPath())
     asset = reader.authored(prim, "eulerfsi:surfaceFile")
     if asset is not None and asset.path:
@@ -278,18 +305,22 @@ def _surface(reader: _Reader, prim: Usd.Prim) -> tuple[solver.Mesh, str]:
         if not Path(file).is_file():
             raise SceneError(f"{path}: eulerfsi:surfaceFile = {asset.path}: no such file")
         try:
-            return solver.load_mesh(file), file
+            return solver.load_mesh(file), file, Pose(prim, own_points=False)
         except LibraryError as error:
-            raise SceneError(f"{path}: eulerfsi:surfaceFile = {asset.path}: {error}") from error
+            raise SceneError(f"{path}: eulerfsi:surfaceFile = {asset.path}: {mesh_reason(file, error)}") from error
     if not prim.IsA(UsdGeom.Mesh):
         raise SceneError(f"{path}: a {prim.GetTypeName() or 'typeless'} prim needs eulerfsi:surfaceFile; or use a Mesh")
     geom = UsdGeom.Mesh(prim)
-    points = geom.GetPointsAttr().Get(reader.time)
+    pose = Pose(prim, own_points=True)
+    try:
+        points = pose.points(reader.time)
+    except PoseError as error:
+        raise SceneError(f"{path}: skel:skeleton = {pose.skeleton}: cannot be applied: {error}") from error
     counts = geom.GetFaceVertexCountsAttr().Get(reader.time)
     indices = geom.GetFaceVertexIndicesAttr().Get(reader.time)
-    if not points or not counts or not indices:
+    if not len(points) or not counts or not indices:
         raise SceneError(f"{path}: the mesh has no points or no faces at frame {reader.time.GetValue():g}")
-    return solver.Mesh(np.array(points), np.array(counts), np.array(indices)), ""
+    return solver.Mesh(points, np.array(counts), np.array(indices)), "", pose
 
 
 def _solid(reader: _Reader, space: SimulationSpace, prim: Usd.Prim) -> Solid:
@@ -297,7 +328,7 @@ def _solid(reader: _Reader, space: SimulationSpace, prim: Usd.Prim) -> Solid:
     path = str(prim.GetPath())
     if prim.IsInstanceProxy():
         raise SceneError(f"{path}: a solid inside an instance cannot be given its own points; set instanceable = false")
-    local, file = _surface(reader, prim)
+    local, file, pose = _surface(reader, prim)
     to_sim = space.from_local(reader.local_to_world(prim))
     handedness = determinant(to_sim)
     if handedness == 0:
@@ -308,10 +339,12 @@ def _solid(reader: _Reader, space: SimulationSpace, prim: Usd.Prim) -> Solid:
     if left_handed != (handedness < 0):
         mesh = mesh.flipped()  # outward faces stay outward
     values = reader.fields(prim, "solid")
-    values["velocity"], values["angular_velocity"] = _initial_motion(reader, space, prim, values)
+    animated = _animated_motion(reader, space, pose, local, mesh)
+    values["velocity"], values["angular_velocity"] = _initial_motion(reader, space, prim, values, animated)
     subdivision = "none" if file or not is_mesh else str(UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get())
     output = path if is_mesh else _free_child(prim, "surface")
-    return Solid(path, output, mesh, local, values, None, file, subdivision, left_handed)
+    start = _describe_start(reader, pose, animated, values)
+    return Solid(path, output, mesh, local, values, None, file, subdivision, left_handed, start)
 
 
 def _examine(reader: _Reader, solid: Solid, prim: Usd.Prim, voxel_size: float, threads: int) -> None:
@@ -328,7 +361,8 @@ def _examine(reader: _Reader, solid: Solid, prim: Usd.Prim, voxel_size: float, t
     except LibraryError as error:
         if error.status == binding.ERROR_CANCELLED:
             raise Cancelled(signals.number) from error
-        raise SceneError(f"{solid.path}: {solid.surface_file + ': ' if solid.surface_file else ''}{error}") from error
+        file = f"{solid.surface_file}: " if solid.surface_file else ""
+        raise SceneError(f"{solid.path}: {file}{mesh_reason(solid.surface_file, error)}") from error
     solid.values["density"] = _density(reader, prim, solid.report["solid_volume"])
 
 
@@ -353,23 +387,78 @@ def _density(reader: _Reader, prim: Usd.Prim, volume: float) -> float:
 
 
 def _initial_motion(
-    reader: _Reader, space: SimulationSpace, prim: Usd.Prim, values: dict[str, Any]
+    reader: _Reader,
+    space: SimulationSpace,
+    prim: Usd.Prim,
+    values: dict[str, Any],
+    animated: tuple[np.ndarray, np.ndarray],
 ) -> tuple[list[float], list[float]]:
     """Velocity [m/s] and angular velocity [rad/s] in simulation axes.
 
-    eulerfsi: attributes are in world axes; PhysicsRigidBodyAPI's, used where those are not authored, in local axes.
+    eulerfsi: attributes are in world axes; PhysicsRigidBodyAPI's, used where those are not authored, in local axes;
+    where neither is, the motion of the animation.
     """
     linear = reader.local_to_world(prim)[:3, :3]
-    velocity, angular = np.array(values["velocity"], float), np.array(values["angular_velocity"], float)
+    velocity, angular = animated
     rigid_velocity = reader.authored(prim, "physics:velocity")
-    if reader.authored(prim, "eulerfsi:velocity") is None and rigid_velocity is not None:
-        velocity = transform_vectors(rigid_velocity, linear) * reader.units.meters_per_unit
+    if reader.authored(prim, "eulerfsi:velocity") is not None:
+        velocity = space.vector_to_sim(values["velocity"])
+    elif rigid_velocity is not None:
+        velocity = space.vector_to_sim(transform_vectors(rigid_velocity, linear)) * reader.units.meters_per_unit
     rigid_angular = reader.authored(prim, "physics:angularVelocity")
-    if reader.authored(prim, "eulerfsi:angularVelocity") is None and rigid_angular is not None:
+    if reader.authored(prim, "eulerfsi:angularVelocity") is not None:
+        angular = space.vector_to_sim(values["angular_velocity"])
+    elif rigid_angular is not None:
         # An axial vector: a mirror image turns the other way.
         turn = np.copysign(1.0, determinant(linear))
-        angular = transform_vectors(np.radians(np.array(rigid_angular, float)), orthonormal_rows(linear)) * turn
-    return space.vector_to_sim(velocity).tolist(), space.vector_to_sim(angular).tolist()
+        turning = transform_vectors(np.radians(np.array(rigid_angular, float)), orthonormal_rows(linear)) * turn
+        angular = space.vector_to_sim(turning)
+    return velocity.tolist(), angular.tolist()
+
+
+def _animated_motion(
+    reader: _Reader, space: SimulationSpace, pose: Pose, local: solver.Mesh, mesh: solver.Mesh
+) -> tuple[np.ndarray, np.ndarray]:
+    """Velocity [m/s] of the centre of volume and angular velocity [rad/s] that the animation has at the start.
+
+    They come from the frame before and the frame after, where it moves in both; from the one in which it moves where it
+    stands still in the other: an animation may begin or end at the start.
+    """
+    if not pose.drivers():
+        return np.zeros(3), np.zeros(3)
+
+    def surface(frame: float) -> np.ndarray:
+        at = _Reader(reader.units, Usd.TimeCode(frame))
+        points = pose.points(at.time) if pose.own_points else local.points
+        return transform_points(points, space.from_local(at.local_to_world(pose.prim)))
+
+    now = reader.time.GetValue()
+    poses = {frame: surface(frame) for frame in (now - 1, now, now + 1)}
+    times = [frame for frame, points in poses.items() if frame == now or not np.array_equal(points, poses[now])]
+    if len(times) == 1:
+        return np.zeros(3), np.zeros(3)
+    seconds = (times[-1] - times[0]) / pose.prim.GetStage().GetTimeCodesPerSecond()
+    triangles = mesh.triangles()
+    center = volume_center(mesh.points, triangles)
+    return fit_rigid_motion(poses[times[0]], poses[times[-1]], triangles, seconds, center)
+
+
+def _describe_start(
+    reader: _Reader, pose: Pose, animated: tuple[np.ndarray, np.ndarray], values: dict[str, Any]
+) -> str:
+    """What gives a solid its pose and motion at the start, for people; '' where nothing but the mesh does."""
+    sources = [f"skinned by {pose.skeleton}"] if pose.skeleton else []
+    sources += ["blend shapes"] if pose.has_blend_shapes else []
+    sources += [f"animated by {' and '.join(pose.drivers())}"] if pose.drivers() else []
+    if not sources:
+        return ""
+    text = f"starts from its pose at frame {reader.time.GetValue():g} ({', '.join(sources)})"
+    for name, unit, motion in zip(("velocity", "angular_velocity"), ("m/s", "rad/s"), animated, strict=True):
+        if motion.any():
+            kept = values[name] == motion.tolist()
+            vector = ", ".join(f"{component:.4g}" for component in values[name])
+            text += f"; {name.replace('_', ' ')} ({vector}) {unit} {'of the animation' if kept else 'as authored'}"
+    return text
 
 
 def _emitter(reader: _Reader, space: SimulationSpace, prim: Usd.Prim) -> Emitter:

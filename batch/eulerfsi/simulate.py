@@ -12,16 +12,19 @@ import numpy as np
 
 from . import binding, checks, preview
 from . import cache as cache_module
-from .cache import Cache, FolderLock
+from .cache import STATS, Cache, FolderLock
 from .errors import Cancelled, DivergedError, LibraryError
-from .frames import parse_frames
+from .frames import demand_start, parse_frames
 from .log import Log
+from .manifest import Manifest
 from .overrides import apply_overrides, set_domain_parameter
 from .progress import Progress
-from .scene import Scene, open_stage, read_scene
+from .reasons import mesh_reason
+from .scene import Scene, open_stage, read_scene, set_frames
 from .signals import Signals
 from .solver import Simulation
 from .system import available_memory, available_threads
+from .usd_messages import usd_messages
 
 CHECKPOINT_EVERY = 10  # frames
 _RESUME = "continue with --resume"
@@ -31,10 +34,14 @@ _COUNTERS = ("steps", "velocity_iterations", "pressure_iterations", "degenerate_
 
 @dataclasses.dataclass
 class Options:
-    """What `simulate` on the command line sets. threads None: all that the cgroup allows."""
+    """What `simulate` on the command line sets.
+
+    start None: the scene's first frame; threads None: all that the cgroup allows.
+    """
 
     output: Path | None = None
     frames: str | None = None
+    start: int | None = None
     threads: int | None = None
     preset: str | None = None
     settings: tuple[str, ...] = ()
@@ -59,13 +66,13 @@ def load_scene(path: Path, options: Options, log: Log, memory_limit: int) -> tup
 
     Raises UsageError for options, SceneError with every fault of the scene.
     """
-    frames = parse_frames(options.frames) if options.frames else None
     stage = open_stage(path)
+    set_frames(stage, parse_frames(options.frames) if options.frames else None, options.start)
     overrides = apply_overrides(stage, options.settings)
     if options.preset:
         overrides |= set_domain_parameter(stage, "preset", options.preset)
     warnings = checks.raise_errors(checks.stage_issues(stage))
-    scene = read_scene(stage, path, frames, memory_limit, options.threads)
+    scene = read_scene(stage, path, memory_limit, options.threads)
     warnings += scene.warnings + checks.raise_errors(checks.check_scene(scene))
     for text in dict.fromkeys(warnings):
         log.warning(text)
@@ -92,7 +99,7 @@ def build_simulation(scene: Scene, threads: int, memory_limit: int, log: Log) ->
             simulation.add_emitter(**emitter.values)
     except LibraryError as error:
         simulation.close()
-        raise LibraryError(error.status, place[0] + str(error)) from error
+        raise LibraryError(error.status, place[0] + mesh_reason("", error)) from error
     place[0] = ""
     return simulation, identifiers
 
@@ -102,13 +109,17 @@ def simulate(path: Path, options: Options, log: Log | None = None) -> Result:
     log = log or Log()
     threads, memory_limit = options.threads or available_threads(), available_memory()
     folder = options.output or Path.cwd() / f"{path.stem}_cache"
-    scene, overrides = load_scene(path, options, log, memory_limit)
+    with usd_messages(log.info):
+        scene, overrides = load_scene(path, options, log, memory_limit)
     mode = cache_module.prepare(folder, options.overwrite, options.resume)
+    wanted = parse_frames(options.frames) if options.frames else scene.frames
+    if wanted.first > scene.frames.first:
+        demand_start(wanted, scene.frames.first, _last_checkpoint(folder, mode))
     checks.check_output(folder)
     simulation, solids = build_simulation(scene, threads, memory_limit, log)
     with simulation:
         folder.mkdir(parents=True, exist_ok=True)
-        with FolderLock(folder), contextlib.closing(log):
+        with FolderLock(folder), contextlib.closing(log), usd_messages(log.info):
             if mode == "resume":
                 cache = Cache.resume(folder, scene)
             else:
@@ -116,6 +127,12 @@ def simulate(path: Path, options: Options, log: Log | None = None) -> Result:
                 cache = Cache.create(folder, scene, overrides, _grids(scene))
             log.open(folder / "log")
             return _Run(scene, cache, simulation, solids, log, options.progress, threads).execute(mode == "resume")
+
+
+def _last_checkpoint(folder: Path, mode: str) -> int | None:
+    """Frame from which a resumed run would go on; None where it begins anew."""
+    checkpoint = Manifest.load(folder).usable_checkpoint() if mode == "resume" else None
+    return checkpoint["frame"] if checkpoint else None
 
 
 def _grids(scene: Scene) -> list[str]:
@@ -135,6 +152,7 @@ class _Run:
         self.signals = Signals()
         self.threads = threads
         self.surfaces: list[tuple[np.ndarray, np.ndarray]] = []
+        self.warned: set[str] = set()  # solids whose mesh was warned of
 
     def execute(self, resumed: bool) -> Result:
         """Runs to the last frame."""
@@ -233,12 +251,24 @@ class _Run:
             solid.path: self.simulation.solid_diagnostics(identifier)
             for solid, identifier in zip(self.scene.solids, self.solids, strict=True)
         }
+        self._look_at_meshes(frame, solids)
         line = {"event": "frame", "frame": frame, "time": self.simulation.time, "seconds": round(seconds, 4)}
         line |= {"steps": self.simulation.steps, "solids": solids, "fluid": self.simulation.fluid_diagnostics()}
         self.cache.add_stats({**line, "profile": self.simulation.profile()})
         self.progress.frame_done(
             frame, time=self.simulation.time, seconds=round(seconds, 4), steps=self.simulation.steps
         )
+
+    def _look_at_meshes(self, frame: int, solids: dict[str, dict[str, Any]]) -> None:
+        """Warns, once a mesh, of edges that the solid does not explain; every frame's count is in the statistics."""
+        for path, facts in solids.items():
+            if facts["false_edges"] and path not in self.warned:
+                self.warned.add(path)
+                self.log.warning(
+                    f"{path}: frame {frame}: {facts['false_edges']} edges of the mesh are longer than 4 times what "
+                    f"the largest stretch of the solid ({facts['max_stretch']:.3g}) explains: parts of it have "
+                    f"exchanged points; {STATS} counts them in every frame"
+                )
 
     def _leave(self, status: str) -> None:
         """What every run does at its end: statistics, the layer that opens the cache, the picture."""

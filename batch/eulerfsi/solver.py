@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from . import binding
+from . import binding, mesh_file
 from .binding import check_error, library
 from .errors import LibraryError
 
@@ -96,25 +96,12 @@ def _fill(struct: ctypes.Structure, values: Mapping[str, Any]) -> None:
             setattr(struct, base, value)
 
 
-def load_mesh(path: str | Path) -> Mesh:
-    """Reads a mesh file (obj, ply, stl, gltf, glb, fbx, ...) in the file's own units. Raises LibraryError."""
-    lib, error, handle, view = library(), binding.Error(), c_void_p(), binding.MeshView()
-    check_error(lib.efsi_mesh_load(str(path).encode(), byref(handle), byref(error)), error)
-    try:
-        status = lib.efsi_mesh_get_view(handle, byref(view))
-        if status != binding.OK:
-            raise LibraryError(status, f"{path}: {binding.status_text(status)}")
-        count, stride = view.point_count, view.point_stride or 12
-        raw = np.ctypeslib.as_array(ctypes.cast(view.points, POINTER(ctypes.c_uint8)), (count * stride,))
-        points = raw.reshape(count, stride)[:, :12].copy().view(np.float32)
-        indices = np.ctypeslib.as_array(view.face_vertex_indices, (view.index_count,)).copy()
-        if view.face_vertex_counts:
-            counts = np.ctypeslib.as_array(view.face_vertex_counts, (view.face_count,)).copy()
-        else:
-            counts = np.full(view.index_count // 3, 3, np.int32)
-    finally:
-        lib.efsi_mesh_destroy(handle)
-    return Mesh(points, counts, indices)
+def load_mesh(path: str | Path, memory_limit: int | None = None) -> Mesh:
+    """Reads a mesh file (`mesh_file.FORMATS`) in the file's own units, in a child process (`mesh_file.read`).
+
+    memory_limit: bytes, default what a simulation may take. Raises LibraryError.
+    """
+    return Mesh(*mesh_file.read(path, memory_limit))
 
 
 class Surface:

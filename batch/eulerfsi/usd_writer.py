@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 
 from . import files
 from .scene import Scene, Solid
@@ -24,6 +24,7 @@ _TYPES = {
     "normals": Sdf.ValueTypeNames.Normal3fArray,
     "extent": Sdf.ValueTypeNames.Float3Array,
 }
+_CLIP_SET = "eulerfsi"
 _STAGE_METADATA = (
     "defaultPrim",
     "upAxis",
@@ -166,16 +167,18 @@ class UsdWriter:
                 Sdf.AttributeSpec(prim, name, Sdf.ValueTypeNames.IntArray).default = Vt.IntArray.FromNumpy(value)
             scheme = Sdf.AttributeSpec(prim, "subdivisionScheme", Sdf.ValueTypeNames.Token, Sdf.VariabilityUniform)
             scheme.default = "none"
+        else:
+            _block_deformers(prim, self.scene.stage.GetPrimAtPath(solid.path))
+            self._hold_topology(prim, solid)
         if solid.subdivision == "none":
             Sdf.AttributeSpec(prim, "normals", _TYPES["normals"]).SetInfo("interpolation", "vertex")
-            if self.scene.stage.GetPrimAtPath(solid.path).HasAttribute("primvars:normals"):
-                # They would win over `normals` and show the rest shape's shading.
-                old = Sdf.AttributeSpec(prim, "primvars:normals", _TYPES["normals"])
-                old.default = Sdf.ValueBlock()
+            self._block(prim, solid, "primvars:normals")  # would win over `normals` and show the old shape's shading
+        self._block(prim, solid, "accelerations")  # belong to the old points
+        prim.SetInfo("clipSets", Sdf.StringListOp.CreateExplicit([_CLIP_SET]))  # the scene's own clips do not act
         prim.SetInfo(
             "clips",
             {
-                "default": {
+                _CLIP_SET: {
                     "primPath": solid.output_path,
                     "templateAssetPath": f"./frames/{self.scene.name}.####.usdc",
                     "templateStartTime": float(self.scene.frames.first),
@@ -185,6 +188,23 @@ class UsdWriter:
                 }
             },
         )
+
+    def _block(self, spec: Sdf.PrimSpec, solid: Solid, name: str) -> None:
+        """Takes away an attribute that the scene authors."""
+        attribute = self.scene.stage.GetPrimAtPath(solid.path).GetAttribute(name)
+        if attribute and attribute.HasAuthoredValue():
+            Sdf.AttributeSpec(spec, name, attribute.GetTypeName()).default = Sdf.ValueBlock()
+
+    def _hold_topology(self, spec: Sdf.PrimSpec, solid: Solid) -> None:
+        """Faces that change over time stay those of the first frame, to which the simulated points belong."""
+        mesh = UsdGeom.Mesh(self.scene.stage.GetPrimAtPath(solid.path))
+        for attribute, value in (
+            (mesh.GetFaceVertexCountsAttr(), solid.local.counts),
+            (mesh.GetFaceVertexIndicesAttr(), solid.local.indices),
+        ):
+            if attribute.ValueMightBeTimeVarying():
+                own = Sdf.AttributeSpec(spec, attribute.GetName(), Sdf.ValueTypeNames.IntArray)
+                own.default = Vt.IntArray.FromNumpy(value)
 
     def _write_volume(self, layer: Sdf.Layer, frames: list[int], grids: list[str]) -> None:
         """A Volume in world space (the grids' transforms say where it is) with one OpenVDBAsset per grid."""
@@ -236,6 +256,26 @@ class UsdWriter:
         else:
             for frame, matrix in matrices.items():
                 layer.SetTimeSample(op.path, frame, Gf.Matrix4d(matrix).GetInverse())
+
+
+def _block_deformers(spec: Sdf.PrimSpec, prim: Usd.Prim) -> None:
+    """Keeps clients from deforming the simulated points of a mesh once more: no skinning, no blend shapes.
+
+    Some clients look for a skeleton (which may be inherited), others for weights. The schema stays: without it what the
+    scene's own layers say of the skinning would be an error.
+    """
+    if not (UsdSkel.Root.Find(prim) or prim.HasAPI(UsdSkel.BindingAPI)):
+        return
+    for name in ("skel:skeleton", "skel:animationSource", "skel:blendShapeTargets"):
+        targets = Sdf.RelationshipSpec(spec, name, custom=False).targetPathList
+        targets.ClearEditsAndMakeExplicit()
+    kinds = Sdf.ValueTypeNames
+    for name, kind in (
+        ("primvars:skel:jointIndices", kinds.IntArray),
+        ("primvars:skel:jointWeights", kinds.FloatArray),
+        ("skel:blendShapes", kinds.TokenArray),
+    ):
+        Sdf.AttributeSpec(spec, name, kind).default = Sdf.ValueBlock()
 
 
 def _volume_place(stage: Usd.Stage, domain_path: str) -> tuple[str, bool]:

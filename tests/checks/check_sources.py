@@ -2,7 +2,7 @@
 
 check_sources.py globals LIBRARY...   no mutable globals or function statics (symbols of the libraries); no prints,
                                       exits, environment, clocks or random devices outside capi and io
-check_sources.py threads              "#pragma omp parallel / for" only in base/parallel and linalg/reduce
+check_sources.py threads              "#pragma omp parallel / for" only in base/parallel and base/team
 check_sources.py includes             rooms include downwards only, without cycles; OpenVDB in two translation units
 check_sources.py words                no unfinished marks, no paths of one machine
 """
@@ -39,7 +39,7 @@ FORBIDDEN_CALLS = re.compile(
 # The profile measures the stages and the whole; nothing else may look at a clock.
 CLOCK = re.compile(r"\bsteady_clock\b")
 CLOCK_HOME = {"sim/profile.hpp", "sim/profile.cpp", "sim/simulation.cpp"}
-THREAD_HOMES = {"base/parallel", "linalg/reduce"}
+THREAD_HOMES = {"base/parallel", "base/team"}
 # Asking how many processors there are starts no thread, and an arena of one takes OpenVDB's away.
 THREADS = re.compile(r"\bstd::(?:thread\b(?!::)|jthread\b|async\b|atomic\b)|\btbb::(?!task_arena\(1\))")
 VDB_UNITS = 2
@@ -94,7 +94,7 @@ def threads() -> None:
             continue
         for line, text in numbered(code_only(path.read_text())):
             if re.search(r"#\s*pragma\s+omp\b.*\b(parallel|for|task|sections|single|atomic|critical)\b", text):
-                problems.append(f"{relative(path)}:{line}: threads start in base/parallel and linalg/reduce only")
+                problems.append(f"{relative(path)}:{line}: threads start in base/parallel and base/team only")
             if THREADS.search(text):
                 problems.append(f"{relative(path)}:{line}: threads and atomics are not for this room")
     finish(problems, f"{len(sources())} files")

@@ -6,11 +6,13 @@ import hashlib
 import json
 import resource
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import author, content_hashes, make_scene, write_obj
+from conftest import author, content_hashes, environment, make_scene, write_obj
 from eulerfsi import __version__, files
 from eulerfsi.errors import CacheIOError
 from eulerfsi.log import Log
@@ -132,6 +134,24 @@ def test_content_hash_is_of_the_values(cache):
     for attribute in (mesh.GetPointsAttr(), mesh.GetVelocitiesAttr()):
         digest.update(np.array(attribute.Get(2), np.float32).tobytes())
     assert manifest["frames"]["2"]["files"]["frames/small.0002.usdc"]["content"] == digest.hexdigest()
+
+
+def test_a_second_run_in_another_process_writes_the_same_bytes(cache, tmp_path):
+    again = tmp_path / "again"
+    command = [sys.executable, "-m", "eulerfsi", "simulate", cache.parent / "small.usda", "-o", again]
+    subprocess.run([*command, "--threads", "2", "--progress", "none"], check=True, env=environment())
+    names = {p.relative_to(cache) for p in cache.rglob("*") if p.is_file()}
+    assert names == {p.relative_to(again) for p in again.rglob("*") if p.is_file()}
+    # What tells of the run and not of the scene: dates and times.
+    timed = {Path("log"), Path("stats.jsonl")}
+    assert timed < names
+    assert not [name for name in names - timed if (cache / name).read_bytes() != (again / name).read_bytes()]
+    timeless = lambda data: {key: value for key, value in data.items() if "seconds" not in key}  # noqa: E731
+    first, second = (
+        [json.loads(line, object_hook=timeless) for line in (folder / "stats.jsonl").read_text().splitlines()]
+        for folder in (cache, again)
+    )
+    assert first == second
 
 
 def test_statistics_have_every_step_and_frame(cache):

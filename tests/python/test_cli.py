@@ -71,7 +71,18 @@ def test_no_progress_leaves_the_end_message(cli, scene):
 
 
 def test_frames_threads_preset_and_set_reach_the_run(cli, scene, tmp_path):
-    options = ["--frames", "5-6", "--threads", "1", "--preset", "paper2016", "--set", "Domain.voxelSize=0.06"]
+    options = [
+        "--start-frame",
+        "5",
+        "--frames",
+        "5-6",
+        "--threads",
+        "1",
+        "--preset",
+        "paper2016",
+        "--set",
+        "Domain.voxelSize=0.06",
+    ]
     done = cli("simulate", scene, *options, "-o", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     manifest = json.loads((tmp_path / "out/manifest.json").read_text())

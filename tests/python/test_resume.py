@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from conftest import content_hashes, environment, make_scene
-from eulerfsi.errors import SceneError
+from eulerfsi.errors import SceneError, UsageError
 from eulerfsi.log import Log
 from eulerfsi.simulate import Options, Result, simulate
 from pxr import Usd
@@ -117,6 +117,34 @@ def test_longer_range_continues_the_same_cache(whole, tmp_path):
     run(scene, tmp_path / "cache", frames="1-5")
     run(scene, tmp_path / "cache", frames="1-7", resume=True)
     assert content_hashes(tmp_path / "cache") == {frame: h for frame, h in expected.items() if int(frame) <= 7}
+
+
+def test_later_range_goes_on_from_the_checkpoint_before_it(whole, tmp_path):
+    scene, expected = whole
+    run(scene, tmp_path / "cache", frames="1-4")
+    run(scene, tmp_path / "cache", frames="5-7", resume=True)
+    assert content_hashes(tmp_path / "cache") == {frame: h for frame, h in expected.items() if int(frame) <= 7}
+
+
+@pytest.mark.parametrize("how", [{}, {"resume": True}, {"overwrite": True}])
+def test_later_range_without_a_checkpoint_before_it_is_refused_with_the_way_out(whole, tmp_path, how):
+    scene, _ = whole
+    if "overwrite" in how:
+        run(scene, tmp_path / "cache", frames="1-4")
+    with pytest.raises(UsageError) as error:
+        run(scene, tmp_path / "cache", frames="5-7", **how)
+    assert "--frames 5-7: the simulation starts at frame 1, and there is no checkpoint before" in str(error.value)
+    assert "--frames 1-7" in str(error.value) and "--start-frame 5" in str(error.value)
+    assert (tmp_path / "cache").exists() == ("overwrite" in how)  # and what was there is there still
+
+
+def test_range_before_the_first_frame_is_refused_and_start_frame_starts_there(whole, tmp_path):
+    scene, expected = whole
+    with pytest.raises(UsageError, match="the simulation starts at frame 1; write --frames 1-3, or --start-frame 0"):
+        run(scene, tmp_path / "cache", frames="0-3")
+    run(scene, tmp_path / "cache", frames="0-3", start=0)
+    earlier = {str(int(frame) - 1): hashes for frame, hashes in expected.items() if int(frame) <= 4}
+    assert content_hashes(tmp_path / "cache") == earlier
 
 
 def test_complete_cache_has_nothing_to_do(whole):

@@ -13,7 +13,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from .issues import Issue, domain_box, first_time, is_enabled, make_issue, read, scopes_of
 from .parameters import API_SCHEMAS, NAMESPACE, Parameter, load, prim_types, stage_attributes
-from .surface import check_density, check_inside, check_surface
+from .surface import check_animation, check_density, check_inside, check_surface
 
 AXES = ("X", "Y", "Z")
 
@@ -164,7 +164,7 @@ def value_fault(row: Parameter, value: object) -> tuple[str, str] | None:
 
 def check_domain(prim: Usd.Prim) -> list[Issue]:
     """Values, walls and box of a prim with EulerFsiDomainAPI."""
-    issues = check_values(prim, "domain")
+    issues = check_values(prim, "domain") + check_animation(prim, "domain")
     for axis in AXES:
         low, high = (read(prim, f"eulerfsi:wall{axis}{side}") for side in ("Min", "Max"))
         if (low == "periodic") != (high == "periodic"):
@@ -207,12 +207,14 @@ def _box_fault(prim: Usd.Prim) -> Issue | None:
 def check_solid(prim: Usd.Prim) -> list[Issue]:
     """Values, density and surface of a prim with EulerFsiSolidAPI."""
     issues = check_values(prim, "solid")
-    return issues + check_density(prim) + check_surface(prim) if is_enabled(prim) else issues
+    if not is_enabled(prim):
+        return issues
+    return issues + check_density(prim) + check_surface(prim) + check_animation(prim, "solid")
 
 
 def check_emitter(prim: Usd.Prim) -> list[Issue]:
     """Values, region and times of a prim with EulerFsiEmitterAPI."""
-    issues = check_values(prim, "emitter")
+    issues = check_values(prim, "emitter") + check_animation(prim, "emitter")
     for prim_type, field in ((UsdGeom.Cube, "size"), (UsdGeom.Sphere, "radius")):
         extent = read(prim, field) if prim.IsA(prim_type) else 1.0
         if not (math.isfinite(extent) and extent > 0.0):

@@ -8,6 +8,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
 
 from .issues import Issue, domain_box, first_time, make_issue, read
+from .pose import Pose, PoseError, transform_drivers
 
 # Part of the box by which points may stick out of it through rounding of the transforms.
 TOLERANCE = 1e-6
@@ -51,7 +52,11 @@ def check_surface(prim: Usd.Prim) -> list[Issue]:
     if not prim.IsA(UsdGeom.Mesh):
         limit = "the path of a mesh file, because the prim is no Mesh"
         return [make_issue(prim, "eulerfsi:surfaceFile", None, limit, "MissingMesh")]
-    points, counts, indices = mesh_arrays(prim)
+    try:
+        points, counts, indices = mesh_arrays(prim)
+    except PoseError as error:
+        limit = "a skinning that UsdSkel can compute"
+        return [make_issue(prim, "skel:skeleton", Pose(prim, True).skeleton, limit, "BadSkinning", str(error))]
     if len(points) == 0 or len(counts) == 0:
         field = "points" if len(points) == 0 else "faceVertexCounts"
         limit = "the points and faces of a surface, or eulerfsi:surfaceFile"
@@ -75,9 +80,12 @@ def check_surface(prim: Usd.Prim) -> list[Issue]:
 
 
 def mesh_arrays(prim: Usd.Prim) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points (n, 3) in local space, face vertex counts (f,) and face vertex indices (k,) at the first time."""
+    """Points (n, 3) in local space as they are posed, face vertex counts (f,) and indices (k,), at the first time.
+
+    Raises PoseError.
+    """
     mesh, time = UsdGeom.Mesh(prim), first_time(prim.GetStage())
-    points = np.asarray(mesh.GetPointsAttr().Get(time) or (), dtype=np.float64).reshape(-1, 3)
+    points = Pose(prim, True).points(time)
     counts = np.asarray(mesh.GetFaceVertexCountsAttr().Get(time) or (), dtype=np.int64)
     indices = np.asarray(mesh.GetFaceVertexIndicesAttr().Get(time) or (), dtype=np.int64)
     return points, counts, indices
@@ -87,7 +95,10 @@ def check_inside(prim: Usd.Prim, domain: Usd.Prim) -> list[Issue]:
     """All points of a mesh lie inside the domain's box. Surface files and faulty meshes are not looked at here."""
     if surface_file(prim) or not prim.IsA(UsdGeom.Mesh):
         return []
-    points, _, _ = mesh_arrays(prim)
+    try:
+        points, _, _ = mesh_arrays(prim)
+    except PoseError:
+        return []
     if len(points) == 0 or not np.isfinite(points).all():
         return []
     edges, domain_to_world = domain_box(domain)
@@ -103,3 +114,20 @@ def check_inside(prim: Usd.Prim, domain: Usd.Prim) -> list[Issue]:
     value = f"{(low[axis] + 0.5) * length:g} to {(high[axis] + 0.5) * length:g} along the box's {'xyz'[axis]}"
     limit = f"inside the domain {domain.GetPath()}, 0 to {length:g}"
     return [make_issue(prim, "points", value, limit, "OutsideDomain")]
+
+
+def check_animation(prim: Usd.Prim, scope: str) -> list[Issue]:
+    """Warns of what animates a prim: its pose and motion at the first time count, what follows does not."""
+    if scope == "solid":
+        drivers = Pose(prim, prim.IsA(UsdGeom.Mesh) and not surface_file(prim)).drivers()
+        effect = "it starts from that pose and motion at frame {}; the animation after it does not act"
+    else:
+        drivers = transform_drivers(prim)
+        effect = "it stays where it is at frame {}"
+    if not drivers:
+        return []
+    time = first_time(prim.GetStage())
+    effect = effect.format("1" if time.IsEarliestTime() else f"{time.GetValue():g}")
+    value = " and ".join(drivers)
+    message = f"{prim.GetPath()}: is animated by {value}: {effect}"
+    return [Issue(str(prim.GetPath()), "xformOpOrder", value, "constant", message, "warning", "AnimatedPrim")]

@@ -23,7 +23,8 @@ typedef struct EfsiVdbDef {
 EFSI_API EfsiStatus efsi_vdb_def_init(EfsiVdbDef* def);
 /* Writes one .vdb with the grids `density`, `vel` and, where the scene uses it, `temperature`, cell-centred, under a
  * temporary name in the same folder and renames it. content_hash: out, 64-bit hash of grid names, transforms, active
- * voxels and values (the file's bytes hold a random id); may be NULL. */
+ * voxels and values; may be NULL. The UUID in the file's header is made from that hash: same state and def, same bytes.
+ */
 EFSI_API EfsiStatus efsi_vdb_write(struct EfsiSim* sim, const char* path, const EfsiVdbDef* def,
                                    uint64_t* content_hash);
 

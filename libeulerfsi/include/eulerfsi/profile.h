@@ -73,7 +73,8 @@ typedef struct EfsiSolidDiagnostics {
   double min_det_f, max_det_f;
   uint64_t elements;     /* cells that carry stiffness */
   uint64_t memory_bytes; /* of this solid's band */
-  uint64_t reserved[2];
+  double max_stretch;    /* largest principal stretch of a sound element, at least 1 */
+  uint64_t false_edges;  /* edges of the embedded surface longer than 4 times what max_stretch explains */
 } EfsiSolidDiagnostics;
 
 typedef struct EfsiFluidDiagnostics {

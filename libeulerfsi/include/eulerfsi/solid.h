@@ -42,7 +42,10 @@ typedef struct EfsiMeshReport {
   uint32_t inner_triangles;   /* left out, whole or in part: they lie inside the solid */
 } EfsiMeshReport;
 
-/* A mesh read from a file (obj, ply, stl, gltf, glb, fbx, ...). */
+/* A mesh read from a file. The suffix of path, in upper or lower case, is its format:
+ * obj, ply, stl, off, gltf, glb, fbx, dae, 3ds. Another suffix, or content that does not match, is EFSI_ERROR_MESH.
+ * The file is read in this process. A damaged or hostile one can take all memory, crash the reader or never end: a host
+ * that reads files it does not trust should call this in a process of its own, with a limit on memory and time. */
 typedef struct EfsiMesh EfsiMesh;
 EFSI_API EfsiStatus efsi_mesh_load(const char* path, EfsiMesh** mesh, EfsiError* error);
 EFSI_API EfsiStatus efsi_mesh_get_view(const EfsiMesh* mesh, EfsiMeshView* view);

@@ -170,6 +170,8 @@ inline EfsiSolidDiagnostics to_c(const sim::SolidDiagnostics& d) {
   c.extent_max = to_c(d.extent_max);
   c.min_det_f = d.min_det_f;
   c.max_det_f = d.max_det_f;
+  c.max_stretch = d.max_stretch;
+  c.false_edges = d.false_edges;
   c.elements = d.elements;
   c.memory_bytes = d.memory_bytes;
   return c;

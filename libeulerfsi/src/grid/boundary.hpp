@@ -80,4 +80,10 @@ void fill_ghosts(const Grid& g, std::vector<T>& field, T outside) {
     }
 }
 
+// The same for a field whose ghosts are zero already: nothing to do unless an axis is periodic.
+template <class T>
+void fill_periodic_ghosts(const Grid& g, std::vector<T>& field) {
+  if (g.periodic[0] || g.periodic[1] || g.periodic[2]) fill_ghosts(g, field, T(0));
+}
+
 }  // namespace efsi::grid

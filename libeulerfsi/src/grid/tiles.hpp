@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "base/parallel.hpp"
@@ -21,6 +22,9 @@ class TileMask {
         0);
   }
   std::int64_t count() const { return static_cast<std::int64_t>(active_.size()); }
+  std::int64_t at(const Vec3i& tile) const {
+    return tile[0] + std::int64_t{1} * tiles_[0] * (tile[1] + std::int64_t{1} * tiles_[1] * tile[2]);
+  }
   bool active(std::int64_t t) const { return active_[static_cast<std::size_t>(t)] != 0; }
   void set(std::int64_t t, bool on) { active_[static_cast<std::size_t>(t)] = on; }
   std::uint64_t active_count() const {
@@ -54,6 +58,21 @@ class TileMask {
             body(j, k, start * kTileSize, std::min(points_[0], t * kTileSize), on);
           }
     });
+  }
+  // Boxes [begin, end) of points, each a run of active tiles along x.
+  std::vector<std::pair<Vec3i, Vec3i>> boxes() const {
+    std::vector<std::pair<Vec3i, Vec3i>> found;
+    for (std::int64_t t = 0; t < count(); ++t) {
+      if (!active(t)) continue;
+      Vec3i begin, end;
+      range(t, begin, end);
+      const bool goes_on = t % tiles_[0] != 0 && active(t - 1);
+      if (goes_on)
+        found.back().second = end;
+      else
+        found.emplace_back(begin, end);
+    }
+    return found;
   }
   // Every neighbour of an active tile becomes active (periodic neighbours included).
   void dilate(const std::array<bool, 3>& periodic) {

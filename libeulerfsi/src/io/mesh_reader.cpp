@@ -1,34 +1,117 @@
 // Purpose: polygon meshes from files through assimp.
 #include "io/mesh_reader.hpp"
 
+#include <assimp/BaseImporter.h>
+#include <assimp/DefaultIOSystem.h>
 #include <assimp/config.h>
+#include <assimp/importerdesc.h>
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 
 #include <algorithm>
+#include <array>
 #include <assimp/Importer.hpp>
+#include <cctype>
 #include <cerrno>
+#include <charconv>
 #include <cmath>
+#include <exception>
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <new>
 #include <numeric>
+#include <sstream>
+#include <stdexcept>
+#include <string_view>
 #include <system_error>
 
 #include "base/error.hpp"
+#include "io/mesh_header.hpp"
 
 namespace efsi::io {
 
 namespace {
 
+constexpr std::array<std::string_view, 9> kSuffixes = {"obj", "ply", "stl", "off", "gltf", "glb", "fbx", "dae", "3ds"};
 constexpr std::uintmax_t kMostCorners = std::numeric_limits<std::int32_t>::max();
 
 void check_readable(const std::string& path) {
   std::error_code code;
   if (std::filesystem::is_directory(path, code)) throw Error(ErrorCode::kIo, path + ": is a folder, not a mesh file");
   errno = 0;
+  if (std::filesystem::exists(path, code) && !std::filesystem::is_regular_file(path, code))
+    throw Error(ErrorCode::kIo, path + ": is a device or a pipe, not a mesh file");
   const std::ifstream file(path, std::ios::binary);
   if (!file) throw Error(ErrorCode::kIo, path + ": cannot be read: " + std::generic_category().message(errno));
+}
+
+// "obj" of "Ball.OBJ".
+std::string suffix_of(const std::string& path) {
+  std::string suffix = std::filesystem::path(path).extension().string();
+  for (char& c : suffix) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return suffix.empty() ? suffix : suffix.substr(1);
+}
+
+void check_suffix(const std::string& path, const std::string& suffix) {
+  if (std::find(kSuffixes.begin(), kSuffixes.end(), suffix) != kSuffixes.end()) return;
+  std::string list;
+  for (const std::string_view known : kSuffixes) list += (list.empty() ? "" : ", ") + std::string(known);
+  throw Error(ErrorCode::kMesh, path + ": the name of a mesh file must end in one of: " + list);
+}
+
+bool reads(const aiImporterDesc& description, const std::string& suffix) {
+  std::istringstream list(description.mFileExtensions);
+  std::string known;
+  while (list >> known)
+    if (known == suffix) return true;
+  return false;
+}
+
+// assimp guesses the format from the content where the suffix's own reader gives up. The suffix shall decide: all other
+// readers go.
+void keep_only(Assimp::Importer& importer, const std::string& suffix) {
+  for (std::size_t i = importer.GetImporterCount(); i-- > 0;) {
+    Assimp::BaseImporter* reader = importer.GetImporter(i);
+    if (reads(*importer.GetImporterInfo(i), suffix) || importer.UnregisterLoader(reader) != aiReturn_SUCCESS) continue;
+    delete reader;
+  }
+}
+
+// "Ball 1.bin" of "Ball%201.bin".
+std::string percent_decoded(const std::string& text) {
+  std::string decoded;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    int code = 0;
+    const char* digits = text.data() + i + 1;
+    if (text[i] == '%' && i + 2 < text.size() && std::from_chars(digits, digits + 2, code, 16).ptr == digits + 2) {
+      decoded += static_cast<char>(code);
+      i += 2;
+    } else {
+      decoded += text[i];
+    }
+  }
+  return decoded;
+}
+
+// The names of files in a .gltf are URIs, which assimp takes as they are.
+class UriFileSystem : public Assimp::DefaultIOSystem {
+ public:
+  Assimp::IOStream* Open(const char* file, const char* mode) override {
+    return DefaultIOSystem::Open(Exists(file) ? file : percent_decoded(file).c_str(), mode);
+  }
+};
+
+// assimp catches what its readers throw. Want of memory is no fault of the file's form.
+void rethrow_want_of_memory(const std::exception_ptr& error) {
+  try {
+    if (error) std::rethrow_exception(error);
+  } catch (const std::bad_alloc&) {
+    throw;
+  } catch (const std::length_error&) {
+    throw;
+  } catch (...) {
+  }
 }
 
 void append_mesh(const aiMesh& source, const aiMatrix4x4& to_scene, const std::string& path, PolygonMesh& mesh) {
@@ -89,10 +172,18 @@ void join_equal_points(PolygonMesh& mesh) {
 
 PolygonMesh read_mesh(const std::string& path) {
   check_readable(path);
+  const std::string suffix = suffix_of(path);
+  check_suffix(path, suffix);
+  check_header(path, suffix);
   Assimp::Importer importer;
+  keep_only(importer, suffix);
+  importer.SetIOHandler(new UriFileSystem);  // the importer deletes it
   importer.SetPropertyBool(AI_CONFIG_IMPORT_NO_SKELETON_MESHES, true);
   const aiScene* scene = importer.ReadFile(path, aiProcess_ValidateDataStructure);
-  if (scene == nullptr) throw Error(ErrorCode::kMesh, path + ": not a readable mesh: " + importer.GetErrorString());
+  if (scene == nullptr) {
+    rethrow_want_of_memory(importer.GetException());
+    throw Error(ErrorCode::kMesh, path + ": not a readable ." + suffix + " file: " + importer.GetErrorString());
+  }
   PolygonMesh mesh;
   if (scene->mRootNode != nullptr) append_node(*scene, *scene->mRootNode, aiMatrix4x4(), path, mesh);
   if (mesh.face_vertex_counts.empty()) throw Error(ErrorCode::kMesh, path + ": has no faces");

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <sstream>
 #include <unordered_set>
@@ -174,17 +175,47 @@ VdbGridSummary summarize(const openvdb::GridBase& grid, std::uint64_t& content_h
 
 // ---- files
 
+// A UUID of version 8 (RFC 9562: its bits mean what the program says) made from a content hash.
+std::string to_uuid(std::uint64_t content_hash) {
+  constexpr int kTextSize = 36;
+  const std::uint64_t high = mix(0, content_hash), low = mix(high, content_hash);
+  char text[kTextSize + 1];
+  std::snprintf(text, sizeof(text), "%08x-%04x-8%03x-%04x-%012llx", static_cast<unsigned>(high >> 32),
+                static_cast<unsigned>(high >> 16 & 0xffff), static_cast<unsigned>(high & 0xfff),
+                static_cast<unsigned>(0x8000 | (low >> 48 & 0x3fff)),
+                static_cast<unsigned long long>(low & 0xffffffffffff));
+  return text;
+}
+
 // OpenVDB's own File does not notice a full disk; this archive writes to memory and the bytes go to disk with checks.
 class MemoryArchive : public openvdb::io::Archive {
  public:
-  std::string bytes(const openvdb::GridCPtrVec& grids, const openvdb::MetaMap& metadata) const {
+  // The bytes of the file. OpenVDB puts a random id into its header; `id`, as long as that one, takes its place.
+  std::string bytes(const openvdb::GridCPtrVec& grids, const openvdb::MetaMap& metadata, const std::string& id) const {
     std::ostringstream stream(std::ios::binary);
     openvdb::io::Archive::write(stream, grids, /*seekable=*/true, metadata);
-    return std::move(stream).str();
+    std::string bytes = std::move(stream).str();
+    const std::string header = header_before_id(), random_id = getUniqueTag();
+    if (random_id.size() != id.size() || !bytes.starts_with(header + random_id))
+      throw Error(ErrorCode::kInternal, std::string("VDB: OpenVDB ") + openvdb::getLibraryVersionString() +
+                                            " wrote a header of an unknown form");
+    return bytes.replace(header.size(), id.size(), id);
   }
 
  private:
   using openvdb::io::Archive::write;
+
+  // Magic number, version of the format, version of the library, and that the offsets of grids follow.
+  static std::string header_before_id() {
+    std::string header;
+    const auto append = [&](auto value) { header.append(reinterpret_cast<const char*>(&value), sizeof(value)); };
+    append(std::int64_t{openvdb::OPENVDB_MAGIC});
+    append(std::uint32_t{openvdb::OPENVDB_FILE_VERSION});
+    append(std::uint32_t{openvdb::OPENVDB_LIBRARY_MAJOR_VERSION});
+    append(std::uint32_t{openvdb::OPENVDB_LIBRARY_MINOR_VERSION});
+    append(char{1});
+    return header;
+  }
 };
 
 const DenseGrid& mask_of(const DenseGrid& grid, std::span<const DenseGrid> grids) {
@@ -260,7 +291,7 @@ std::uint64_t write_vdb(const std::string& path, std::span<const DenseGrid> grid
   archive.setCompression(openvdb::io::COMPRESS_BLOSC | openvdb::io::COMPRESS_ACTIVE_MASK);
   std::string bytes;
   try {
-    bytes = archive.bytes(vdbs, metadata);
+    bytes = archive.bytes(vdbs, metadata, to_uuid(content_hash));
   } catch (const openvdb::Exception& error) {
     throw Error(ErrorCode::kInternal, path + ": cannot be encoded: " + error.what());
   }

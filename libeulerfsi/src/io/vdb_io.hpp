@@ -35,10 +35,11 @@ struct VdbOptions {
 
 // Writes one .vdb with all grids, under a temporary name in the same folder, flushed to disk and renamed: `path` holds
 // either what it held before or the whole new file. Inactive voxels are the background 0; a grid without active voxels
-// is written as well. Returns a 64-bit hash of grid names, types, transforms, active voxels and their values as stored
-// (the file's bytes hold a random id); it does not depend on the order of grids.
-// Throws Error(kArgument) for grids that cannot be written (empty name, size, unknown mask, singular transform),
-// Error(kIo) naming path and reason; then no file is left behind.
+// is written as well. Returns a 64-bit hash of grid names, types, transforms, active voxels and their values as stored;
+// it does not depend on the order of grids. The id in the file's header is a UUID made from that hash, where OpenVDB
+// puts a random one: the same grids and options give the same bytes. Throws Error(kArgument) for grids that cannot be
+// written (empty name, size, unknown mask, singular transform), Error(kIo) naming path and reason, Error(kInternal)
+// where OpenVDB cannot encode them or writes an unknown header; then no file is left behind.
 std::uint64_t write_vdb(const std::string& path, std::span<const DenseGrid> grids, const VdbOptions& options);
 
 struct VdbGridSummary {

@@ -222,7 +222,9 @@ void Simulation::prepare() {
 StepInfo Simulation::step(double max_dt) {
   if (!(max_dt > 0.0) || !std::isfinite(max_dt)) refuse("efsi_simulation_step: max_dt", max_dt, "a finite number > 0");
   prepare();
-  return checked_step(max_dt);
+  StepInfo info;
+  parallel_.together([&] { info = checked_step(max_dt); });
+  return info;
 }
 
 StepInfo Simulation::advance(double duration, const Progress& progress) {
@@ -232,7 +234,8 @@ StepInfo Simulation::advance(double duration, const Progress& progress) {
   const double start = state_.time, end = start + duration;
   StepInfo total;
   while (end - state_.time > 1e-9 * duration) {
-    const StepInfo info = checked_step(end - state_.time);
+    StepInfo info;
+    parallel_.together([&] { info = checked_step(end - state_.time); });
     const StepInfo sums = total;
     total = info;
     total.steps += sums.steps;
@@ -342,6 +345,8 @@ SolidDiagnostics Simulation::diagnose_solid(std::size_t index) {
   }
   d.min_det_f = work.min_det_f;
   d.max_det_f = work.max_det_f;
+  d.max_stretch = work.max_stretch;
+  d.false_edges = solid::count_false_edges(rest, state, work.max_stretch);
   d.elements = work.element_cell.size();
   d.memory_bytes = work.bytes() + solid::state_bytes(state);
   return d;

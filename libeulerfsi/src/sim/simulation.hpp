@@ -46,8 +46,8 @@ struct SolidDiagnostics {
   Vec3d center = Vec3d::Zero(), momentum = Vec3d::Zero(), angular_momentum = Vec3d::Zero();
   double kinetic_energy = 0.0, elastic_energy = 0.0;
   Vec3d extent_min = Vec3d::Zero(), extent_max = Vec3d::Zero();
-  double min_det_f = 1.0, max_det_f = 1.0;
-  std::uint64_t elements = 0, memory_bytes = 0;
+  double min_det_f = 1.0, max_det_f = 1.0, max_stretch = 1.0;
+  std::uint64_t elements = 0, memory_bytes = 0, false_edges = 0;
 };
 
 struct FluidDiagnostics {

@@ -106,7 +106,7 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
   elastic.lambda *= work.element_weight;
 
   struct Range {
-    double low = std::numeric_limits<double>::infinity(), high = 0.0, energy = 0.0;
+    double low = std::numeric_limits<double>::infinity(), high = 0.0, stretch = 1.0, energy = 0.0;
     std::uint64_t degenerate = 0;
   };
   constexpr std::int64_t kChunk = 256;
@@ -140,6 +140,7 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
         range.energy += energy;
         range.low = std::min(range.low, d.det);
         range.high = std::max(range.high, d.det);
+        if (!d.degenerate) range.stretch = std::max(range.stretch, d.stretch.maxCoeff());
         degenerate = degenerate || d.degenerate;
       }
       range.degenerate += degenerate;
@@ -149,11 +150,13 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
   for (const Range& range : ranges) {
     total.low = std::min(total.low, range.low);
     total.high = std::max(total.high, range.high);
+    total.stretch = std::max(total.stretch, range.stretch);
     total.energy += range.energy;
     total.degenerate += range.degenerate;
   }
   work.min_det_f = elements ? total.low : 1.0;
   work.max_det_f = elements ? total.high : 1.0;
+  work.max_stretch = total.stretch;
   work.elastic_energy = total.energy;
   work.degenerate = total.degenerate;
 }

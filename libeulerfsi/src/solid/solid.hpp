@@ -83,6 +83,7 @@ struct SolidWork {
   std::vector<Real> mass;             // of the solid per band node [kg]
   std::vector<std::uint8_t> layer;    // band nodes: 0 data, k: k-th layer of the extension, 255: none
   double min_det_f = 1.0, max_det_f = 1.0;
+  double max_stretch = 1.0;  // largest principal stretch of an element that is not degenerate, at least 1
   std::uint64_t degenerate = 0;
   std::uint64_t rejected = 0;   // cells whose map was not believed
   double volume = 0.0;          // by cell fractions [m^3]

@@ -55,6 +55,20 @@ bool encloses(const SolidRest& rest) {
   return std::abs(std::abs(geometry::signed_volume(rest.surface)) / rest.volume - 1.0) < kTrustedVolume;
 }
 
+std::uint64_t count_false_edges(const SolidRest& rest, const SolidState& state, double max_stretch) {
+  const double rounding = 1e-3 * state.band.grid.h;  // of edges without a length
+  std::vector<std::array<std::int32_t, 2>> found;
+  for (const geometry::Triangle& t : rest.surface.triangles)
+    for (std::size_t side = 0; side < 3; ++side) {
+      const std::int32_t a = t[side], b = t[(side + 1) % 3];
+      const double at_rest = (rest.surface.points[b] - rest.surface.points[a]).norm();
+      const double now = (state.surface[b] - state.surface[a]).norm();
+      if (now > kFalseStretch * max_stretch * at_rest + rounding) found.push_back({std::min(a, b), std::max(a, b)});
+    }
+  std::sort(found.begin(), found.end());
+  return static_cast<std::uint64_t>(std::unique(found.begin(), found.end()) - found.begin());
+}
+
 void measure_leak(const SolidRest& rest, const SolidWork& work, SolidState& state) {
   state.leak = work.next_volume > 0.0 ? work.next_volume - volume_ratio(rest, state) : 0.0;
 }

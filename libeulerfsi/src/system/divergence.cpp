@@ -7,96 +7,126 @@
 namespace efsi::system {
 namespace {
 
-// Rows of -D^T p, scaled by the mobility: g = mobility (p_high - p_low), and of its divergence.
-struct RowScratch {
-  std::vector<Real> sum, dy, dz, fx, fyz, out, zero;
-  explicit RowScratch(const Grid& g) {
-    for (auto* v : {&sum, &dy, &dz, &fx, &fyz, &out, &zero}) v->resize(static_cast<std::size_t>(g.cells[0] + 2));
-  }
-};
+// A = D mobility D^T is swept through plane by plane of nodes. Sums and differences are passed on: between two planes
+// of cells, then between two of their rows, then between two rows of nodes.
 
-// g along one row of n + 1 nodes from the four rows of n + 2 cells around it.
-EFSI_KERNEL void gradient_row(int n, const Real* p00, const Real* p10, const Real* p01, const Real* p11, const Real* w,
-                              Real* sum, Real* dy, Real* dz, Real* gx, Real* gy, Real* gz) {
+// low + high and high - low along a row.
+EFSI_KERNEL void pair_row(int n, const Real* low, const Real* high, Real* sum, Real* difference) {
 #pragma omp simd
-  for (int i = 0; i < n + 2; ++i) {
-    const Real low = p00[i] + p01[i], high = p10[i] + p11[i];
-    sum[i] = low + high;
-    dy[i] = high - low;
-    dz[i] = (p01[i] + p11[i]) - (p00[i] + p10[i]);
+  for (int i = 0; i < n; ++i) {
+    sum[i] = low[i] + high[i];
+    difference[i] = high[i] - low[i];
   }
+}
+
+// g = mobility (p_high - p_low) along one row of n + 1 nodes, from sum s and difference d across the plane of the rows
+// of n + 2 cells below (0) and above (1) it.
+EFSI_KERNEL void gradient_row(int n, const Real* s0, const Real* d0, const Real* s1, const Real* d1, const Real* w,
+                              Real* gx, Real* gy, Real* gz) {
 #pragma omp simd
   for (int i = 0; i <= n; ++i) {
-    gx[i] = w[i] * (sum[i + 1] - sum[i]);
-    gy[i] = w[i] * (dy[i + 1] + dy[i]);
-    gz[i] = w[i] * (dz[i + 1] + dz[i]);
+    gx[i] = w[i] * ((s0[i + 1] + s1[i + 1]) - (s0[i] + s1[i]));
+    gy[i] = w[i] * ((s1[i + 1] - s0[i + 1]) + (s1[i] - s0[i]));
+    gz[i] = w[i] * ((d0[i + 1] + d1[i + 1]) + (d0[i] + d1[i]));
   }
 }
 
-// y = b + D g along one row of n cells from the rows of nodes at its four edges (lower and upper plane, j and j + 1).
-struct EdgeRows {
-  const Real *low0, *low1, *high0, *high1;
-};
-EFSI_KERNEL void divergence_row(int n, const EdgeRows& x, const EdgeRows& y, const EdgeRows& z, const Real* b,
-                                Real sign, Real* fx, Real* fyz, Real* out) {
-#pragma omp simd
-  for (int i = 0; i <= n; ++i) {
-    fx[i] = (x.low0[i] + x.low1[i]) + (x.high0[i] + x.high1[i]);
-    fyz[i] =
-        ((y.low1[i] - y.low0[i]) + (y.high1[i] - y.high0[i])) + ((z.high0[i] - z.low0[i]) + (z.high1[i] - z.low1[i]));
-  }
-#pragma omp simd
-  for (int i = 0; i < n; ++i) out[i] = b[i] + sign * ((fx[i + 1] - fx[i]) + (fyz[i + 1] + fyz[i]));
-}
-
-void node_row(const PressureLevel& level, const Real* p, int j, int k, RowScratch& s, Real* gx, Real* gy, Real* gz) {
-  const Grid& g = level.grid;
-  const int n = g.cells[0];
-  gradient_row(n, p + g.padded(-1, j - 1, k - 1), p + g.padded(-1, j, k - 1), p + g.padded(-1, j - 1, k),
-               p + g.padded(-1, j, k), level.mobility.data() + g.node(0, j, k), s.sum.data(), s.dy.data(), s.dz.data(),
-               gx, gy, gz);
-  // Walls: whole rows on the y and z faces, the ends of all others.
-  const std::uint8_t* fixed = level.fixed.data() + g.node(0, j, k);
-  const bool face = j == 0 || k == 0 || j == g.cells[1] || k == g.cells[2];
-  for (int i = 0; i <= n; i += face ? 1 : n) {
-    if (fixed[i] & 1u) gx[i] = 0;
-    if (fixed[i] & 2u) gy[i] = 0;
-    if (fixed[i] & 4u) gz[i] = 0;
-  }
-}
-
-// The three components of g on one plane of nodes.
-struct NodePlane {
+// A row of nodes.
+struct GradientRow {
   std::vector<Real> x, y, z;
-  explicit NodePlane(const Grid& g) {
-    for (auto* v : {&x, &y, &z}) v->resize(static_cast<std::size_t>((g.cells[0] + 1) * (g.cells[1] + 1)));
-  }
 };
 
-void fill_plane(const PressureLevel& level, const Real* p, int k, RowScratch& scratch, NodePlane& plane) {
-  const auto row = static_cast<std::size_t>(level.grid.cells[0] + 1);
-  for (int j = 0; j <= level.grid.cells[1]; ++j) {
-    const std::size_t at = row * static_cast<std::size_t>(j);
-    node_row(level, p, j, k, scratch, &plane.x[at], &plane.y[at], &plane.z[at]);
+// D g of the cells between two rows of nodes of one plane: what x and y give is the same for the cells below the plane
+// and above it, what z gives has opposite signs. value = carry + the share of the cells below, carry = the share of the
+// cells above, for which the next plane of nodes brings the rest.
+EFSI_KERNEL void divergence_row(int n, const Real* x0, const Real* x1, const Real* y0, const Real* y1, const Real* z0,
+                                const Real* z1, Real* carry, Real* value) {
+#pragma omp simd
+  for (int i = 0; i < n; ++i) {
+    const Real xy = ((x0[i + 1] + x1[i + 1]) - (x0[i] + x1[i])) + ((y1[i] - y0[i]) + (y1[i + 1] - y0[i + 1]));
+    const Real z = (z0[i] + z1[i]) + (z0[i + 1] + z1[i + 1]);
+    value[i] = carry[i] + (xy + z);
+    carry[i] = xy - z;
   }
 }
 
-// b + sign D g for one plane of cells between two planes of nodes; consume(first padded cell of a row, values).
-template <class Consume>
-void cell_plane(const PressureLevel& level, int k, const NodePlane& low, const NodePlane& high, const Real* b,
-                Real sign, RowScratch& s, const Consume& consume) {
-  const Grid& g = level.grid;
-  const auto row = static_cast<std::size_t>(g.cells[0] + 1);
-  for (int j = 0; j < g.cells[1]; ++j) {
-    const std::size_t j0 = row * static_cast<std::size_t>(j), j1 = j0 + row;
-    const auto edges = [&](const std::vector<Real>& lower, const std::vector<Real>& upper) {
-      return EdgeRows{&lower[j0], &lower[j1], &upper[j0], &upper[j1]};
-    };
-    const std::size_t cells = g.padded(0, j, k);
-    divergence_row(g.cells[0], edges(low.x, high.x), edges(low.y, high.y), edges(low.z, high.z),
-                   b ? b + cells : s.zero.data(), sign, s.fx.data(), s.fyz.data(), s.out.data());
-    consume(cells, s.out.data());
+// A sweep over planes of nodes, k ascending, for the cells of a box; what the box has along z does not matter.
+class Sweep {
+ public:
+  explicit Sweep(const PressureLevel& level) : Sweep(level, {Vec3i{0, 0, 0}, level.grid.cells}) {}
+  Sweep(const PressureLevel& level, const CellBox& box)
+      : level_(level),
+        first_(box.first),
+        rows_(box.second[1] - box.first[1]),
+        n_(box.second[0] - box.first[0]),
+        carry(static_cast<std::size_t>(n_) * static_cast<std::size_t>(rows_), Real(0)) {
+    for (std::vector<Real>* v : {&sum_[0], &sum_[1], &difference_[0], &difference_[1], &value_})
+      v->resize(static_cast<std::size_t>(n_ + 2));
+    for (GradientRow& row : gradient_)
+      for (std::vector<Real>* v : {&row.x, &row.y, &row.z}) v->resize(static_cast<std::size_t>(n_ + 1));
   }
+
+  // g at row `row` of nodes of the plane k; rows in ascending order from 0.
+  const GradientRow& gradient(const Real* p, int row, int k) {
+    const Grid& g = level_.grid;
+    const int now = row & 1, below = 1 - now;  // rows of cells `row` and row - 1
+    const auto pair = [&](int cells, int slot) {
+      const std::size_t at = g.padded(first_[0] - 1, first_[1] + cells, k - 1);
+      pair_row(n_ + 2, p + at, p + at + g.padded(0, 0, 1) - g.padded(0, 0, 0), sum_[slot].data(),
+               difference_[slot].data());
+    };
+    if (row == 0) pair(-1, below);
+    pair(row, now);
+    GradientRow& out = gradient_[now];
+    const std::size_t node = g.node(first_[0], first_[1] + row, k);
+    gradient_row(n_, sum_[below].data(), difference_[below].data(), sum_[now].data(), difference_[now].data(),
+                 level_.mobility.data() + node, out.x.data(), out.y.data(), out.z.data());
+    fix_walls(first_[1] + row, k, level_.fixed.data() + node, out);
+    return out;
+  }
+
+  // The plane of nodes k: consume(row, D g of a row of cells (., ., k - 1)), whose share of plane k - 1 is in the
+  // carry. These cells are no longer read when consume() is called.
+  template <class Consume>
+  void plane(const Real* p, int k, const Consume& consume) {
+    for (int row = 0; row <= rows_; ++row) {
+      const GradientRow& high = gradient(p, row, k);
+      if (row == 0) continue;
+      const GradientRow& low = gradient_[1 - (row & 1)];
+      divergence_row(n_, low.x.data(), high.x.data(), low.y.data(), high.y.data(), low.z.data(), high.z.data(),
+                     carry_row(row - 1), value_.data());
+      consume(row - 1, value_.data());
+    }
+  }
+
+  Real* carry_row(int row) { return carry.data() + static_cast<std::size_t>(n_) * static_cast<std::size_t>(row); }
+
+ private:
+  // Where walls fix a component at all: whole rows on the y and z faces, the ends of all others.
+  void fix_walls(int j, int k, const std::uint8_t* fixed, GradientRow& row) const {
+    const Grid& g = level_.grid;
+    const bool face = j == 0 || k == 0 || j == g.cells[1] || k == g.cells[2];
+    for (int i = 0; i <= n_; i += face ? 1 : n_) {
+      if (fixed[i] & 1u) row.x[static_cast<std::size_t>(i)] = 0;
+      if (fixed[i] & 2u) row.y[static_cast<std::size_t>(i)] = 0;
+      if (fixed[i] & 4u) row.z[static_cast<std::size_t>(i)] = 0;
+    }
+  }
+
+  const PressureLevel& level_;
+  Vec3i first_;
+  int rows_, n_;
+  std::vector<Real> sum_[2], difference_[2], value_;
+  GradientRow gradient_[2];
+
+ public:
+  std::vector<Real> carry;  // of the cells above the last plane
+};
+
+// out = a + sign b
+EFSI_KERNEL void add_row(int n, const Real* a, Real sign, const Real* b, Real* out) {
+#pragma omp simd
+  for (int i = 0; i < n; ++i) out[i] = a[i] + sign * b[i];
 }
 
 // mobility times the number of components that no wall fixes
@@ -118,9 +148,15 @@ EFSI_KERNEL void inverse_sum_row(int n, const Real* a, const Real* b, const Real
 }
 
 // x += weight d r along a row
-EFSI_KERNEL void smooth_row(int n, Real weight, const Real* d, const Real* r, Real* x) {
+EFSI_KERNEL void relax_row(int n, Real weight, const Real* d, const Real* r, Real* x) {
 #pragma omp simd
   for (int i = 0; i < n; ++i) x[i] += weight * d[i] * r[i];
+}
+
+// x += weight d (b + value) along a row
+EFSI_KERNEL void smooth_row(int n, Real weight, const Real* d, const Real* b, const Real* value, Real* x) {
+#pragma omp simd
+  for (int i = 0; i < n; ++i) x[i] += weight * d[i] * (b[i] + value[i]);
 }
 
 }  // namespace
@@ -128,54 +164,89 @@ EFSI_KERNEL void smooth_row(int n, Real weight, const Real* d, const Real* r, Re
 void apply_pressure_operator(const Parallel& parallel, const PressureLevel& level, const std::vector<Real>& x,
                              std::vector<Real>& y, const std::vector<Real>* b) {
   const Grid& g = level.grid;
-  const auto nx = static_cast<std::size_t>(g.cells[0]);
+  const int nx = g.cells[0];
   parallel.for_ranges(g.cells[2], [&](std::int64_t begin, std::int64_t end) {
-    RowScratch scratch(g);
-    NodePlane low(g), high(g);
-    fill_plane(level, x.data(), static_cast<int>(begin), scratch, low);
-    for (int k = static_cast<int>(begin); k < static_cast<int>(end); ++k) {
-      fill_plane(level, x.data(), k + 1, scratch, high);
-      // A x = -D g; b - A x = b + D g.
-      cell_plane(level, k, low, high, b ? b->data() : nullptr, b ? Real(1) : Real(-1), scratch,
-                 [&](std::size_t cells, const Real* values) {
-                   Real* out = y.data() + cells;
-                   if (level.active.empty()) {
-                     std::copy(values, values + nx, out);
-                     return;
-                   }
-                   const std::uint8_t* active = level.active.data() + cells;
-                   for (std::size_t i = 0; i < nx; ++i) out[i] = active[i] ? values[i] : Real(0);
-                 });
-      std::swap(low, high);
-    }
+    Sweep sweep(level);
+    const std::vector<Real> zero(static_cast<std::size_t>(nx), Real(0));
+    sweep.plane(x.data(), static_cast<int>(begin), [](int, const Real*) {});
+    for (int k = static_cast<int>(begin); k < static_cast<int>(end); ++k)
+      sweep.plane(x.data(), k + 1, [&](int j, const Real* value) {
+        // A x = -D g; b - A x = b + D g.
+        const std::size_t cells = g.padded(0, j, k);
+        Real* out = y.data() + cells;
+        add_row(nx, b ? b->data() + cells : zero.data(), b ? Real(1) : Real(-1), value, out);
+        if (level.active.empty()) return;
+        const std::uint8_t* active = level.active.data() + cells;
+        for (int i = 0; i < nx; ++i)
+          if (!active[i]) out[i] = 0;
+      });
   });
 }
 
 void smooth_pressure(const Parallel& parallel, const PressureLevel& level, const std::vector<Real>& b, Real weight,
                      std::vector<Real>& x) {
   const Grid& g = level.grid;
-  // Cells may be overwritten as soon as the nodes above them are known; where two threads meet, the nodes come first.
+  const int nx = g.cells[0];
+  // A row of cells may be overwritten when the planes of nodes on both sides are known; where two threads meet, that
+  // plane comes first: what it gives the cells below it and above it.
   const int ranges = parallel.ranges(g.cells[2]);
-  std::vector<NodePlane> seam(static_cast<std::size_t>(ranges + 1), NodePlane(g));
+  std::vector<std::vector<Real>> below(static_cast<std::size_t>(ranges + 1)), above(below.size());
   parallel.for_each(ranges + 1, [&](std::int64_t t) {
-    RowScratch scratch(g);
-    fill_plane(level, x.data(), static_cast<int>(parallel.range_begin(g.cells[2], t)), scratch,
-               seam[static_cast<std::size_t>(t)]);
+    Sweep sweep(level);
+    std::vector<Real>& share = below[static_cast<std::size_t>(t)];
+    share.reserve(sweep.carry.size());
+    sweep.plane(x.data(), static_cast<int>(parallel.range_begin(g.cells[2], t)),
+                [&](int, const Real* value) { share.insert(share.end(), value, value + nx); });
+    above[static_cast<std::size_t>(t)] = std::move(sweep.carry);
   });
   parallel.for_each(ranges, [&](std::int64_t t) {
-    RowScratch scratch(g);
-    const NodePlane& low = seam[static_cast<std::size_t>(t)];
     const int begin = static_cast<int>(parallel.range_begin(g.cells[2], t));
     const int end = static_cast<int>(parallel.range_begin(g.cells[2], t + 1));
-    NodePlane current = low, next(g);
-    for (int k = begin; k < end; ++k) {
-      if (k + 1 < end) fill_plane(level, x.data(), k + 1, scratch, next);
-      const NodePlane& high = k + 1 < end ? next : seam[static_cast<std::size_t>(t) + 1];
-      cell_plane(level, k, current, high, b.data(), Real(1), scratch, [&](std::size_t cells, const Real* residual) {
-        smooth_row(g.cells[0], weight, level.inverse_diagonal.data() + cells, residual, x.data() + cells);
-      });
-      std::swap(current, next);
+    Sweep sweep(level);
+    sweep.carry = std::move(above[static_cast<std::size_t>(t)]);
+    const auto smooth = [&](int j, int k, const Real* value) {
+      const std::size_t cells = g.padded(0, j, k);
+      smooth_row(nx, weight, level.inverse_diagonal.data() + cells, b.data() + cells, value, x.data() + cells);
+    };
+    for (int k = begin; k + 1 < end; ++k)
+      sweep.plane(x.data(), k + 1, [&](int j, const Real* value) { smooth(j, k, value); });
+    const Real* share = below[static_cast<std::size_t>(t) + 1].data();
+    for (int j = 0; j < g.cells[1]; ++j, share += nx) {
+      Real* carry = sweep.carry_row(j);
+      add_row(nx, carry, Real(1), share, carry);
+      smooth(j, end - 1, carry);
     }
+  });
+}
+
+void residual_in_boxes(const Parallel& parallel, const PressureLevel& level, const std::vector<CellBox>& boxes,
+                       const std::vector<Real>& b, const std::vector<Real>& x, std::vector<Real>& r) {
+  const Grid& g = level.grid;
+  parallel.for_each(static_cast<std::int64_t>(boxes.size()), [&](std::int64_t at) {
+    const auto& [begin, end] = boxes[static_cast<std::size_t>(at)];
+    const int nx = end[0] - begin[0];
+    Sweep sweep(level, {begin, end});
+    sweep.plane(x.data(), begin[2], [](int, const Real*) {});
+    for (int k = begin[2]; k < end[2]; ++k)
+      sweep.plane(x.data(), k + 1, [&, first = begin](int row, const Real* value) {
+        const std::size_t cells = g.padded(first[0], first[1] + row, k);
+        add_row(nx, b.data() + cells, Real(1), value, r.data() + cells);
+        if (level.active.empty()) return;
+        for (std::size_t c = cells; c < cells + static_cast<std::size_t>(nx); ++c)
+          if (!level.active[c]) r[c] = 0;
+      });
+  });
+}
+
+void relax_in_boxes(const Parallel& parallel, const PressureLevel& level, const std::vector<CellBox>& boxes,
+                    Real weight, const std::vector<Real>& r, std::vector<Real>& x) {
+  parallel.for_each(static_cast<std::int64_t>(boxes.size()), [&](std::int64_t at) {
+    const auto& [begin, end] = boxes[static_cast<std::size_t>(at)];
+    for (int k = begin[2]; k < end[2]; ++k)
+      for (int j = begin[1]; j < end[1]; ++j) {
+        const std::size_t cells = level.grid.padded(begin[0], j, k);
+        relax_row(end[0] - begin[0], weight, level.inverse_diagonal.data() + cells, r.data() + cells, x.data() + cells);
+      }
   });
 }
 
@@ -247,19 +318,17 @@ Vec3 pressure_impulse(const Grid& g, const std::vector<Real>& q, int i, int j, i
 void subtract_pressure_gradient(const Parallel& parallel, const PressureLevel& level, const std::vector<Real>& q,
                                 VectorField& velocity) {
   const Grid& g = level.grid;
-  const auto nx = static_cast<std::size_t>(g.cells[0] + 1);
   const Real scale = static_cast<Real>(4.0 / (g.h * g.h));  // mobility holds (h^2/4)^2, a velocity needs h^2/4
   parallel.for_ranges(g.cells[2] + 1, [&](std::int64_t begin, std::int64_t end) {
-    RowScratch scratch(g);
-    std::vector<Real> gx(nx), gy(nx), gz(nx);
+    Sweep sweep(level);
     for (int k = static_cast<int>(begin); k < static_cast<int>(end); ++k)
       for (int j = 0; j <= g.cells[1]; ++j) {
-        node_row(level, q.data(), j, k, scratch, gx.data(), gy.data(), gz.data());
+        const GradientRow& gradient = sweep.gradient(q.data(), j, k);
         const std::size_t n = g.node(0, j, k);
-        for (std::size_t i = 0; i < nx; ++i) {
-          velocity.c[0][n + i] += scale * gx[i];
-          velocity.c[1][n + i] += scale * gy[i];
-          velocity.c[2][n + i] += scale * gz[i];
+        const std::vector<Real>* rows[3] = {&gradient.x, &gradient.y, &gradient.z};
+        for (std::size_t c = 0; c < 3; ++c) {
+          Real* v = velocity.c[c].data() + n;
+          add_row(g.cells[0] + 1, v, scale, rows[c]->data(), v);
         }
       }
   });

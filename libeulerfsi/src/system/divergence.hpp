@@ -5,6 +5,9 @@
 // A slow twin with assembled matrices is in tests/reference/.
 #pragma once
 
+#include <utility>
+#include <vector>
+
 #include "base/parallel.hpp"
 #include "grid/boundary.hpp"
 #include "grid/grid.hpp"
@@ -34,6 +37,15 @@ void apply_pressure_operator(const Parallel& parallel, const PressureLevel& leve
 // x += weight D^-1 (b - A x), one Jacobi step in place. Ghosts of x must be filled.
 void smooth_pressure(const Parallel& parallel, const PressureLevel& level, const std::vector<Real>& b, Real weight,
                      std::vector<Real>& x);
+
+// Cells [first, second).
+using CellBox = std::pair<Vec3i, Vec3i>;
+// r = b - A x in boxes that do not overlap. Ghosts of x must be filled.
+void residual_in_boxes(const Parallel& parallel, const PressureLevel& level, const std::vector<CellBox>& boxes,
+                       const std::vector<Real>& b, const std::vector<Real>& x, std::vector<Real>& r);
+// x += weight D^-1 r in boxes that do not overlap.
+void relax_in_boxes(const Parallel& parallel, const PressureLevel& level, const std::vector<CellBox>& boxes,
+                    Real weight, const std::vector<Real>& r, std::vector<Real>& x);
 
 // Diagonal of A -> inverse_diagonal.
 void compute_pressure_diagonal(const Parallel& parallel, PressureLevel& level);

@@ -4,6 +4,7 @@
 #include <array>
 
 #include "base/kernel.hpp"
+#include "linalg/reduce.hpp"
 
 namespace efsi::system {
 namespace {
@@ -12,8 +13,11 @@ namespace {
 // for uniform density; the polynomial is small on [kLargest/kRange, kLargest].
 constexpr int kDegree = 3;
 constexpr double kLargest = 2.8, kRange = 16.0;
-constexpr int kCoarsestCells = 6;        // coarsen while every axis has more cells than this
-constexpr int kCoarsestIterations = 18;  // smoothing steps on the coarsest level
+constexpr int kCoarsestCells = 6;            // coarsen while every axis has more cells than this
+constexpr std::size_t kSerialCells = 27000;  // a level of no more cells is faster on one thread
+constexpr double kUnfocused = 0.5;          // of the tolerance: residual in tiles that are not smoothed
+constexpr double kMostFocused = 0.5;         // of all tiles: with more, sweeps of everything are faster
+constexpr int kCoarsestIterations = 18;      // smoothing steps on the coarsest level
 
 // The roots lie at center + radius cos(pi/6, pi/2, 5 pi/6); written out, because library cosines differ between
 // machines.
@@ -285,7 +289,7 @@ void PressureMultigrid::apply(const Parallel& parallel, std::vector<Real>& x, st
 
 void PressureMultigrid::smooth(const Parallel& parallel, const PressureLevel& level, const std::vector<Real>& b,
                                std::vector<Real>& x, int step) const {
-  grid::fill_ghosts(level.grid, x, Real(0));
+  grid::fill_periodic_ghosts(level.grid, x);
   const Real weight = kWeights[step % kDegree];
   const bool slips = slip_ && &level == &finest();
   std::vector<SlipNodes::Pair> excess;  // of x before the step
@@ -305,32 +309,101 @@ void PressureMultigrid::add_slip(const Parallel& parallel, const std::vector<Rea
   });
 }
 
-void PressureMultigrid::cycle(const Parallel& parallel, std::size_t l, const std::vector<Real>& b,
-                              std::vector<Real>& x) {
-  Level& level = levels_[l];
-  // The first smoothing step, from zero.
-  {
-    const Real weight = kWeights[0];
-    Real* px = x.data();
-    const Real *pb = b.data(), *d = level.op.inverse_diagonal.data();
-    parallel.for_ranges(static_cast<std::int64_t>(x.size()), [=](std::int64_t begin, std::int64_t end) {
-#pragma omp simd
-      for (std::int64_t i = begin; i < end; ++i) px[i] = weight * d[i] * pb[i];
-    });
+void PressureMultigrid::focus(const Parallel& parallel, const std::vector<Real>& r, double b, double tolerance) {
+  const Grid& g = finest().grid;
+  grid::TileMask mask(g.cells);
+  std::vector<std::pair<double, std::int64_t>> tiles(static_cast<std::size_t>(mask.count()));  // |r|^2 in each
+  parallel.for_each(mask.count(), [&](std::int64_t t) {
+    Vec3i begin, end;
+    mask.range(t, begin, end);
+    double sum = 0.0;
+    for (int k = begin[2]; k < end[2]; ++k)
+      for (int j = begin[1]; j < end[1]; ++j)
+        for (int i = begin[0]; i < end[0]; ++i) {
+          const double value = static_cast<double>(r[g.padded(i, j, k)]);
+          sum += value * value;
+        }
+    tiles[static_cast<std::size_t>(t)] = {sum, t};
+  });
+  std::sort(tiles.begin(), tiles.end());
+  double left = 0.0;
+  for (const auto& [sum, t] : tiles) {
+    left += sum;
+    mask.set(t, !(left <= kUnfocused * kUnfocused * tolerance * tolerance * b * b));
   }
+  set_focus(mask);
+}
+
+void PressureMultigrid::focus(const std::vector<std::size_t>& cells) {
+  const Grid& g = finest().grid;
+  grid::TileMask mask(g.cells);
+  const auto tile = [](std::size_t padded) { return (static_cast<int>(padded) - 1) / grid::kTileSize; };
+  const std::size_t row = g.padded(0, 1, 0) - g.padded(0, 0, 0), plane = g.padded(0, 0, 1) - g.padded(0, 0, 0);
+  for (const std::size_t c : cells) mask.set(mask.at({tile(c % row), tile(c % plane / row), tile(c / plane)}), true);
+  set_focus(mask);
+}
+
+void PressureMultigrid::set_focus(grid::TileMask& mask) {
+  const Grid& g = finest().grid;
+  widen();
+  mask.dilate(g.periodic);
+  if (static_cast<double>(mask.active_count()) > kMostFocused * static_cast<double>(mask.count())) return;
+  focused_ = mask.boxes();
+  mask.dilate(g.periodic);
+  reached_ = mask.boxes();
+}
+
+// The first step, from zero.
+void PressureMultigrid::begin_in_focus(const Parallel& parallel, const std::vector<Real>& b, std::vector<Real>& x) {
+  parallel.for_ranges(static_cast<std::int64_t>(x.size()), [&](std::int64_t begin, std::int64_t end) {
+    std::fill(x.begin() + begin, x.begin() + end, Real(0));
+  });
+  relax_in_boxes(parallel, finest(), focused_, kWeights[0], b, x);
+}
+
+void PressureMultigrid::smooth_in_focus(const Parallel& parallel, const std::vector<Real>& b, std::vector<Real>& x,
+                                        int step) {
+  Level& level = levels_[0];
+  grid::fill_periodic_ghosts(level.op.grid, x);
+  residual_in_boxes(parallel, level.op, focused_, b, x, level.residual);
+  add_slip(parallel, x, Real(-1), level.residual);
+  relax_in_boxes(parallel, level.op, focused_, kWeights[step % kDegree], level.residual, x);
+}
+
+void PressureMultigrid::cycle(const Parallel& every, std::size_t l, const std::vector<Real>& b, std::vector<Real>& x) {
+  Level& level = levels_[l];
+  const Parallel& parallel = level.op.grid.cell_count() <= kSerialCells ? serial_ : every;
+  const bool focused = l == 0 && !focused_.empty();
+  if (focused)
+    begin_in_focus(parallel, b, x);
+  else
+    linalg::multiply(parallel, x, level.op.inverse_diagonal, b, kWeights[0]);  // the first smoothing step, from zero
+  const auto smooth_once = [&](int step) {
+    if (focused)
+      smooth_in_focus(parallel, b, x, step);
+    else
+      smooth(parallel, level.op, b, x, step);
+  };
   if (l + 1 == levels_.size()) {
     for (int it = 1; it < kCoarsestIterations; ++it) smooth(parallel, level.op, b, x, it);
     return;
   }
-  for (int i = 1; i < kDegree; ++i) smooth(parallel, level.op, b, x, i);
+  for (int i = 1; i < kDegree; ++i) smooth_once(i);
   Level& coarse = levels_[l + 1];
-  grid::fill_ghosts(level.op.grid, x, Real(0));
-  apply_pressure_operator(parallel, level.op, x, level.residual, &b);
+  grid::fill_periodic_ghosts(level.op.grid, x);
+  if (focused) {
+    parallel.for_ranges(static_cast<std::int64_t>(b.size()), [&](std::int64_t begin, std::int64_t end) {
+      std::copy(b.begin() + begin, b.begin() + end, level.residual.begin() + begin);
+    });
+    residual_in_boxes(parallel, level.op, reached_, b, x, level.residual);
+  } else {
+    apply_pressure_operator(parallel, level.op, x, level.residual, &b);
+  }
   if (l == 0) add_slip(parallel, x, Real(-1), level.residual);
   restrict_residual(parallel, level.op, level.residual, coarse.op, coarse.b);
-  cycle(parallel, l + 1, coarse.b, coarse.x);
+  cycle(every, l + 1, coarse.b, coarse.x);
   prolong_and_add(parallel, coarse.op, coarse.x, level.op, x);
-  for (int i = kDegree - 1; i >= 0; --i) smooth(parallel, level.op, b, x, i);
+  for (int i = kDegree - 1; i >= 0; --i) smooth_once(i);
 }
 
 void PressureMultigrid::precondition(const Parallel& parallel, const std::vector<Real>& r, std::vector<Real>& z) {

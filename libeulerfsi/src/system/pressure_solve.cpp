@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "linalg/jacobi.hpp"
+#include "linalg/reduce.hpp"
 
 namespace efsi::system {
 namespace {
@@ -36,7 +37,9 @@ void PressureSystem::assemble(const Parallel& parallel, const Grid& g, const Wal
   slip_ = slip;
   grid_ = g;
   walls_ = walls;
-  solid_cell_ = std::move(solid_cell);
+  solid_cells_.clear();
+  for (std::size_t c = 0; c < solid_cell.size(); ++c)
+    if (solid_cell[c]) solid_cells_.push_back(c);
   multigrid_.build(parallel, g, walls, fixed, specific_volume, std::move(active), slip);
 }
 
@@ -75,15 +78,22 @@ void PressureSystem::compute_residual(const Parallel& parallel, const VectorFiel
   });
 }
 
+double PressureSystem::solid_norm(const Parallel& parallel, const std::vector<Real>& r) const {
+  constexpr std::int64_t kChunk = 4096;
+  const auto n = static_cast<std::int64_t>(solid_cells_.size());
+  return std::sqrt(parallel.sum((n + kChunk - 1) / kChunk, [&](std::int64_t chunk) {
+    double sum = 0.0;
+    for (std::int64_t i = chunk * kChunk; i < std::min(n, (chunk + 1) * kChunk); ++i) {
+      const double value = static_cast<double>(r[solid_cells_[static_cast<std::size_t>(i)]]);
+      sum += value * value;
+    }
+    return sum;
+  }));
+}
+
 DivergenceNorms PressureSystem::residual_norms(const Parallel& parallel, const std::vector<Real>& r) const {
-  const auto square = [&r](std::size_t c) { return static_cast<double>(r[c]) * static_cast<double>(r[c]); };
   const double volume = grid_.h * grid_.h * grid_.h;
-  DivergenceNorms norms;
-  norms.all = std::sqrt(sum_cells(parallel, grid_, square)) / volume;
-  if (!solid_cell_.empty())
-    norms.solid =
-        std::sqrt(sum_cells(parallel, grid_, [&](std::size_t c) { return solid_cell_[c] ? square(c) : 0.0; })) / volume;
-  return norms;
+  return {linalg::norm(parallel, r) / volume, solid_norm(parallel, r) / volume};
 }
 
 linalg::Operator PressureSystem::operator_of(const Parallel& parallel) {
@@ -92,22 +102,53 @@ linalg::Operator PressureSystem::operator_of(const Parallel& parallel) {
   };
 }
 
+void PressureSystem::focus(const Parallel& parallel, const linalg::SolveOptions& options, std::vector<Real>& q) {
+  const double b = linalg::norm(parallel, rhs_);
+  const double goal = options.reference > 0.0 ? options.reference : b;
+  if (linalg::dot(parallel, q, q) > 0.0) {
+    multigrid_.apply(parallel, q, divergence_);
+    linalg::scale_add(parallel, divergence_, -1.0, rhs_);
+    multigrid_.focus(parallel, divergence_, goal, options.tolerance);
+  } else {
+    multigrid_.focus(parallel, rhs_, goal, options.tolerance);
+  }
+}
+
 linalg::SolveStats PressureSystem::solve_multigrid(const Parallel& parallel, const linalg::SolveOptions& options,
                                                    std::vector<Real>& q) {
   const linalg::Operator precondition = [&](const std::vector<Real>& r, std::vector<Real>& z) {
     multigrid_.precondition(parallel, r, z);
   };
   const linalg::Operator apply = operator_of(parallel);
-  linalg::SolveOptions first = options;
-  first.max_iterations = kMostGradients;
-  const linalg::SolveStats gradients = linalg::pcg(parallel, apply, precondition, rhs_, q, first, pcg_);
-  if (gradients.converged) return gradients;
+  linalg::SolveStats stats;
+  // Goes on from q for at most that many iterations.
+  const auto gradients = [&](linalg::SolveOptions part, int iterations) {
+    part.max_iterations = iterations;
+    part.min_iterations = std::max(0, part.min_iterations - stats.iterations);
+    const int before = stats.iterations;
+    stats = linalg::pcg(parallel, apply, precondition, rhs_, q, part, pcg_);
+    stats.iterations += before;
+    return stats.converged;
+  };
+  // Everything first; what the solids ask for beyond that is found by smoothing them alone.
+  linalg::SolveOptions everything = options;
+  everything.also = nullptr;
+  focus(parallel, options, q);
+  bool converged = gradients(everything, kMostGradients);
+  if (converged && options.also && !options.also(pcg_.r)) {
+    multigrid_.focus(solid_cells_);
+    converged = gradients(options, kMostGradients);
+  }
+  multigrid_.widen();
+  if (converged) return stats;
   // Between no-slip walls pressures that alternate from cell to cell move next to nothing: the energy of the error is
   // all in them, and its minimum leaves a divergence that does not fall.
   linalg::SolveOptions rest = options;
-  rest.max_iterations -= gradients.iterations;
-  linalg::SolveStats stats = linalg::pcr(parallel, apply, precondition, rhs_, q, rest, pcr_);
-  stats.iterations += gradients.iterations;
+  rest.max_iterations -= stats.iterations;
+  const linalg::SolveStats residuals = linalg::pcr(parallel, apply, precondition, rhs_, q, rest, pcr_);
+  const int before = stats.iterations;
+  stats = residuals;
+  stats.iterations += before;
   return stats;
 }
 
@@ -138,12 +179,10 @@ linalg::SolveStats PressureSystem::solve(const Parallel& parallel, PressureSolve
     options.min_iterations = 1;  // what a lasting load leaves falls from step to step
   else
     std::fill(q.begin(), q.end(), Real(0));
-  if (!solid_cell_.empty()) {
+  if (!solid_cells_.empty()) {
     // A solid that moves rigidly, as in the first step of most scenes, has nothing to be relative to.
     const double limit = tolerance * volume * std::max(reference.solid, kSolidFloor * reference.all);
-    options.also = [this, &parallel, volume, limit](const std::vector<Real>& r) {
-      return volume * residual_norms(parallel, r).solid <= limit;
-    };
+    options.also = [this, &parallel, limit](const std::vector<Real>& r) { return solid_norm(parallel, r) <= limit; };
   }
   return solve_multigrid(parallel, options, q);
 }
@@ -181,36 +220,19 @@ DivergenceNorms PressureSystem::norms(const Parallel& parallel, const VectorFiel
   compute_divergence(parallel, grid_, velocity, divergence_);
   if (slip_) slip_->correct_divergence(parallel, velocity, divergence_);
   const auto& active = multigrid_.finest().active;
-  const auto value = [&](std::size_t c) {
+  const auto square = [&](std::size_t c) {
     if (!active.empty() && !active[c]) return 0.0;
-    return static_cast<double>(divergence_[c]) - (source.empty() ? 0.0 : static_cast<double>(source[c]));
+    const double value = static_cast<double>(divergence_[c]) - (source.empty() ? 0.0 : static_cast<double>(source[c]));
+    return value * value;
   };
-  std::vector<DivergenceNorms> planes(static_cast<std::size_t>(grid_.cells[2]));
-  parallel.for_each(grid_.cells[2], [&](std::int64_t k) {
-    DivergenceNorms sums;
-    for (int j = 0; j < grid_.cells[1]; ++j) {
-      const std::size_t row = grid_.padded(0, j, static_cast<int>(k));
-      for (std::size_t c = row; c < row + static_cast<std::size_t>(grid_.cells[0]); ++c) {
-        const double square = value(c) * value(c);
-        sums.all += square;
-        if (!solid_cell_.empty() && solid_cell_[c]) sums.solid += square;
-      }
-    }
-    planes[static_cast<std::size_t>(k)] = sums;
-  });
-  DivergenceNorms norms;
-  for (const DivergenceNorms& sums : planes) {
-    norms.all += sums.all;
-    norms.solid += sums.solid;
-  }
-  norms.all = std::sqrt(norms.all);
-  norms.solid = std::sqrt(norms.solid);
-  return norms;
+  double solid = 0.0;
+  for (const std::size_t c : solid_cells_) solid += square(c);
+  return {std::sqrt(sum_cells(parallel, grid_, square)), std::sqrt(solid)};
 }
 
 std::size_t PressureSystem::bytes() const {
-  return (divergence_.size() + rhs_.size()) * sizeof(Real) + solid_cell_.size() + multigrid_.bytes() + pcg_.bytes() +
-         pcr_.bytes();
+  return (divergence_.size() + rhs_.size()) * sizeof(Real) + solid_cells_.size() * sizeof(std::size_t) +
+         multigrid_.bytes() + pcg_.bytes() + pcr_.bytes();
 }
 
 }  // namespace efsi::system

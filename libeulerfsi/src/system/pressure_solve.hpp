@@ -49,16 +49,19 @@ class PressureSystem {
   // r = h^3 (J v - source), in a closed box less its mean.
   void compute_residual(const Parallel& parallel, const VectorField& velocity, const std::vector<Real>& source,
                         std::vector<Real>& r);
+  double solid_norm(const Parallel& parallel, const std::vector<Real>& r) const;  // of the solids' cells
   DivergenceNorms residual_norms(const Parallel& parallel, const std::vector<Real>& r) const;
   linalg::Operator operator_of(const Parallel& parallel);
+  // Where multigrid smooths in a solve that begins with q.
+  void focus(const Parallel& parallel, const linalg::SolveOptions& options, std::vector<Real>& q);
   linalg::SolveStats solve_multigrid(const Parallel& parallel, const linalg::SolveOptions& options,
                                      std::vector<Real>& q);
   // Whether q leaves a smaller residual than zero does.
   bool last_helps(const Parallel& parallel, const linalg::Operator& apply, const std::vector<Real>& q);
   Grid grid_;
   Walls walls_;
-  std::vector<std::uint8_t> solid_cell_;
-  std::vector<Real> divergence_, rhs_;  // padded cells
+  std::vector<std::size_t> solid_cells_;  // padded, in order
+  std::vector<Real> divergence_, rhs_;    // padded cells
   PressureMultigrid multigrid_;
   SlipNodes* slip_ = nullptr;
   linalg::PcgWorkspace pcg_;

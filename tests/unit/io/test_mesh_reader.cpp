@@ -6,6 +6,7 @@
 
 #include "base/error.hpp"
 #include "geometry/mesh_topology.hpp"
+#include "io/mesh_header.hpp"
 #include "io/mesh_reader.hpp"
 #include "unit/io/scratch.hpp"
 
@@ -134,15 +135,82 @@ TEST_CASE("A file that is no mesh is refused with path and reason") {
   CHECK_THAT(refusal(scratch / "missing.obj", ErrorCode::kIo), Contains("missing.obj: cannot be read: No such file"));
   CHECK_THAT(refusal(scratch / "", ErrorCode::kIo), Contains("is a folder"));
   write_text(scratch / "notes.txt", "not a mesh");
-  CHECK_THAT(refusal(scratch / "notes.txt", ErrorCode::kMesh), Contains("notes.txt: not a readable mesh: "));
+  CHECK_THAT(
+      refusal(scratch / "notes.txt", ErrorCode::kMesh),
+      Contains("notes.txt: the name of a mesh file must end in one of: obj, ply, stl, off, gltf, glb, fbx, dae, 3ds"));
   write_text(scratch / "empty.obj", "");
   CHECK_THAT(refusal(scratch / "empty.obj", ErrorCode::kMesh), Contains("empty.obj: "));
   write_text(scratch / "cut.stl", cube_stl().substr(0, 300));
-  CHECK_THAT(refusal(scratch / "cut.stl", ErrorCode::kMesh), Contains("cut.stl: not a readable mesh: "));
+  CHECK_THAT(refusal(scratch / "cut.stl", ErrorCode::kMesh), Contains("cut.stl: not a readable .stl file: "));
   write_text(scratch / "points.ply",
              "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
              "end_header\n0 0 0\n");
   CHECK_THAT(refusal(scratch / "points.ply", ErrorCode::kMesh), Contains("points.ply: "));
   write_text(scratch / "nan.obj", "v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n");
   CHECK_THAT(refusal(scratch / "nan.obj", ErrorCode::kMesh), Contains("nan.obj: "));
+}
+
+TEST_CASE("The suffix decides how a file is read, in upper case too") {
+  const Scratch scratch;
+  for (const char* name : {"cube.obj", "cube.OBJ", "two.dots.Obj"}) {
+    write_text(scratch / name, std::string(kCubePoints) + kCubeFaces);
+    CHECK(read_mesh(scratch / name).points.size() == 8);
+  }
+  // A good file under the name of another format is refused, never guessed.
+  for (const char* name :
+       {"cube.ply", "cube.stl", "cube.off", "cube.gltf", "cube.glb", "cube.fbx", "cube.dae", "cube.3ds"}) {
+    write_text(scratch / name, std::string(kCubePoints) + kCubeFaces);
+    CHECK_THAT(refusal(scratch / name, ErrorCode::kMesh), Contains(std::string(name) + ": not a readable ."));
+  }
+  // Formats that assimp knows and the list does not, and no suffix at all.
+  for (const char* name : {"cube.x", "cube.ifc", "cube.blend", "cube", "obj", ".obj"}) {
+    write_text(scratch / name, std::string(kCubePoints) + kCubeFaces);
+    CHECK_THAT(refusal(scratch / name, ErrorCode::kMesh), Contains("must end in one of: obj, ply"));
+  }
+  CHECK_THAT(refusal("/dev/null", ErrorCode::kIo), Contains("is a device or a pipe"));
+}
+
+TEST_CASE("A 309-byte OFF file that announces billions of vertices is refused by its size") {
+  const Scratch scratch;
+  std::string text = "OFF\n4000000000 12 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n# ";
+  text.append(309 - text.size(), '-');
+  write_text(scratch / "huge.off", text);
+  CHECK_THAT(refusal(scratch / "huge.off", ErrorCode::kMesh),
+             Contains("huge.off: announces 4000000000 vertices and 12 faces, more than its 309 bytes can hold"));
+}
+
+TEST_CASE("Counts in a header are refused where the file is too short for them, never where it could hold them",
+          "[law]") {
+  const Scratch scratch;
+  // The shortest files there are: one digit a number, no line end at the end.
+  const std::vector<std::string> headers = {"OFF\n", "OFF ", "NOFF # normals\n", "nOFF 3\n", ""};
+  for (const std::string& header : headers) {
+    std::string text = header + "300 100 0\n";
+    for (int n = 0; n < 300; ++n) text += n % 3 == 0 ? "0 0 0\n" : n % 3 == 1 ? "1 0 0\n" : "0 1 0\n";
+    for (int n = 0; n < 100; ++n) text += "0\n";
+    text.pop_back();
+    write_text(scratch / "short.off", text);
+    INFO(header);
+    CHECK_NOTHROW(check_header(scratch / "short.off", "off"));
+    text.resize(text.size() - 2 * (header.size() + 12));
+    write_text(scratch / "short.off", text);
+    CHECK_THROWS_WITH(check_header(scratch / "short.off", "off"), Contains("announces 300 vertices and 100"));
+  }
+  for (const char* end : {"\n", "\r\n", "\r"}) {
+    std::string header;
+    for (const char* line :
+         {"ply", "format ascii 1.0", "comment element vertex 9999999", "element vertex 300", "property char x",
+          "element face 0", "property list uchar int vertex_indices", "end_header"})
+      header += line + std::string(end);
+    write_text(scratch / "short.ply", header + std::string(300, '\0'));
+    CHECK_NOTHROW(check_header(scratch / "short.ply", "ply"));
+    header.replace(header.find("300"), 3, "3000000000");
+    write_text(scratch / "short.ply", header + std::string(300, '\0'));
+    CHECK_THROWS_WITH(check_header(scratch / "short.ply", "ply"),
+                      Contains("short.ply: announces vertex 3000000000, face 0, more than its"));
+  }
+  write_text(scratch / "cut.ply", "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\n");
+  CHECK_THROWS_WITH(check_header(scratch / "cut.ply", "ply"), Contains("cut.ply: its header has no line end_header"));
+  write_text(scratch / "none.ply", "");
+  CHECK_NOTHROW(check_header(scratch / "none.ply", "ply"));
 }

@@ -49,6 +49,37 @@ TEST_CASE("The matrix-free J W J^T is the assembled one, for every kind of wall"
   }
 }
 
+TEST_CASE("Residual and relaxation in boxes are those of whole sweeps there and touch nothing else", "[law]") {
+  for (const PressureCase& c : pressure_cases({13, 11, 10}, 50.0)) {
+    INFO(c.name);
+    const system::PressureMultigrid multigrid = built(c);
+    std::vector<Real> x = c.random_cells(31), everywhere(x.size(), 0), inside(x.size(), 7), moved = x;
+    const std::vector<Real> b = c.random_cells(32);
+    grid::fill_ghosts(c.g, x, Real(0));
+    system::apply_pressure_operator(Parallel(1), multigrid.finest(), x, everywhere, &b);
+    grid::TileMask mask(c.g.cells);
+    for (std::int64_t t = 0; t < mask.count(); ++t) mask.set(t, t % 3 != 1);
+    const auto boxes = mask.boxes();
+    system::residual_in_boxes(Parallel(3), multigrid.finest(), boxes, b, x, inside);
+    system::relax_in_boxes(Parallel(3), multigrid.finest(), boxes, Real(0.25), inside, moved);
+    std::vector<bool> in_box(x.size(), false);
+    for (const auto& [begin, end] : boxes)
+      for (int k = begin[2]; k < end[2]; ++k)
+        for (int j = begin[1]; j < end[1]; ++j)
+          for (int i = begin[0]; i < end[0]; ++i) in_box[c.g.padded(i, j, k)] = true;
+    std::size_t wrong = 0, count = 0;
+    for (std::size_t i = 0; i < x.size(); ++i) {
+      count += in_box[i];
+      wrong += inside[i] != (in_box[i] ? everywhere[i] : Real(7));
+      const Real d = multigrid.finest().inverse_diagonal[i];
+      if (in_box[i]) wrong += moved[i] != x[i] + Real(0.25) * d * inside[i];
+    }
+    CHECK(wrong == 0);
+    CHECK(count > 0);
+    CHECK(count < c.g.cell_count());
+  }
+}
+
 TEST_CASE("Divergence and pressure impulse are J and its transpose") {
   for (const PressureCase& c : pressure_cases({6, 5, 4}, 1.0)) {
     INFO(c.name);

@@ -1,0 +1,110 @@
+#include "linalg/reduce.hpp"
+
+#include <cstring>
+
+#include "base/kernel.hpp"
+
+namespace efsi::linalg {
+namespace {
+
+constexpr int kLanes = 8;
+// Eight entries, and eight partial sums: the compiler maps them to what the machine has, with the same bits.
+typedef Real Entries __attribute__((vector_size(kLanes * sizeof(Real))));
+typedef double Lanes __attribute__((vector_size(kLanes * sizeof(double))));
+
+EFSI_INLINE Lanes load(const Real* a) {
+  Entries entries;
+  std::memcpy(&entries, a, sizeof(entries));
+  return __builtin_convertvector(entries, Lanes);
+}
+
+EFSI_KERNEL double dot_entries(std::int64_t n, const Real* a, const Real* b) {
+  Lanes lanes = {};
+  std::int64_t i = 0;
+  for (; i + kLanes <= n; i += kLanes) lanes += load(a + i) * load(b + i);
+  double rest = 0.0;
+  for (; i < n; ++i) rest += static_cast<double>(a[i]) * static_cast<double>(b[i]);
+  return (((lanes[0] + lanes[1]) + (lanes[2] + lanes[3])) + ((lanes[4] + lanes[5]) + (lanes[6] + lanes[7]))) + rest;
+}
+
+EFSI_KERNEL void add_entries(std::int64_t n, Real s, const Real* x, Real* y) {
+#pragma omp simd
+  for (std::int64_t i = 0; i < n; ++i) y[i] += s * x[i];
+}
+
+EFSI_KERNEL void scale_add_entries(std::int64_t n, Real s, const Real* x, Real* y) {
+#pragma omp simd
+  for (std::int64_t i = 0; i < n; ++i) y[i] = x[i] + s * y[i];
+}
+
+EFSI_KERNEL void multiply_entries(std::int64_t n, Real s, const Real* d, const Real* x, Real* y) {
+#pragma omp simd
+  for (std::int64_t i = 0; i < n; ++i) y[i] = s * d[i] * x[i];
+}
+
+EFSI_KERNEL void scale_entries(std::int64_t n, Real s, Real* y) {
+#pragma omp simd
+  for (std::int64_t i = 0; i < n; ++i) y[i] *= s;
+}
+
+// Calls term(begin, length) for each chunk of n entries; the sum of the results, in order.
+template <class Term>
+double sum_chunks(const Parallel& parallel, std::size_t n, const Term& term) {
+  const auto entries = static_cast<std::int64_t>(n);
+  return parallel.sum((entries + kReduceChunk - 1) / kReduceChunk, [&](std::int64_t chunk) {
+    const std::int64_t begin = chunk * kReduceChunk;
+    return term(begin, std::min(entries - begin, kReduceChunk));
+  });
+}
+
+// Calls body(begin, length) for one range per thread.
+template <class Body>
+void for_parts(const Parallel& parallel, std::size_t n, const Body& body) {
+  parallel.for_ranges(static_cast<std::int64_t>(n),
+                      [&](std::int64_t begin, std::int64_t end) { body(begin, end - begin); });
+}
+
+}  // namespace
+
+double dot(const Parallel& parallel, const std::vector<Real>& a, const std::vector<Real>& b) {
+  return sum_chunks(parallel, a.size(), [&](std::int64_t begin, std::int64_t length) {
+    return dot_entries(length, a.data() + begin, b.data() + begin);
+  });
+}
+
+double advance(const Parallel& parallel, double s, const std::vector<Real>& d, const std::vector<Real>& q,
+               std::vector<Real>& x, std::vector<Real>& r) {
+  const Real factor = static_cast<Real>(s);
+  return sum_chunks(parallel, x.size(), [&](std::int64_t begin, std::int64_t length) {
+    add_entries(length, factor, d.data() + begin, x.data() + begin);
+    add_entries(length, -factor, q.data() + begin, r.data() + begin);
+    return dot_entries(length, r.data() + begin, r.data() + begin);
+  });
+}
+
+void add_scaled(const Parallel& parallel, std::vector<Real>& y, double s, const std::vector<Real>& x) {
+  for_parts(parallel, y.size(), [&](std::int64_t begin, std::int64_t length) {
+    add_entries(length, static_cast<Real>(s), x.data() + begin, y.data() + begin);
+  });
+}
+
+void scale_add(const Parallel& parallel, std::vector<Real>& y, double s, const std::vector<Real>& x) {
+  for_parts(parallel, y.size(), [&](std::int64_t begin, std::int64_t length) {
+    scale_add_entries(length, static_cast<Real>(s), x.data() + begin, y.data() + begin);
+  });
+}
+
+void scale(const Parallel& parallel, std::vector<Real>& y, double s) {
+  for_parts(parallel, y.size(), [&](std::int64_t begin, std::int64_t length) {
+    scale_entries(length, static_cast<Real>(s), y.data() + begin);
+  });
+}
+
+void multiply(const Parallel& parallel, std::vector<Real>& y, const std::vector<Real>& d, const std::vector<Real>& x,
+              Real s) {
+  for_parts(parallel, y.size(), [&](std::int64_t begin, std::int64_t length) {
+    multiply_entries(length, s, d.data() + begin, x.data() + begin, y.data() + begin);
+  });
+}
+
+}  // namespace efsi::linalg

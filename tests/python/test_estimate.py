@@ -1,0 +1,175 @@
+"""The time estimate: its arithmetic, and that it stays short and honest."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import runpy
+import sys
+
+import pytest
+from conftest import ROOT, make_scene
+from eulerfsi import binding, estimate, report
+from eulerfsi.errors import LibraryError
+from eulerfsi.estimate import Body, Plan
+from eulerfsi.scene import open_stage, read_scene
+
+BALL = Body(speed=0.0, fall=9.81, meets=0.2, wave=3.0, size=0.2)
+PLAN = Plan(voxel=0.01, frame=1 / 24, frames=24, bodies=[BALL])
+
+
+def changed(body: dict | None = None, **plan: object) -> Plan:
+    return dataclasses.replace(PLAN, bodies=[dataclasses.replace(BALL, **(body or {}))], **plan)
+
+
+def more_steps(larger: Plan, smaller: Plan) -> bool:
+    """No bound is lower, and the upper one is higher."""
+    low, high = zip(estimate.steps(smaller), estimate.steps(larger), strict=True)
+    return low[0] <= low[1] and high[0] < high[1]
+
+
+@pytest.mark.parametrize(
+    ("larger", "smaller"),
+    [
+        (changed(frames=48), PLAN),
+        (changed(voxel=0.005), PLAN),
+        (changed({"wave": 6.0}), PLAN),
+        (changed({"speed": 4.0}), PLAN),
+        (changed({"wave": 20.0}), changed({"wave": 20.0}, resolve_impacts=False)),
+        (changed(longest_step=1e-4), PLAN),
+        (changed(fluid_speed=20.0), PLAN),
+        (PLAN, changed(fluid=False, cfl_solid=4.0, resolve_impacts=False)),
+    ],
+)
+def test_steps_grow_with_what_makes_them_short(larger, smaller):
+    assert more_steps(larger, smaller)
+
+
+def test_stiffness_never_lowers_a_bound():
+    bounds = [estimate.steps(changed({"wave": 0.3 * 1.3**k, "speed": 2.0})) for k in range(20)]
+    most = [high for _, high in bounds]
+    assert most == sorted(most) and most[-1] > most[0]
+    assert all(low <= high for low, high in bounds)
+
+
+def test_range_holds_the_steps_of_a_free_fall_and_of_contact():
+    free = changed({"meets": math.inf}, fluid=False, frames=12)
+    low, high = estimate.steps(free)
+    assert low == high  # nothing is unknown
+    # dt (v + g dt) = 1.8 h at the end of each frame
+    exact = sum(
+        math.ceil(free.frame / estimate.time_to_move(9.81 * (k + 1) / 24, 9.81, 0.018) - 1e-6) for k in range(12)
+    )
+    assert low == exact
+    contact = changed({"meets": 0.0, "speed": 3.0}, fluid=False, frames=4)
+    assert estimate.steps(contact)[0] == 4 * math.ceil(contact.frame / (0.7 * 0.01 / 3.0))
+
+
+def test_one_step_a_frame_at_least():
+    assert estimate.steps(Plan(voxel=1.0, frame=1e-3, frames=7, bodies=[])) == (7, 7)
+
+
+def test_seconds_are_proportional_to_steps_and_to_their_cost():
+    one, two = estimate.seconds(PLAN, 0.1), estimate.seconds(PLAN, 0.2)
+    overhead = [2 * a - b for a, b in zip(one, two, strict=True)]
+    assert overhead == pytest.approx([PLAN.frames * 0.03] * 2)
+    assert one[0] < one[1]
+
+
+def test_time_to_meet_a_wall():
+    assert estimate.seconds_to_meet(1.0, 0.0, 2.0) == pytest.approx(1.0)
+    assert estimate.seconds_to_meet(1.0, 2.0, 0.0) == pytest.approx(0.5)
+    assert estimate.seconds_to_meet(-0.1, 0.0, 0.0) == 0.0
+    assert estimate.seconds_to_meet(1.0, 0.0, 0.0) == math.inf
+    assert estimate.seconds_to_meet(1.0, 1.0, -1.0) == math.inf  # turns back before it gets there
+    assert estimate.seconds_to_meet(0.25, 1.0, -1.0) == pytest.approx(1 - math.sqrt(0.5))
+    assert estimate.seconds_to_meet(1.0, -1.0, 2.0) == pytest.approx((1 + math.sqrt(5)) / 2)
+
+
+def test_plan_of_a_scene(library, tmp_path):
+    make_scene(tmp_path / "small.usda", frames=(1, 11), velocity=(0.0, -2.0, 0.0))
+    scene = read_scene(open_stage(tmp_path / "small.usda"), tmp_path / "small.usda")
+    plan = estimate.plan_of(scene)
+    (ball,) = plan.bodies
+    assert (plan.frames, plan.voxel, plan.frame) == (10, pytest.approx(0.05), pytest.approx(1 / 24))
+    assert ball.speed == pytest.approx(2.0) and ball.size == pytest.approx(0.3, rel=0.02)
+    assert ball.wave == pytest.approx(math.sqrt(23333 / 2 / (1 + 1 / 6) / 1000), rel=1e-3)
+    # 0.5 m from centre to floor, less the radius and two voxels of 0.05 m; the lid above is nearer and of no account
+    assert ball.meets == pytest.approx(estimate.seconds_to_meet(0.5 - 0.15 - 0.1, 2.0, 9.8), abs=0.001)
+    floating = read_scene(open_stage(tmp_path / "small.usda"), tmp_path / "small.usda")
+    floating.domain["fluid_density"] = 3000.0
+    floating.solids[0].values["velocity"] = [0.0, 0.0, 0.0]
+    assert estimate.plan_of(floating).bodies[0].meets < math.inf  # rises to the lid
+    floating.domain["gravity"] = [0.0, 0.0, 0.0]
+    assert estimate.plan_of(floating).bodies[0].meets == math.inf
+    for face in range(6):
+        scene.domain[f"wall[{face}]"] = binding.WALLS["periodic"]
+    assert estimate.plan_of(scene).bodies[0].meets == math.inf
+
+
+def test_real_steps_are_few_and_a_long_one_is_not_begun(library, tmp_path, monkeypatch):
+    make_scene(tmp_path / "small.usda")
+    scene = read_scene(open_stage(tmp_path / "small.usda"), tmp_path / "small.usda")
+    taken = estimate.try_steps(scene, 1, 0)
+    assert 1 <= len(taken) <= 8 and all(t > 0 for t in taken)
+    assert "steps tried" in estimate.describe(estimate.plan_of(scene), taken, 1, 1e4)
+    fine = dataclasses.replace(scene, domain={**scene.domain, "voxel_size": 1e-4})
+    monkeypatch.setattr(estimate, "build_simulation", lambda *_: pytest.fail("would take minutes"))
+    assert estimate.try_steps(fine, 1, 0) == []
+    assert "guessed from the number of cells" in estimate.describe(estimate.plan_of(fine), [], 1, 1e10)
+
+
+def test_time_runs_out_between_steps(library, tmp_path, monkeypatch):
+    make_scene(tmp_path / "small.usda")
+    scene = read_scene(open_stage(tmp_path / "small.usda"), tmp_path / "small.usda")
+    clock = iter(range(0, 1000, 1))
+    monkeypatch.setattr(estimate.time, "monotonic", lambda: float(next(clock)))
+    assert len(estimate.try_steps(scene, 1, 0)) == 1
+
+
+def test_validate_tells_of_first_steps_that_fail_and_refuses_what_cannot_start(cli, tmp_path, monkeypatch):
+    make_scene(tmp_path / "small.usda")
+
+    def fail(status: int):
+        def build(*_arguments: object):
+            raise LibraryError(status, "too bad")
+
+        monkeypatch.setattr(estimate, "try_steps", build)
+        return cli("validate", "small.usda")
+
+    done = fail(binding.ERROR_DIVERGED)
+    assert done.returncode == 0 and "time: not estimated, the first steps fail: too bad" in done.stdout
+    done = fail(binding.ERROR_MESH)
+    assert done.returncode == 3 and done.stderr == "error: too bad\n"
+
+
+def test_ctrl_c_ends_the_estimate(cli, tmp_path, monkeypatch):
+    make_scene(tmp_path / "small.usda")
+
+    def interrupted(*_arguments: object):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(report.estimate, "build_simulation", interrupted)
+    assert cli("validate", "small.usda").returncode == 130
+
+
+def test_bench_reads_what_validate_prints(library, tmp_path):
+    before = list(sys.path)
+    bench = runpy.run_path(str(ROOT / "tests" / "bench" / "bench_estimate.py"))
+    sys.path[:] = before
+    line = estimate.describe(changed(frames=2400), [0.3, 0.1, 0.2], 2, 1e5)
+    read = bench["read_prediction"](f"a\n{line}\nb")
+    low, high = estimate.seconds(changed(frames=2400), 0.15)
+    assert (read.low, read.high) == (pytest.approx(low, rel=0.05), pytest.approx(high, rel=0.05))
+    assert (read.fewest, read.most) == estimate.steps(changed(frames=2400))
+    assert bench["verdict"](read, read.middle) and bench["verdict"](read, read.high)
+    assert not bench["verdict"](read, 3.1 * max(read.middle, read.high))
+    with pytest.raises(ValueError, match="no time"):
+        bench["read_prediction"]("nothing")
+
+
+def test_bench_compares_a_scene_with_its_run(library, tmp_path):
+    bench = runpy.run_path(str(ROOT / "tests" / "bench" / "bench_estimate.py"))
+    make_scene(tmp_path / "small.usda")
+    line, _ = bench["compare"](tmp_path / "small.usda", tmp_path, ["--threads", "1"])
+    assert line.startswith("small.usda: predicted ") and "processor seconds" in line and "steps, real" in line
