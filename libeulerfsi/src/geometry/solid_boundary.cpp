@@ -18,6 +18,10 @@ constexpr double kCapJump = 0.75;
 // A node this close to the surface, in spacings, lies on it: its winding number is that of neither side.
 constexpr double kOnSurface = 1e-3;
 
+// The smooth part of the winding number changes by less than this from the front of a triangle to close behind it,
+// unless an open edge is as near.
+constexpr double kDoubt = 0.05;
+
 // Are both sides of the level 1/2 among the corners of the cell around X?
 bool cell_is_cut(const SignedDistance& grid, const std::vector<float>& winding, const Vec3d& X) {
   std::array<int, 3> cell;
@@ -64,6 +68,27 @@ struct Cut {
   int cuts;  // along an edge; 0: the triangle has no area
 };
 
+// Winding numbers at points close behind those in front: the same but for the jump, taken anew where that leaves doubt
+// on which side of 1/2 they are.
+std::vector<float> numbers_behind(const WindingField& winding, const std::vector<Vec3d>& front,
+                                  const std::vector<float>& in_front, const std::vector<Vec3d>& behind,
+                                  const Parallel& parallel, const Progress& progress) {
+  std::vector<float> numbers(behind.size());
+  parallel.for_each(static_cast<std::int64_t>(behind.size()), [&](std::int64_t i) {
+    numbers[i] = in_front[i] + static_cast<float>(winding.jump(front[i], behind[i]));
+  });
+  std::vector<std::size_t> doubtful;
+  std::vector<Vec3d> points;
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    if (std::abs(numbers[i] - kInsideWinding) >= kDoubt) continue;
+    doubtful.push_back(i);
+    points.push_back(behind[i]);
+  }
+  const std::vector<float> anew = winding.at(points, parallel, progress);
+  for (std::size_t i = 0; i < doubtful.size(); ++i) numbers[doubtful[i]] = anew[i];
+  return numbers;
+}
+
 // For every piece of every triangle whether it bounds the solid: the winding number passes 1/2 across it.
 std::vector<char> bounding_pieces(const TriangleMesh& mesh, const std::vector<std::size_t>& first_piece,
                                   const SignedDistance& distance, const WindingField& winding, bool trust_cells,
@@ -80,20 +105,22 @@ std::vector<char> bounding_pieces(const TriangleMesh& mesh, const std::vector<st
       ++piece;
     });
   });
-  std::vector<std::size_t> open;  // pieces that need a test
-  std::vector<Vec3d> points;      // in front of each and behind it
+  std::vector<std::size_t> open;     // pieces that need a test
+  std::vector<Vec3d> front, behind;  // of each
   for (std::size_t t = 0; t + 1 < first_piece.size(); ++t) {
     const Vec3d offset = step * Cut(mesh, mesh.triangles[t], distance.spacing).normal;
     for (std::size_t piece = first_piece[t]; piece < first_piece[t + 1]; ++piece) {
       if (bounds[piece]) continue;
       open.push_back(piece);
-      points.push_back(middles[piece] + offset);
-      points.push_back(middles[piece] - offset);
+      front.push_back(middles[piece] + offset);
+      behind.push_back(middles[piece] - offset);
     }
   }
-  const std::vector<float> numbers = winding.at(points, parallel, progress);
+  const std::vector<float> in_front = winding.at(front, parallel, progress.part(0.0, 0.8));
+  const std::vector<float> numbers =
+      numbers_behind(winding, front, in_front, behind, parallel, progress.part(0.8, 1.0));
   for (std::size_t i = 0; i < open.size(); ++i)
-    bounds[open[i]] = (numbers[2 * i] > kInsideWinding) != (numbers[2 * i + 1] > kInsideWinding);
+    bounds[open[i]] = (in_front[i] > kInsideWinding) != (numbers[i] > kInsideWinding);
   return bounds;
 }
 

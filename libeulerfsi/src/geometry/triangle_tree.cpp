@@ -9,13 +9,11 @@
 #include <limits>
 #include <numbers>
 
-#include "geometry/winding_kernel.hpp"
-
 namespace efsi::geometry {
 
 namespace {
 
-constexpr double kFarFactor = 3.0;  // a node is far when X is farther than this many radii
+constexpr double kFarFactor = 2.0;  // a node is far when X is farther than this many radii
 
 // Beyond this many half edges of a cube the field of a node is smooth enough to be interpolated in the cube.
 constexpr double kSmoothFactor = 2.5;
@@ -47,6 +45,23 @@ double winding_of_triangle(const Vec3d& a, const Vec3d& b, const Vec3d& c) {
   const double numerator = a.dot(b.cross(c));
   const double denominator = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
   return arc_tangent(numerator, denominator) / (2.0 * std::numbers::pi);
+}
+
+// Adds the third term of the series of a triangle, corners from the centre of expansion: 15/2 of the integral of
+// (n . r) (d . r)^2 over its points d, as a form in r and without its part that is a multiple of r^2, which the field
+// does not have.
+void add_second_moment(const Vec3d& a, const Vec3d& b, const Vec3d& c, CubicForm& form) {
+  const Vec3d n = 7.5 * 0.5 * (b - a).cross(c - a), sum = a + b + c;
+  const Mat3d d = (a * a.transpose() + b * b.transpose() + c * c.transpose() + sum * sum.transpose()) / 12.0;
+  const Vec3d x = n.x() * Vec3d(d(0, 0), 2.0 * d(0, 1), 2.0 * d(0, 2)) + d(0, 0) * Vec3d(0.0, n.y(), n.z());
+  const Vec3d y = n.y() * Vec3d(2.0 * d(1, 0), d(1, 1), 2.0 * d(1, 2)) + d(1, 1) * Vec3d(n.x(), 0.0, n.z());
+  const Vec3d z = n.z() * Vec3d(2.0 * d(2, 0), 2.0 * d(2, 1), d(2, 2)) + d(2, 2) * Vec3d(n.x(), n.y(), 0.0);
+  // x, y, z: coefficients with x^2, y^2, z^2.
+  const Vec3d squares = (x + y + z + 2.0 * Vec3d(x.x(), y.y(), z.z())) / 5.0;
+  const Vec3d p = x - squares, q = y - squares, s = z - squares;
+  const double mixed = 2.0 * (n.x() * d(1, 2) + n.y() * d(2, 0) + n.z() * d(0, 1));
+  const CubicForm more = {p.x(), q.y(), s.z(), p.y(), p.z(), q.x(), q.z(), s.x(), s.y(), mixed};
+  for (std::size_t i = 0; i < form.size(); ++i) form[i] += more[i];
 }
 
 // Slab test of a box against a ray from `origin`; 1/0 = inf stands for a ray parallel to a slab.
@@ -85,6 +100,7 @@ void TriangleTree::build(std::int32_t begin, std::int32_t end) {
   node.max = -node.min;
   node.area_normal.setZero();
   node.moment.setZero();
+  node.second_moment.fill(0.0);
   Vec3d weighted = Vec3d::Zero(), low = node.min, high = node.max;
   double area = 0.0;
   for (std::int32_t i = begin; i < end; ++i) {
@@ -99,12 +115,14 @@ void TriangleTree::build(std::int32_t begin, std::int32_t end) {
     node.area_normal += vector_area;
   }
   node.centre = area > 0.0 ? Vec3d(weighted / area) : Vec3d(0.5 * (node.min + node.max));
+  double radius_squared = 0.0;
   for (std::int32_t i = begin; i < end; ++i) {
     const Corners& t = corners_[i];
     node.moment += ((t.a + t.b + t.c) / 3.0 - node.centre) * (0.5 * (t.b - t.a).cross(t.c - t.a)).transpose();
+    add_second_moment(t.a - node.centre, t.b - node.centre, t.c - node.centre, node.second_moment);
+    for (const Vec3d& X : {t.a, t.b, t.c}) radius_squared = std::max(radius_squared, (X - node.centre).squaredNorm());
   }
-  const Vec3d reach = (node.max - node.centre).cwiseMax(node.centre - node.min);
-  node.far_distance_squared = kFarFactor * kFarFactor * reach.squaredNorm();
+  node.far_distance_squared = kFarFactor * kFarFactor * radius_squared;
 
   if (end - begin > leaf_size_) {
     // Halves by the order of the triangle centres along the longest side; equal centres by index, so that the tree
@@ -135,8 +153,10 @@ double TriangleTree::winding_number(const Vec3d& X) const {
     const Vec3d r = node.centre - X;
     const double distance_squared = r.squaredNorm();
     if (distance_squared > node.far_distance_squared) {
-      // N . r / |r|^3 and its first derivative along the spread of the triangles: (tr M - 3 r.M r / r^2) / |r|^3
-      const double bend = node.moment.trace() - 3.0 * r.dot(node.moment * r) / distance_squared;
+      // N . r / |r|^3, its first derivative along the spread of the triangles: (tr M - 3 r.M r / r^2) / |r|^3, and its
+      // second derivative: C(r) / r^4 / |r|^3
+      double bend = node.moment.trace() - 3.0 * r.dot(node.moment * r) / distance_squared;
+      bend += cubic_form(node.second_moment, r.x(), r.y(), r.z()) / (distance_squared * distance_squared);
       far += (node.area_normal.dot(r) + bend) / (distance_squared * std::sqrt(distance_squared));
     } else if (node.right == 0) {
       for (std::int32_t i = node.begin; i < node.end; ++i)
@@ -175,7 +195,8 @@ void TriangleTree::add_winding(const Vec3d& centre, double half, const std::vect
     const Node& node = nodes_[index];
     const double distance = (node.centre - centre).norm(), nearest = std::max(0.0, distance - radius);
     if (nearest * nearest > node.far_distance_squared) {
-      (interpolate && distance > smooth_distance ? smooth : sum).add_far(node.centre, node.area_normal, node.moment);
+      (interpolate && distance > smooth_distance ? smooth : sum)
+          .add_far(node.centre, node.area_normal, node.moment, node.second_moment);
     } else if (node.right == 0 || (divide && radius * radius > node.far_distance_squared)) {
       near.push_back(index);  // the cube is large for the node
       near_triangles += node.end - node.begin;

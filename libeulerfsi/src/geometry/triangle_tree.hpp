@@ -1,6 +1,6 @@
 // Purpose: a tree of boxes over triangles that answers winding numbers and rays.
 // The winding number w(X) of a surface is its solid angle seen from X over 4 pi: 1 inside a closed surface, 0 outside,
-// between in the mouth of an open one. Far triangles act together through the first two terms of the Taylor series of
+// between in the mouth of an open one. Far triangles act together through the first three terms of the Taylor series of
 // the dipole field, near ones exactly (Jacobson et al. 2013, Barill et al. 2018).
 #pragma once
 
@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "geometry/triangle_mesh.hpp"
+#include "geometry/winding_kernel.hpp"
 
 namespace efsi::geometry {
 
@@ -33,7 +34,8 @@ class TriangleTree {
   void winding_numbers(const Vec3d& centre, double half, const std::vector<Vec3d>& points, std::vector<double>& winding,
                        std::vector<bool>& on_surface) const;
 
-  // w(to) - w(from) for a closed surface, counted at the triangles that the segment passes. Neighbouring triangles
+  // How often the segment passes triangles from front to back, less how often the other way: w(to) - w(from) for a
+  // closed surface, the part of it that jumps for an open one. Neighbouring triangles
   // agree on which of them a segment through their edge passes. Neither end may lie on the surface.
   int winding_change(const Vec3d& from, const Vec3d& to) const;
 
@@ -52,6 +54,7 @@ class TriangleTree {
     Vec3d centre;                 // area-weighted [m]
     Vec3d area_normal;            // sum of vector areas [m^2]
     Mat3d moment;                 // sum of (triangle centre - centre) vector area^T [m^3]
+    CubicForm second_moment;      // see add_second_moment() [m^4]
     double far_distance_squared;  // beyond this the series is used [m^2]
     std::int32_t begin, end;      // triangles
     std::int32_t right;           // second child, the first follows its parent; 0: leaf

@@ -30,6 +30,10 @@ class WindingField {
   // At points in the grid that are off the surface, to 2e-3.
   std::vector<float> at(const std::vector<Vec3d>& points, const Parallel& parallel, const Progress& progress) const;
 
+  // By how much the number jumps along a segment, at the triangles that it passes. What is left of the change is that
+  // of a smooth function. Neither end may lie on the surface.
+  int jump(const Vec3d& from, const Vec3d& to) const { return tree_.winding_change(from, to); }
+
  private:
   void subtract_closing_at_nodes(const Parallel& parallel, const Progress& progress);
   double closed_number(const Vec3d& X) const;

@@ -5,8 +5,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "base/kernel.hpp"
-
 namespace efsi::geometry {
 
 namespace {
@@ -62,9 +60,10 @@ EFSI_KERNEL void add_triangle(const Corner a, const Corner b, const Corner c, st
   }
 }
 
-// Adds the field of a group: N . r / |r|^3 + (tr M - 3 r.M r / r^2) / |r|^3.
-EFSI_KERNEL void add_group(const Corner middle, const Corner n, const std::array<double, 6>& m, std::size_t count,
-                           const double* px, const double* py, const double* pz, double* winding) {
+// Adds the field of a group: (N . r + tr M - 3 r.M r / r^2 + C(r) / r^4) / |r|^3.
+EFSI_KERNEL void add_group(const Corner middle, const Corner n, const std::array<double, 6>& m, const CubicForm& form,
+                           std::size_t count, const double* px, const double* py, const double* pz, double* winding) {
+  const CubicForm c = form;
   const double xx = m[0], yy = m[1], zz = m[2], xy = m[3], yz = m[4], zx = m[5], trace = xx + yy + zz;
 #pragma omp simd
   for (std::size_t i = 0; i < count; ++i) {
@@ -72,7 +71,8 @@ EFSI_KERNEL void add_group(const Corner middle, const Corner n, const std::array
     const double inverse = 1.0 / (x * x + y * y + z * z);
     const double quadratic = xx * x * x + yy * y * y + zz * z * z + xy * x * y + yz * y * z + zx * z * x;
     const double dipole = n.x * x + n.y * y + n.z * z;
-    winding[i] += (dipole + trace - 3.0 * quadratic * inverse) * (inverse * std::sqrt(inverse));
+    const double cubic = cubic_form(c, x, y, z) * inverse;
+    winding[i] += (dipole + trace + (cubic - 3.0 * quadratic) * inverse) * (inverse * std::sqrt(inverse));
   }
 }
 
@@ -95,12 +95,13 @@ void WindingSum::add_near(const Vec3d& a, const Vec3d& b, const Vec3d& c) {
                z_.data(), near_.data(), flat_.data());
 }
 
-void WindingSum::add_far(const Vec3d& middle, const Vec3d& area_normal, const Mat3d& m) {
+void WindingSum::add_far(const Vec3d& middle, const Vec3d& area_normal, const Mat3d& m,
+                         const CubicForm& second_moment) {
   const Vec3d p = middle - centre_;
   const std::array<double, 6> symmetric = {m(0, 0),           m(1, 1),           m(2, 2),
                                            m(0, 1) + m(1, 0), m(1, 2) + m(2, 1), m(2, 0) + m(0, 2)};
-  add_group({p.x(), p.y(), p.z()}, {area_normal.x(), area_normal.y(), area_normal.z()}, symmetric, padded_, x_.data(),
-            y_.data(), z_.data(), far_.data());
+  add_group({p.x(), p.y(), p.z()}, {area_normal.x(), area_normal.y(), area_normal.z()}, symmetric, second_moment,
+            padded_, x_.data(), y_.data(), z_.data(), far_.data());
 }
 
 void WindingSum::add_to(std::vector<double>& winding, std::vector<bool>& on_surface) const {

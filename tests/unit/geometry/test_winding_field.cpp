@@ -106,6 +106,25 @@ TEST_CASE("Winding numbers on both sides of every triangle are those of a plain 
   }
 }
 
+TEST_CASE("Winding numbers close behind a triangle are those in front of it and the jump", "[law]") {
+  for (const TriangleMesh& mesh : meshes()) {
+    const SignedDistance distance = grid_over(mesh, 0.05);
+    const TriangleTree tree(mesh);
+    const WindingField field(mesh, tree, distance);
+    double worst = 0.0;
+    for (const Triangle& t : mesh.triangles) {
+      const Vec3d &a = mesh.points[t[0]], &b = mesh.points[t[1]], &c = mesh.points[t[2]];
+      const Vec3d offset = 1e-3 * distance.spacing * (b - a).cross(c - a).normalized(), middle = (a + b + c) / 3;
+      const double change =
+          test::plain_winding_number(mesh, middle - offset) - test::plain_winding_number(mesh, middle + offset);
+      worst = std::max(worst, std::abs(change - field.jump(middle + offset, middle - offset)));
+      CHECK(field.jump(middle - offset, middle + offset) == -field.jump(middle + offset, middle - offset));
+    }
+    CAPTURE(mesh.triangles.size());
+    CHECK(worst < 0.05);
+  }
+}
+
 TEST_CASE("Winding numbers do not depend on the number of threads", "[law]") {
   const TriangleMesh mesh = shapes::together(shapes::sphere(0.4, 8), leaves(40));
   const SignedDistance distance = grid_over(mesh, 0.05);
