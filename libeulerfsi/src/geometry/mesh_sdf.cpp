@@ -66,7 +66,7 @@ std::string describe_repairs(const MeshReport& report, const OrientationRepair& 
   const auto add = [&what](const std::string& part) { what += (what.empty() ? "" : "; ") + part; };
   if (report.open_edges > 0)
     add(text("open: ", counted(report.holes, "hole", "holes"), ", the largest ", report.largest_hole, " m around, ",
-             caps > 0 ? "closed" : "below the grid's resolution", " by the winding number"));
+             caps > 0 ? "closed by the winding number" : "below the resolution of the grid"));
   if (report.nonmanifold_edges > 0)
     add(counted(report.nonmanifold_edges, "edge with three faces and more", "edges with three faces and more"));
   if (report.joined_points > 0) add(counted(report.joined_points, "doubled point: joined", "doubled points: joined"));
