@@ -171,7 +171,14 @@ def test_time_that_reading_may_take_grows_with_the_files(tmp_path):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_no_child_outlives_the_program(endless, number):
     command = [sys.executable, "-m", "eulerfsi", "new", "new.usda", "--solid", endless]
-    parent = subprocess.Popen(command, env=environment(), cwd=endless.parent, stderr=subprocess.PIPE, text=True)
+    parent = subprocess.Popen(
+        command,
+        env=environment(),
+        cwd=endless.parent,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background job ignores it
+    )
     wait_for_children(endless, 1)
     parent.send_signal(number)
     _, noise = parent.communicate(timeout=60)
