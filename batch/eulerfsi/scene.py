@@ -184,7 +184,8 @@ def stage_frames(stage: Usd.Stage) -> FrameRange:
     """The stage's own range. Raises UsageError or SceneError."""
     if not stage.HasAuthoredTimeCodeRange():
         raise SceneError("stage: startTimeCode and endTimeCode are not authored; give --frames first-last")
-    return check_frames(_authored_range(stage), f"stage range {_authored_range(stage)}")
+    frames = _authored_range(stage)
+    return check_frames(frames, f"stage range {frames}")
 
 
 def _authored_range(stage: Usd.Stage) -> FrameRange:

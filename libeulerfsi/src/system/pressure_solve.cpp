@@ -102,11 +102,10 @@ linalg::Operator PressureSystem::operator_of(const Parallel& parallel) {
   };
 }
 
-void PressureSystem::focus(const Parallel& parallel, const linalg::SolveOptions& options, std::vector<Real>& q) {
+void PressureSystem::focus(const Parallel& parallel, const linalg::SolveOptions& options, bool from_last) {
   const double b = linalg::norm(parallel, rhs_);
   const double goal = options.reference > 0.0 ? options.reference : b;
-  if (linalg::dot(parallel, q, q) > 0.0) {
-    multigrid_.apply(parallel, q, divergence_);
+  if (from_last) {
     linalg::scale_add(parallel, divergence_, -1.0, rhs_);
     multigrid_.focus(parallel, divergence_, goal, options.tolerance);
   } else {
@@ -115,7 +114,7 @@ void PressureSystem::focus(const Parallel& parallel, const linalg::SolveOptions&
 }
 
 linalg::SolveStats PressureSystem::solve_multigrid(const Parallel& parallel, const linalg::SolveOptions& options,
-                                                   std::vector<Real>& q) {
+                                                   bool from_last, std::vector<Real>& q) {
   const linalg::Operator precondition = [&](const std::vector<Real>& r, std::vector<Real>& z) {
     multigrid_.precondition(parallel, r, z);
   };
@@ -133,7 +132,7 @@ linalg::SolveStats PressureSystem::solve_multigrid(const Parallel& parallel, con
   // Everything first; what the solids ask for beyond that is found by smoothing them alone.
   linalg::SolveOptions everything = options;
   everything.also = nullptr;
-  focus(parallel, options, q);
+  focus(parallel, options, from_last);
   bool converged = gradients(everything, kMostGradients);
   if (converged && options.also && !options.also(pcg_.r)) {
     multigrid_.focus(solid_cells_);
@@ -145,12 +144,10 @@ linalg::SolveStats PressureSystem::solve_multigrid(const Parallel& parallel, con
   // all in them, and its minimum leaves a divergence that does not fall.
   linalg::SolveOptions rest = options;
   rest.max_iterations -= stats.iterations;
-  const linalg::SolveStats residuals = linalg::pcr(parallel, apply, precondition, rhs_, q, rest, pcr_);
+  linalg::SolveStats residuals = linalg::pcr(parallel, apply, precondition, rhs_, q, rest, pcr_);
   pcr_ = {};  // seldom needed
-  const int before = stats.iterations;
-  stats = residuals;
-  stats.iterations += before;
-  return stats;
+  residuals.iterations += stats.iterations;
+  return residuals;
 }
 
 linalg::SolveStats PressureSystem::solve(const Parallel& parallel, PressureSolver solver, const VectorField& velocity,
@@ -176,7 +173,8 @@ linalg::SolveStats PressureSystem::solve(const Parallel& parallel, PressureSolve
   const DivergenceNorms reference = before ? *before : residual_norms(parallel, rhs_);
   options.reference = volume * reference.all;
   options.max_iterations = kMaxMultigridIterations;
-  if (last_helps(parallel, apply, q))
+  const bool from_last = last_helps(parallel, apply, q);
+  if (from_last)
     options.min_iterations = 1;  // what a lasting load leaves falls from step to step
   else
     std::fill(q.begin(), q.end(), Real(0));
@@ -185,7 +183,7 @@ linalg::SolveStats PressureSystem::solve(const Parallel& parallel, PressureSolve
     const double limit = tolerance * volume * std::max(reference.solid, kSolidFloor * reference.all);
     options.also = [this, &parallel, limit](const std::vector<Real>& r) { return solid_norm(parallel, r) <= limit; };
   }
-  return solve_multigrid(parallel, options, q);
+  return solve_multigrid(parallel, options, from_last, q);
 }
 
 linalg::SolveStats PressureSystem::estimate(const Parallel& parallel, const VectorField& velocity,
@@ -195,7 +193,7 @@ linalg::SolveStats PressureSystem::estimate(const Parallel& parallel, const Vect
   linalg::SolveOptions options;
   options.tolerance = tolerance;
   options.max_iterations = kMaxMultigridIterations;
-  return solve_multigrid(parallel, options, q);
+  return solve_multigrid(parallel, options, false, q);
 }
 
 double PressureSystem::step_length(const Parallel& parallel, const VectorField& velocity,

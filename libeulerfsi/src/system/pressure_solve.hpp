@@ -52,11 +52,11 @@ class PressureSystem {
   double solid_norm(const Parallel& parallel, const std::vector<Real>& r) const;  // of the solids' cells
   DivergenceNorms residual_norms(const Parallel& parallel, const std::vector<Real>& r) const;
   linalg::Operator operator_of(const Parallel& parallel);
-  // Where multigrid smooths in a solve that begins with q.
-  void focus(const Parallel& parallel, const linalg::SolveOptions& options, std::vector<Real>& q);
-  linalg::SolveStats solve_multigrid(const Parallel& parallel, const linalg::SolveOptions& options,
+  // Where multigrid smooths in a solve that begins with zero, or with the last q, of which divergence_ holds A q.
+  void focus(const Parallel& parallel, const linalg::SolveOptions& options, bool from_last);
+  linalg::SolveStats solve_multigrid(const Parallel& parallel, const linalg::SolveOptions& options, bool from_last,
                                      std::vector<Real>& q);
-  // Whether q leaves a smaller residual than zero does.
+  // Whether q leaves a smaller residual than zero does; divergence_ becomes A q.
   bool last_helps(const Parallel& parallel, const linalg::Operator& apply, const std::vector<Real>& q);
   Grid grid_;
   Walls walls_;
