@@ -263,62 +263,57 @@ bool passes_left(const Vec3d& p, const Vec3d& q, const Vec3d& origin, const Vec3
 
 }  // namespace
 
-int TriangleTree::winding_change(const Vec3d& from, const Vec3d& to) const {
-  const Vec3d low = from.cwiseMin(to), high = from.cwiseMax(to), direction = to - from;
-  int change = 0;
+// Calls visit(corners) for the triangles of the leaves whose boxes, and those above them, meets(node) lets pass.
+template <class Meets, class Visit>
+void TriangleTree::for_corners(const Meets& meets, const Visit& visit) const {
   std::int32_t stack[64];
   int top = 0;
   if (!nodes_.empty()) stack[top++] = 0;
   while (top > 0) {
     const std::int32_t index = stack[--top];
     const Node& node = nodes_[index];
-    if ((low.array() > node.max.array()).any() || (high.array() < node.min.array()).any()) continue;
+    if (!meets(node)) continue;
     if (node.right != 0) {
       stack[top++] = node.right;
       stack[top++] = index + 1;
       continue;
     }
-    for (std::int32_t i = node.begin; i < node.end; ++i) {
-      const Corners& t = corners_[i];
-      const Vec3d normal = (t.b - t.a).cross(t.c - t.a);
-      const bool from_front = normal.dot(from - t.a) > 0.0, to_front = normal.dot(to - t.a) > 0.0;
-      if (from_front == to_front) continue;
-      const bool left = passes_left(t.a, t.b, from, direction);
-      if (left == passes_left(t.b, t.c, from, direction) && left == passes_left(t.c, t.a, from, direction))
-        change += to_front ? -1 : 1;
-    }
+    for (std::int32_t i = node.begin; i < node.end; ++i) visit(corners_[i]);
   }
+}
+
+int TriangleTree::winding_change(const Vec3d& from, const Vec3d& to) const {
+  const Vec3d low = from.cwiseMin(to), high = from.cwiseMax(to), direction = to - from;
+  int change = 0;
+  const auto meets = [&](const Node& node) {
+    return !(low.array() > node.max.array()).any() && !(high.array() < node.min.array()).any();
+  };
+  for_corners(meets, [&](const Corners& t) {
+    const Vec3d normal = (t.b - t.a).cross(t.c - t.a);
+    const bool from_front = normal.dot(from - t.a) > 0.0, to_front = normal.dot(to - t.a) > 0.0;
+    if (from_front == to_front) return;
+    const bool left = passes_left(t.a, t.b, from, direction);
+    if (left == passes_left(t.b, t.c, from, direction) && left == passes_left(t.c, t.a, from, direction))
+      change += to_front ? -1 : 1;
+  });
   return change;
 }
 
 void TriangleTree::cast(const Vec3d& origin, const Vec3d& direction, std::vector<Hit>& hits) const {
   hits.clear();
   const Vec3d inverse = direction.cwiseInverse();
-  std::int32_t stack[64];
-  int top = 0;
-  if (!nodes_.empty()) stack[top++] = 0;
-  while (top > 0) {
-    const std::int32_t index = stack[--top];
-    const Node& node = nodes_[index];
-    if (!ray_meets_box(origin, inverse, node.min, node.max)) continue;
-    if (node.right != 0) {
-      stack[top++] = node.right;
-      stack[top++] = index + 1;
-      continue;
-    }
-    for (std::int32_t i = node.begin; i < node.end; ++i) {
-      // Moller-Trumbore: origin + t direction = a + u e1 + v e2
-      const Corners& corner = corners_[i];
-      const Vec3d e1 = corner.b - corner.a, e2 = corner.c - corner.a, normal = e1.cross(e2);
-      const double slope = direction.dot(normal);
-      if (slope == 0.0) continue;
-      const Vec3d from_a = origin - corner.a;
-      const double t = -from_a.dot(normal) / slope;
-      const Vec3d turned = direction.cross(from_a);
-      const double u = e2.dot(turned) / slope, v = -e1.dot(turned) / slope;
-      if (t > 0.0 && u >= 0.0 && v >= 0.0 && u + v <= 1.0) hits.push_back({t, slope / normal.norm(), corner.triangle});
-    }
-  }
+  const auto meets = [&](const Node& node) { return ray_meets_box(origin, inverse, node.min, node.max); };
+  for_corners(meets, [&](const Corners& corner) {
+    // Moller-Trumbore: origin + t direction = a + u e1 + v e2
+    const Vec3d e1 = corner.b - corner.a, e2 = corner.c - corner.a, normal = e1.cross(e2);
+    const double slope = direction.dot(normal);
+    if (slope == 0.0) return;
+    const Vec3d from_a = origin - corner.a;
+    const double t = -from_a.dot(normal) / slope;
+    const Vec3d turned = direction.cross(from_a);
+    const double u = e2.dot(turned) / slope, v = -e1.dot(turned) / slope;
+    if (t > 0.0 && u >= 0.0 && v >= 0.0 && u + v <= 1.0) hits.push_back({t, slope / normal.norm(), corner.triangle});
+  });
   std::sort(hits.begin(), hits.end(), [](const Hit& s, const Hit& t) {
     return s.distance != t.distance ? s.distance < t.distance : s.triangle < t.triangle;
   });

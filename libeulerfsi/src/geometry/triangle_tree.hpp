@@ -60,6 +60,8 @@ class TriangleTree {
     std::int32_t right;           // second child, the first follows its parent; 0: leaf
   };
 
+  template <class Meets, class Visit>
+  void for_corners(const Meets& meets, const Visit& visit) const;
   void build(std::int32_t begin, std::int32_t end);
 
   struct Targets;
