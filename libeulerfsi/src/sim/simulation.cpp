@@ -282,10 +282,12 @@ StepInfo Simulation::checked_step(double remaining) {
       }
     }
     if (reason.empty()) {
-      if (const std::string lost = lost_shape(); !lost.empty()) {
+      std::string end = lost_shape();
+      if (end.empty()) end = crosses_periodic_face();
+      if (!end.empty()) {
         state_ = work_.backup;
         work_.masses_ready = false;
-        throw Error(ErrorCode::kDiverged, diverged(state_.time, lost));
+        throw Error(ErrorCode::kDiverged, diverged(state_.time, end));
       }
       info.retries = static_cast<std::uint64_t>(attempt);
       profile_.total_seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
@@ -301,6 +303,21 @@ StepInfo Simulation::checked_step(double remaining) {
   }
   throw Error(ErrorCode::kDiverged,
               diverged(state_.time, reason + " after " + std::to_string(kMaxRetries) + " retries with smaller steps"));
+}
+
+// Why the run cannot go on: a solid touches a periodic face, whose two copies of a node would then hold different
+// matter. Empty: it can.
+std::string Simulation::crosses_periodic_face() const {
+  for (std::size_t l = 0; l < solids_.size(); ++l)
+    for (const Vec3d& x : state_.solids[l].surface)
+      for (int a = 0; a < 3; ++a) {
+        const auto axis = static_cast<std::size_t>(a);
+        const double cell = (x[a] - grid_.origin[a]) / grid_.h;
+        if (!grid_.periodic[axis] || (cell > 1.0 && cell < grid_.cells[axis] - 1.0)) continue;
+        return "solid " + std::to_string(l + 1) + " has come within a cell of the periodic faces along " + "xyz"[a] +
+               ", which solids cannot cross; a larger box, or walls there, keep it away";
+      }
+  return {};
 }
 
 // Why the run cannot go on: a solid is torn to shreds, which smaller steps do not mend. Empty: it can.

@@ -101,6 +101,7 @@ class Simulation {
  private:
   StepInfo checked_step(double remaining);
   std::string lost_shape() const;
+  std::string crosses_periodic_face() const;
 
   Params params_;
   Log log_;

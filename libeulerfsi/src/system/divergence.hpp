@@ -19,14 +19,18 @@ using grid::VectorField;
 using grid::Walls;
 
 // One grid of the pressure equation.
-struct PressureLevel {
+struct PressureGrid {
   Grid grid;
   Walls walls;
+  std::vector<std::uint8_t> active;    // padded cells; empty: all cells have an equation
+  std::vector<Real> inverse_diagonal;  // of smoothing; padded cells; 0 where a cell has no equation
+};
+
+// The grid of the scene.
+struct PressureLevel : PressureGrid {
   std::vector<std::uint8_t> fixed;  // per node: bit a: component a is fixed by a wall
   // W (h^2/4)^2 per node, walls not yet applied [m^4/kg]: A = D mobility D^T with D the +-1 stencil.
   std::vector<Real> mobility;
-  std::vector<Real> inverse_diagonal;  // padded cells; 0 where a cell has no equation
-  std::vector<std::uint8_t> active;    // padded cells; empty: all cells have an equation
 };
 
 // y = A x on padded cell arrays. Ghosts of x must be filled (fill_ghosts with 0). Ghosts of y are not written.

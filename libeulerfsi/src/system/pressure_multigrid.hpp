@@ -1,10 +1,13 @@
 // Purpose: one V-cycle of geometric multigrid as the preconditioner of the pressure equation.
-// Coarse operators are J W J^T on coarser grids with full-weighted averages of 1/density: heavy solids are inclusions
-// of low mobility, and the harmonic average keeps the number of iterations independent of the density ratio
-// (docs/numerics-choices.md). Coarse levels have slip walls even where the fine level is no-slip.
+// Coarse levels go by the faces of cells (system/coarse_pressure) and by full-weighted averages of 1/density: heavy
+// solids are inclusions of low mobility, and the harmonic average keeps the number of iterations independent of the
+// density ratio (docs/numerics-choices.md). They have slip walls even where the scene's are no-slip.
 #pragma once
 
+#include <span>
+
 #include "grid/tiles.hpp"
+#include "system/coarse_pressure.hpp"
 #include "system/divergence.hpp"
 #include "system/slip.hpp"
 
@@ -19,7 +22,7 @@ class PressureMultigrid {
   void build(const Parallel& parallel, const Grid& g, const Walls& walls, const std::vector<std::uint8_t>& fixed,
              const std::vector<Real>& specific_volume, std::vector<std::uint8_t> active,
              const SlipNodes* slip = nullptr);
-  const PressureLevel& finest() const { return levels_.front().op; }
+  const PressureLevel& finest() const { return finest_; }
   // y = A x; fills the ghosts of x.
   void apply(const Parallel& parallel, std::vector<Real>& x, std::vector<Real>& y) const;
   // From now on the finest level is smoothed only where it matters for a solve that begins with the residual r and ends
@@ -34,22 +37,27 @@ class PressureMultigrid {
   std::size_t bytes() const;
 
  private:
-  struct Level {
-    PressureLevel op;
-    std::vector<Real> specific_volume, x, b;  // of coarse levels; x, b: padded cells
-    std::vector<Real> residual;               // padded cells
+  struct CoarseLevel {
+    CoarsePressureLevel op;
+    std::vector<Real> specific_volume;  // nodes
+    std::vector<Real> x, b, other;      // padded cells; other: the next x, or the residual
   };
-  void cycle(const Parallel& parallel, std::size_t l, const std::vector<Real>& b, std::vector<Real>& x);
-  void smooth(const Parallel& parallel, const PressureLevel& level, const std::vector<Real>& b, std::vector<Real>& x,
-              int step) const;
+  void build_coarse(const Parallel& parallel, const std::vector<Real>& specific_volume);
+  std::span<const Real> weights() const;  // of the finest level's smoothing steps
+  // Smoothing steps on the finest level, everywhere or in focus; x of the first one need not be set.
+  void smooth_from_zero(const Parallel& parallel, const std::vector<Real>& b, std::vector<Real>& x);
+  void smooth(const Parallel& parallel, const std::vector<Real>& b, std::vector<Real>& x, std::size_t step);
+  // residual_ = b - A x after smoothing from zero.
+  void leave_residual(const Parallel& parallel, const std::vector<Real>& b, std::vector<Real>& x);
+  // x of a coarse level from its b.
+  void coarse_cycle(const Parallel& parallel, std::size_t l);
   // y += sign (A - A_1) x on the finest level, A_1 without slip. Ghosts of x must be filled.
   void add_slip(const Parallel& parallel, const std::vector<Real>& x, Real sign, std::vector<Real>& y) const;
   // Smooths these tiles and those beside them, unless they are most of all.
   void set_focus(grid::TileMask& mask);
-  // The finest level's part of a V-cycle where it is smoothed in boxes.
-  void smooth_in_focus(const Parallel& parallel, const std::vector<Real>& b, std::vector<Real>& x, int step);
-  void begin_in_focus(const Parallel& parallel, const std::vector<Real>& b, std::vector<Real>& x);
-  std::vector<Level> levels_;
+  PressureLevel finest_;
+  std::vector<Real> residual_;  // padded cells
+  std::vector<CoarseLevel> coarse_;
   // Boxes that are smoothed, empty: everywhere; those that smoothing from zero reaches.
   std::vector<CellBox> focused_, reached_;
   Parallel serial_;

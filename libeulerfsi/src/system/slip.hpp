@@ -63,13 +63,16 @@ class SlipNodes {
       body(cell, side_of(corner).dot(in_solid(nodes_[t], corner) ? excess[t].solid : excess[t].fluid));
     });
   }
-  // Calls body(padded cell, value) for the terms of the diagonal of A - A_1.
+  // Calls body(padded cell, value) for the terms that, added to the diagonal of A_1, make a D with D^-1 A <= 8/3, as it
+  // is elsewhere. With the diagonal of A itself a node with two velocities reaches 4 (two solid cells that share an
+  // edge), so that its share is taken one and a half times.
   template <class Body>
-  void for_diagonal_terms(const Parallel& parallel, const Body& body) const {
+  void for_smoother_terms(const Parallel& parallel, const Body& body) const {
     for_cells(parallel, [&](std::size_t t, std::size_t corner, std::size_t cell) {
       const SlipNode& n = nodes_[t];
-      const Real mobility = 1 / (in_solid(n, corner) ? n.solid_mass : n.fluid_mass) - 1 / (n.solid_mass + n.fluid_mass);
-      body(cell, area() * area() * mobility * across(n.normal, side_of(corner)).squaredNorm());
+      const Real one = 1 / (n.solid_mass + n.fluid_mass), own = 1 / (in_solid(n, corner) ? n.solid_mass : n.fluid_mass);
+      const Real excess = (own - one) * across(n.normal, side_of(corner)).squaredNorm();
+      body(cell, area() * area() * (Real(1.5) * excess + Real(0.5) * 3 * one));
     });
   }
   // After v_f -= g / (m_s + m_f): what is left to do for both velocities.

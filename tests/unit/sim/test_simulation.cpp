@@ -307,3 +307,21 @@ TEST_CASE("A random displacement inside a solid ends without a value that is not
   }
   CHECK(all_finite(s->state()));
 }
+
+TEST_CASE("A solid that comes to a periodic face ends the run with the last good state and a word about it") {
+  sim::Params p = small_params(1);
+  p.gravity.setZero();
+  p.walls.face[0] = p.walls.face[1] = grid::Wall::kPeriodic;
+  sim::SolidDesc d = ball_desc({0.15, 0.15, 0.15}, 0.08);
+  d.velocity = {0, 0.5, 0};
+  auto beside = make_simulation(p, {d});
+  CHECK_NOTHROW(beside->advance(0.05, {}));  // other axes have no such face
+  d.velocity = {0.5, 0, 0};
+  auto towards = make_simulation(p, {d});
+  const std::string message = refusal(ErrorCode::kDiverged, [&] { towards->advance(0.3, {}); });
+  contains(message, "solid 1 has come within a cell of the periodic faces along x");
+  double right = 0.0;
+  for (const Vec3d& x : towards->state().solids[0].surface) right = std::max(right, x[0]);
+  CHECK(right > 0.24);
+  CHECK(right <= 0.275);
+}

@@ -1,0 +1,142 @@
+// Purpose: the pressure operator of the coarse levels against its definition, and what it is made for.
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "system/coarse_pressure.hpp"
+#include "unit/system/pressure_case.hpp"
+
+using namespace efsi;
+using namespace efsi::test;
+
+namespace {
+
+constexpr double kTolerance = sizeof(Real) == 8 ? 1e-13 : 2e-6;
+
+system::CoarsePressureLevel coarse_level(const PressureCase& c, std::vector<std::uint8_t> active = {}) {
+  system::CoarsePressureLevel level;
+  level.grid = c.g;
+  level.walls = c.walls;
+  level.active = std::move(active);
+  system::build_coarse_pressure(Parallel(1), c.specific_volume, level);
+  return level;
+}
+
+// -sum over the faces of a cell of area / density times the pressure's slope, by the definition, in double precision.
+double plain_product(const PressureCase& c, const std::vector<std::uint8_t>& active, const std::vector<Real>& x,
+                     Vec3i cell, double* diagonal) {
+  const grid::Grid& g = c.g;
+  const auto at = [&](const Vec3i& p) { return static_cast<double>(x[g.padded(p[0], p[1], p[2])]); };
+  double sum = 0.0;
+  *diagonal = 0.0;
+  for (std::size_t a = 0; a < 3; ++a)
+    for (const int side : {0, 1}) {
+      Vec3i face = cell, neighbour = cell;
+      face[a] += side;
+      neighbour[a] += side ? 1 : -1;
+      const bool outside = neighbour[a] < 0 || neighbour[a] >= g.cells[a];
+      double distance = g.h, pressure = 0.0;
+      if (outside && g.periodic[a]) {
+        neighbour[a] = (neighbour[a] + g.cells[a]) % g.cells[a];
+      } else if (outside) {
+        if (grid::Walls::blocks(c.walls.face[2 * a + static_cast<std::size_t>(side)])) continue;
+        distance = 0.5 * g.h;
+      }
+      if ((!outside || g.periodic[a]) && (active.empty() || active[g.padded(neighbour[0], neighbour[1], neighbour[2])]))
+        pressure = at(neighbour);
+      double volume = 0.0;
+      for (int corner = 0; corner < 4; ++corner) {
+        Vec3i node = face;
+        node[(a + 1) % 3] += corner & 1;
+        node[(a + 2) % 3] += corner >> 1;
+        volume += 0.25 * static_cast<double>(c.specific_volume[g.node(node[0], node[1], node[2])]);
+      }
+      const double flux = g.h * g.h * volume / distance;
+      sum += flux * (at(cell) - pressure);
+      *diagonal += flux;
+    }
+  return sum;
+}
+
+}  // namespace
+
+TEST_CASE("The coarse pressure operator is the sum over faces, for every kind of wall and with cells left out") {
+  for (const bool masked : {false, true})
+    for (const PressureCase& c : pressure_cases({6, 5, 4}, 50.0)) {
+      INFO(c.name << (masked ? ", masked" : ""));
+      std::vector<std::uint8_t> active;
+      if (masked) {
+        active.assign(c.g.padded_count(), 1);
+        for (int j = 1; j < 4; ++j) active[c.g.padded(2, j, 1)] = active[c.g.padded(5, j, 3)] = 0;
+      }
+      const system::CoarsePressureLevel level = coarse_level(c, active);
+      std::vector<Real> x = c.random_cells(31), b = c.random_cells(32), r(x.size(), 0), y(x.size(), 0);
+      for (std::size_t n = 0; n < active.size(); ++n)
+        if (!active[n]) x[n] = 0;
+      grid::fill_ghosts(c.g, x, Real(0));
+      const Real weight = Real(0.7);
+      system::coarse_residual(Parallel(1), level, b, x, r);
+      system::smooth_coarse(Parallel(2), level, b, weight, x, y);
+      for (int k = 0; k < c.g.cells[2]; ++k)
+        for (int j = 0; j < c.g.cells[1]; ++j)
+          for (int i = 0; i < c.g.cells[0]; ++i) {
+            const std::size_t n = c.g.padded(i, j, k);
+            double diagonal = 0.0;
+            double left = static_cast<double>(b[n]) - plain_product(c, active, x, {i, j, k}, &diagonal);
+            if (!active.empty() && !active[n]) left = 0.0;
+            const double size = std::abs(left) + std::abs(static_cast<double>(b[n])) + 10 * diagonal;
+            CHECK(static_cast<double>(r[n]) == Approx(left).margin(kTolerance * size));
+            const double next = static_cast<double>(x[n]) + static_cast<double>(weight) * left / diagonal;
+            CHECK(static_cast<double>(y[n]) == Approx(next).margin(kTolerance * (std::abs(next) + size / diagonal)));
+          }
+    }
+}
+
+TEST_CASE("On smooth pressures the operator by faces and J W J^T are one, to second order", "[law]") {
+  double difference[2];
+  for (const int refined : {0, 1}) {
+    const int n = refined ? 32 : 16;
+    const PressureCase c = pressure_cases({n, n, n}, 1.0)[3];
+    const system::CoarsePressureLevel level = coarse_level(c);
+    system::PressureMultigrid multigrid;
+    multigrid.build(Parallel(1), c.g, c.walls, c.fixed, c.specific_volume, {});
+    std::vector<Real> x(c.g.padded_count(), 0), zero(x.size(), 0), fine(x.size(), 0), faces(x.size(), 0);
+    const double wave = 2.0 * std::acos(-1.0) / n;
+    for (int k = 0; k < n; ++k)
+      for (int j = 0; j < n; ++j)
+        for (int i = 0; i < n; ++i)
+          x[c.g.padded(i, j, k)] =
+              static_cast<Real>(std::cos(wave * i) * std::sin(wave * j) + std::cos(wave * (i + j + k)));
+    multigrid.apply(Parallel(1), x, fine);
+    system::coarse_residual(Parallel(1), level, zero, x, faces);
+    const Eigen::VectorXd a = to_vector(c, fine), b = -to_vector(c, faces);
+    difference[refined] = (a - b).norm() / a.norm();
+  }
+  CHECK(difference[0] < 0.1);
+  CHECK(difference[1] < difference[0] / 3.5);
+}
+
+TEST_CASE("V-cycles by themselves converge: no correction from a coarse grid overshoots", "[law]") {
+  for (const double contrast : {1.0, 1000.0})
+    for (const PressureCase& c : pressure_cases({32, 32, 32}, contrast)) {
+      INFO(c.name << ", density ratio " << contrast);
+      const Parallel parallel(1);
+      system::PressureMultigrid multigrid;
+      multigrid.build(parallel, c.g, c.walls, c.fixed, c.specific_volume, {});
+      // What makes an error: a right-hand side that can be met.
+      std::vector<Real> exact(c.g.padded_count(), 0), b(exact.size(), 0);
+      for (int k = 0; k < 32; ++k)
+        for (int j = 0; j < 32; ++j)
+          for (int i = 0; i < 32; ++i)
+            exact[c.g.padded(i, j, k)] =
+                static_cast<Real>(std::exp(-0.02 * (std::pow(i - 13, 2) + std::pow(j - 16, 2) + std::pow(k - 20, 2))));
+      multigrid.apply(parallel, exact, b);
+      std::vector<Real> x(b.size(), 0), product(b.size(), 0), r = b, z(b.size(), 0);
+      for (int cycle = 0; cycle < 6; ++cycle) {
+        multigrid.precondition(parallel, r, z);
+        for (std::size_t n = 0; n < x.size(); ++n) x[n] += z[n];
+        multigrid.apply(parallel, x, product);
+        for (std::size_t n = 0; n < x.size(); ++n) r[n] = b[n] - product[n];
+      }
+      CHECK(c.dot(r, r) < 1e-6 * c.dot(b, b));
+    }
+}
