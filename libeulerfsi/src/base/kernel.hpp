@@ -9,9 +9,12 @@
 #define EFSI_KERNEL
 #endif
 
-// Small functions of hot loops that the compiler would otherwise call.
+// Small functions and lambdas of hot loops that the compiler would otherwise call: a lambda by itself knows nothing of
+// the instruction set of the kernel around it.
 #if defined(__GNUC__) && defined(__OPTIMIZE__)
 #define EFSI_INLINE inline __attribute__((always_inline))
+#define EFSI_INLINE_LAMBDA __attribute__((always_inline))
 #else
 #define EFSI_INLINE inline
+#define EFSI_INLINE_LAMBDA
 #endif

@@ -6,35 +6,28 @@
 
 #include "base/parallel.hpp"
 #include "fluid/fluid.hpp"
-#include "grid/packed_field.hpp"
 #include "grid/tiles.hpp"
 
 namespace efsi::fluid {
 
 struct AdvectWorkspace {
-  grid::PackedField flow;      // what carries: the divergence-free velocity
-  std::vector<Real> flow_top;  // its largest component per tile of nodes
-  grid::PackedField first;     // what arrives before the correction; for smoke: from where
+  VectorField first;  // nodes: what arrives before the correction; cells of smoke: from where
   std::vector<Real> scalar_source, scalar_first;
 
   std::size_t bytes() const {
-    return flow.bytes() + first.bytes() +
-           (flow_top.capacity() + scalar_source.capacity() + scalar_first.capacity()) * sizeof(Real);
+    return (3 * first.c[0].capacity() + scalar_source.capacity() + scalar_first.capacity()) * sizeof(Real);
   }
 };
 
-// Sets the flow that carries the velocity and the smoke.
-void set_flow(const Parallel& parallel, const Grid& g, const VectorField& velocity, AdvectWorkspace& work);
-
-// state.velocity := the flow carried by itself. Tiles that are at rest are copied.
+// state.velocity := the flow carried by itself; they are two fields. Tiles that are at rest are copied.
 // Returns the number of tiles of nodes visited.
 std::uint64_t advect_velocity(const Parallel& parallel, const Grid& g, bool corrected, double dt,
-                              const std::vector<Real>& specific_volume, Real fluid_volume, FluidState& state,
-                              AdvectWorkspace& work);
+                              const VectorField& flow, const std::vector<Real>& specific_volume, Real fluid_volume,
+                              FluidState& state, AdvectWorkspace& work);
 
 // Smoke and temperature; cells that are more than half solid (cell_fraction, may be empty) hold none.
 // Returns the number of tiles of cells visited.
-std::uint64_t advect_smoke(const Parallel& parallel, const Grid& g, bool corrected, double dt,
+std::uint64_t advect_smoke(const Parallel& parallel, const Grid& g, bool corrected, double dt, const VectorField& flow,
                            const std::vector<Real>& cell_fraction, FluidState& state, AdvectWorkspace& work);
 
 }  // namespace efsi::fluid

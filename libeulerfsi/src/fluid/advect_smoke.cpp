@@ -3,11 +3,13 @@
 #include <cmath>
 
 #include "fluid/advect.hpp"
+#include "fluid/transport.hpp"
 
 namespace efsi::fluid {
 
-using grid::PackedField;
-using grid::PackedSampler;
+using grid::kLanes;
+using grid::Octet;
+using grid::Octets;
 using grid::Quad;
 using grid::TileMask;
 
@@ -83,75 +85,138 @@ class CellSampler {
   bool periodic_[3];
 };
 
-// Cells [begin, end) of row j, k; cell, node: index of cell and node 0 of the row.
-struct Row {
-  int j, k, begin, end;
-  std::size_t cell, node;
+// A row of cells; node: index of node 0 of the row.
+struct CellRow : Row {
+  std::size_t node;
 };
 
-struct Samplers {
-  PackedSampler nodes;
+// The transport of a cell-centred field.
+struct Transport {
+  NodeTransport nodes;
   CellSampler cells;
+  grid::LaneSampler lanes;
+  Vec3i count;  // cells
+  Real step;
+  const VectorField& flow;
 };
 
-EFSI_INLINE Quad center(const Row& row, int i) {
+EFSI_INLINE Quad center(const CellRow& row, int i) {
   return Quad{static_cast<Real>(i), static_cast<Real>(row.j), static_cast<Real>(row.k), 0} +
          Quad{Real(0.5), Real(0.5), Real(0.5), 0};
 }
-
-EFSI_INLINE Quad center_velocity(const PackedSampler& nodes, const PackedField& flow, const Row& row, int i) {
-  return nodes.value(flow, {row.node + static_cast<std::size_t>(i), Quad{Real(0.5), Real(0.5), Real(0.5), 0}});
+EFSI_INLINE Quad center_velocity(const Transport& t, const CellRow& row, int i) {
+  return t.nodes.sampler.value(t.flow,
+                               {row.node + static_cast<std::size_t>(i), Quad{Real(0.5), Real(0.5), Real(0.5), 0}});
 }
-
-// What arrives in the cells of a row, and where it comes from.
-EFSI_KERNEL void carry_row(const Samplers& samplers, const Row& row, Real step, const PackedField& flow,
-                           const Real* source, Real* first, PackedField& origin) {
-  const PackedSampler nodes = samplers.nodes;
-  const CellSampler cells = samplers.cells;
-  for (int i = row.begin; i < row.end; ++i) {
-    const Quad x = center(row, i), v = center_velocity(nodes, flow, row, i);
-    const Quad from = nodes.trace_midpoint(flow, x, v, step);
-    const std::size_t c = row.cell + static_cast<std::size_t>(i);
-    grid::store_quad(origin.at(c), from);
-    first[c] = cells.value(source, cells.place(nodes.keep_inside(from)));
+EFSI_INLINE Octets center_velocities(const Transport& t, const CellRow& row, int i) {
+  const std::size_t n = row.node + static_cast<std::size_t>(i), y = static_cast<std::size_t>(t.nodes.points[0]),
+                    z = y * static_cast<std::size_t>(t.nodes.points[1]);
+  Octets v;
+  for (std::size_t a = 0; a < 3; ++a) {
+    const Real* p = t.flow.c[a].data() + n;
+    const auto edge = [p](std::size_t m)
+                          EFSI_INLINE_LAMBDA { return grid::load_octet(p + m) + grid::load_octet(p + m + 1); };
+    v.c[a] = Real(0.125) * ((edge(0) + edge(y)) + (edge(z) + edge(y + z)));
   }
+  return v;
+}
+// Where eight cells read that are displaced by e; beyond the last centre the field is constant.
+EFSI_INLINE bool place_of(const Transport& t, const CellRow& row, int i, const Octets& e,
+                          grid::LaneSampler::Place& at) {
+  return t.lanes.place(i, row.j, row.k, Room(t.count, t.nodes.periodic, row, i).keep(e), at);
 }
 
-// Takes half the error of going there and back off what arrives. fraction may be null.
-EFSI_KERNEL void correct_row(const Samplers& samplers, const Row& row, Real step, const PackedField& flow,
-                             const PackedField& origin, const Real* fraction, const Real* source, const Real* first,
-                             Real* result) {
-  const PackedSampler nodes = samplers.nodes;
-  const CellSampler cells = samplers.cells;
-  for (int i = row.begin; i < row.end; ++i) {
-    const std::size_t c = row.cell + static_cast<std::size_t>(i);
-    if (fraction && fraction[c] > 0) {  // beside a solid: first order
-      result[c] = first[c];
-      continue;
+// What arrives in a cell, and how far it is from its centre to where that comes from.
+EFSI_INLINE void carry_cell(const Transport& t, const CellRow& row, int i, const Real* source, Real* first,
+                            VectorField& back) {
+  const Quad from = t.nodes.sampler.trace_midpoint(t.flow, center(row, i), center_velocity(t, row, i), t.step);
+  const std::size_t c = row.first + static_cast<std::size_t>(i);
+  set_node(back, c, from - center(row, i));
+  first[c] = t.cells.value(source, t.cells.place(t.nodes.sampler.keep_inside(from)));
+}
+
+// The same for the cells from i on. False: they have to be done one by one.
+EFSI_INLINE bool carry_cells(const Transport& t, const CellRow& row, int i, const Real* source, Real* first,
+                             VectorField& back) {
+  const std::size_t c = row.first + static_cast<std::size_t>(i), n = row.node + static_cast<std::size_t>(i);
+  grid::LaneSampler::Place at;
+  Octets half = scaled(center_velocities(t, row, i), Real(-0.5) * t.step);
+  for (Octet& e : half.c) e += Real(0.5);  // from the node
+  if (!t.nodes.lanes.place(i, row.j, row.k, half, at)) return false;
+  const Octets from = scaled(t.nodes.lanes.value(t.flow, n, at), -t.step);
+  if (!place_of(t, row, i, from, at)) return false;
+  grid::store_octets(back, c, from);
+  grid::store_octet(first + c, t.lanes.value(source + c, at));
+  return true;
+}
+
+EFSI_KERNEL void carry_row(const Transport& t, const CellRow& row, const Real* source, Real* first, VectorField& back) {
+  const auto one = [&](int i) EFSI_INLINE_LAMBDA { carry_cell(t, row, i, source, first, back); };
+  for_lanes(row, t.count[0] - 1, one, [&](int i, int) EFSI_INLINE_LAMBDA {
+    if (carry_cells(t, row, i, source, first, back)) return;
+    for (int l = 0; l < kLanes; ++l) one(i + l);
+  });
+}
+
+// What arrives in a cell less half the error of going there and back.
+EFSI_INLINE Real corrected_cell(const Transport& t, const CellRow& row, int i, const VectorField& back,
+                                const Real* source, const Real* first) {
+  const std::size_t c = row.first + static_cast<std::size_t>(i);
+  const Quad v = center_velocity(t, row, i), behind = node_value(back, c), from = center(row, i) + behind;
+  const Quad to = t.nodes.sampler.keep_inside(center(row, i) + opposite(behind, v, t.step));
+  const Real w = first[c] + Real(0.5) * (source[c] - t.cells.value(first, t.cells.place(to)));
+  return t.cells.limit(source, t.cells.place(t.nodes.sampler.keep_inside(from)), w);
+}
+
+// The same for the cells from i on. False: they have to be done one by one.
+EFSI_INLINE bool corrected_cells(const Transport& t, const CellRow& row, int i, const VectorField& back,
+                                 const Real* source, const Real* first, Octet& w) {
+  const std::size_t c = row.first + static_cast<std::size_t>(i);
+  const Octets v = center_velocities(t, row, i);
+  const Octets from = grid::load_octets(back, c);
+  Octets to;
+  for (std::size_t a = 0; a < 3; ++a) to.c[a] = opposite(from.c[a], v.c[a], t.step);
+  grid::LaneSampler::Place ahead, behind;
+  if (!place_of(t, row, i, to, ahead) || !place_of(t, row, i, from, behind)) return false;
+  const Octet better =
+      grid::load_octet(first + c) + Real(0.5) * (grid::load_octet(source + c) - t.lanes.value(first + c, ahead));
+  w = t.lanes.limit(source + c, behind, better);
+  return true;
+}
+
+// fraction may be null: beside a solid, where it is not 0, what arrives stays as it is.
+EFSI_KERNEL void correct_row(const Transport& t, const CellRow& row, const VectorField& back, const Real* fraction,
+                             const Real* source, const Real* first, Real* result) {
+  const auto one = [&](int i) EFSI_INLINE_LAMBDA {
+    const std::size_t c = row.first + static_cast<std::size_t>(i);
+    result[c] = fraction && fraction[c] > 0 ? first[c] : corrected_cell(t, row, i, back, source, first);
+  };
+  for_lanes(row, t.count[0] - 1, one, [&](int i, int) EFSI_INLINE_LAMBDA {
+    Octet w;
+    if (corrected_cells(t, row, i, back, source, first, w)) {
+      const std::size_t c = row.first + static_cast<std::size_t>(i);
+      if (fraction) w = grid::load_octet(fraction + c) > Octet{} ? grid::load_octet(first + c) : w;
+      grid::store_octet(result + c, w);
+      return;
     }
-    const Quad v = center_velocity(nodes, flow, row, i), from = grid::load_quad(origin.at(c));
-    const Quad to = nodes.keep_inside(from + Real(2) * step * v);  // see advect_velocity
-    const Real w = first[c] + Real(0.5) * (source[c] - cells.value(first, cells.place(to)));
-    result[c] = cells.limit(source, cells.place(nodes.keep_inside(from)), w);
-  }
+    for (int l = 0; l < kLanes; ++l) one(i + l);
+  });
 }
 
 EFSI_KERNEL Real top_of_tile(const Grid& g, const Vec3i& begin, const Vec3i& end, const Real* field) {
-  static_assert(grid::kTileSize == sizeof(grid::Octet) / sizeof(Real));
   Real top = 0;
-  grid::Octet tops = {0, 0, 0, 0, 0, 0, 0, 0};
+  Octet tops{};
   for (int k = begin[2]; k < end[2]; ++k)
     for (int j = begin[1]; j < end[1]; ++j) {
       const Real* row = field + g.cell(begin[0], j, k);
-      if (end[0] - begin[0] == grid::kTileSize) {
-        const grid::Octet v = grid::load_octet(row), size = v < -v ? -v : v;
-        tops = size > tops ? size : tops;
+      if (end[0] - begin[0] == kLanes) {
+        const Octet v = grid::load_octet(row);
+        tops = grid::larger(tops, grid::larger(v, -v));
       } else {
         for (int i = 0; i < end[0] - begin[0]; ++i) top = std::max(top, std::abs(row[i]));
       }
     }
-  for (int i = 0; i < grid::kTileSize; ++i) top = std::max(top, tops[i]);
-  return top;
+  return std::max(top, grid::greatest(tops));
 }
 
 // Mean of the fluid cells among the 5^3 around a cell.
@@ -170,7 +235,7 @@ Real mean_of_fluid_around(const Grid& g, const std::vector<Real>& fraction, cons
   return count ? sum / static_cast<Real>(count) : Real(0);
 }
 
-std::uint64_t advect_scalar(const Parallel& parallel, const Grid& g, bool corrected, double dt,
+std::uint64_t advect_scalar(const Parallel& parallel, const Grid& g, bool corrected, double dt, const VectorField& flow,
                             const std::vector<Real>& fraction, std::vector<Real>& field, AdvectWorkspace& work) {
   TileMask tiles(g.cells);
   parallel.for_each(tiles.count(), [&](std::int64_t t) {
@@ -181,13 +246,13 @@ std::uint64_t advect_scalar(const Parallel& parallel, const Grid& g, bool correc
   if (tiles.active_count() == 0) return 0;
   tiles.dilate(g.periodic);
 
-  const Samplers samplers = {PackedSampler(g), CellSampler(g)};
-  const Real step = static_cast<Real>(dt / g.h);
+  const Transport transport = {
+      NodeTransport(g), CellSampler(g), grid::LaneSampler(g.cells), g.cells, static_cast<Real>(dt / g.h), flow};
   std::vector<Real>& source = work.scalar_source;
   std::vector<Real>& first = work.scalar_first;
   source.resize(field.size());
   first.resize(field.size());
-  work.first.resize(g.node_count());  // where the smoke of each cell comes from
+  for (auto& component : work.first.c) component.resize(g.node_count());
   const auto in_solid = [&](std::size_t c) { return !fraction.empty() && fraction[c] > Real(0.5); };
 
   // Cells inside solids are filled, so that a trace that ends in a solid finds the smoke beside it.
@@ -200,33 +265,33 @@ std::uint64_t advect_scalar(const Parallel& parallel, const Grid& g, bool correc
         source[row + static_cast<std::size_t>(i)] = mean_of_fluid_around(g, fraction, field, i, j, k);
   });
   tiles.for_runs(parallel, [&](int j, int k, int begin, int end, bool active) {
-    const Row row = {j, k, begin, end, g.cell(0, j, k), g.node(0, j, k)};
+    const CellRow row = {{j, k, begin, end, g.cell(0, j, k)}, g.node(0, j, k)};
     if (active)
-      carry_row(samplers, row, step, work.flow, source.data(), first.data(), work.first);
+      carry_row(transport, row, source.data(), first.data(), work.first);
     else
-      std::fill(first.data() + row.cell + begin, first.data() + row.cell + end, Real(0));
+      std::fill(first.data() + row.first + begin, first.data() + row.first + end, Real(0));
   });
   tiles.for_runs(parallel, [&](int j, int k, int begin, int end, bool active) {
-    const Row row = {j, k, begin, end, g.cell(0, j, k), g.node(0, j, k)};
+    const CellRow row = {{j, k, begin, end, g.cell(0, j, k)}, g.node(0, j, k)};
     if (active && corrected)
-      correct_row(samplers, row, step, work.flow, work.first, fraction.empty() ? nullptr : fraction.data(),
-                  source.data(), first.data(), field.data());
+      correct_row(transport, row, work.first, fraction.empty() ? nullptr : fraction.data(), source.data(), first.data(),
+                  field.data());
     else
-      std::copy(first.data() + row.cell + begin, first.data() + row.cell + end, field.data() + row.cell + begin);
+      std::copy(first.data() + row.first + begin, first.data() + row.first + end, field.data() + row.first + begin);
     if (!active) return;
     for (int i = begin; i < end; ++i)
-      if (in_solid(row.cell + static_cast<std::size_t>(i))) field[row.cell + static_cast<std::size_t>(i)] = 0;
+      if (in_solid(row.first + static_cast<std::size_t>(i))) field[row.first + static_cast<std::size_t>(i)] = 0;
   });
   return tiles.active_count();
 }
 
 }  // namespace
 
-std::uint64_t advect_smoke(const Parallel& parallel, const Grid& g, bool corrected, double dt,
+std::uint64_t advect_smoke(const Parallel& parallel, const Grid& g, bool corrected, double dt, const VectorField& flow,
                            const std::vector<Real>& cell_fraction, FluidState& state, AdvectWorkspace& work) {
   std::uint64_t tiles = 0;
   for (std::vector<Real>* field : {&state.smoke, &state.temperature})
-    if (!field->empty()) tiles += advect_scalar(parallel, g, corrected, dt, cell_fraction, *field, work);
+    if (!field->empty()) tiles += advect_scalar(parallel, g, corrected, dt, flow, cell_fraction, *field, work);
   return tiles;
 }
 

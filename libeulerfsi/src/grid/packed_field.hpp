@@ -48,7 +48,14 @@ class PackedField {
   std::vector<Real> values_;
 };
 
-// Samples packed node fields of one grid.
+// Two neighbours along x.
+EFSI_INLINE Octet edge_of(const PackedField& field, std::size_t n) { return load_octet(field.at(n)); }
+EFSI_INLINE Octet edge_of(const VectorField& field, std::size_t n) {
+  const Real *x = field.c[0].data() + n, *y = field.c[1].data() + n, *z = field.c[2].data() + n;
+  return Octet{x[0], y[0], z[0], 0, x[1], y[1], z[1], 0};
+}
+
+// Samples node fields of one grid, packed or by components.
 class PackedSampler {
  public:
   // The cell around a position: its lowest node and where in it.
@@ -96,23 +103,26 @@ class PackedSampler {
                 slab_ * static_cast<std::size_t>(index[2]),
             inside - lower};
   }
-  EFSI_INLINE Quad value(const PackedField& field, const Place& at) const {
-    const Real* p = field.at(at.node);
+  template <class Field>
+  EFSI_INLINE Quad value(const Field& field, const Place& at) const {
     const Real x = at.part[0], y = at.part[1], z = at.part[2];
-    const Octet a = load_octet(p), b = load_octet(p + 4 * row_);
-    const Octet low = a + z * (load_octet(p + 4 * slab_) - a);
-    const Octet high = b + z * (load_octet(p + 4 * (slab_ + row_)) - b);
+    const Octet a = edge_of(field, at.node), b = edge_of(field, at.node + row_);
+    const Octet low = a + z * (edge_of(field, at.node + slab_) - a);
+    const Octet high = b + z * (edge_of(field, at.node + slab_ + row_) - b);
     const Octet edge = low + y * (high - low);
     const Quad first = lower_half(edge);
     return first + x * (upper_half(edge) - first);
   }
-  EFSI_INLINE Quad value(const PackedField& field, const Quad& g) const { return value(field, place(g)); }
+  template <class Field>
+  EFSI_INLINE Quad value(const Field& field, const Quad& g) const {
+    return value(field, place(g));
+  }
 
   // v limited to the range of the field's values at the 8 corners around a position.
-  EFSI_INLINE Quad limit(const PackedField& field, const Place& at, const Quad& v) const {
-    const Real* p = field.at(at.node);
-    const Octet a = load_octet(p), b = load_octet(p + 4 * row_);
-    const Octet c = load_octet(p + 4 * slab_), d = load_octet(p + 4 * (slab_ + row_));
+  template <class Field>
+  EFSI_INLINE Quad limit(const Field& field, const Place& at, const Quad& v) const {
+    const Octet a = edge_of(field, at.node), b = edge_of(field, at.node + row_);
+    const Octet c = edge_of(field, at.node + slab_), d = edge_of(field, at.node + slab_ + row_);
     const Octet low_ab = a < b ? a : b, low_cd = c < d ? c : d, low = low_ab < low_cd ? low_ab : low_cd;
     const Octet high_ab = a > b ? a : b, high_cd = c > d ? c : d, high = high_ab > high_cd ? high_ab : high_cd;
     const Quad l0 = lower_half(low), l1 = upper_half(low), h0 = lower_half(high), h1 = upper_half(high);
@@ -120,7 +130,8 @@ class PackedSampler {
   }
 
   // Where the flow that leads to g comes from, `step` = dt/h earlier: the midpoint rule; v: velocity at g.
-  EFSI_INLINE Quad trace_midpoint(const PackedField& velocity, const Quad& g, const Quad& v, Real step) const {
+  template <class Field>
+  EFSI_INLINE Quad trace_midpoint(const Field& velocity, const Quad& g, const Quad& v, Real step) const {
     return g - step * value(velocity, g - Real(0.5) * step * v);
   }
   // The same by third-order Runge-Kutta (Ralston). A negative step traces forwards.

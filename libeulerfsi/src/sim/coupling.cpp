@@ -442,20 +442,16 @@ void advect_fluid(const Parallel& parallel, const Scene& scene, double dt, State
   const bool corrected = scene.params.numerics.corrected_fluid_advection;
   still_inflow(parallel, scene, work.velocity);
   {
-    ScopedTimer timer(profile, Stage::kFluidAdvection);
-    fluid::set_flow(parallel, scene.grid, work.velocity, work.advect);
-  }
-  {
     ScopedTimer timer(profile, Stage::kSmoke);
     const std::uint64_t tiles =
-        fluid::advect_smoke(parallel, scene.grid, corrected, dt, work.cell_fraction, state.fluid, work.advect);
+        fluid::advect_smoke(parallel, scene.grid, corrected, dt, work.velocity, work.cell_fraction, state.fluid, work.advect);
     timer.visited(512 * tiles, 6 * sizeof(Real));
   }
   for (const system::SlipNode& n : work.slip.nodes())  // fluid like any other: corrected
     work.specific_volume[n.node] = static_cast<Real>(1.0 / scene.params.fluid.density);
   ScopedTimer timer(profile, Stage::kFluidAdvection);
   const std::uint64_t tiles =
-      fluid::advect_velocity(parallel, scene.grid, corrected, dt, work.specific_volume,
+      fluid::advect_velocity(parallel, scene.grid, corrected, dt, work.velocity, work.specific_volume,
                              static_cast<Real>(1.0 / scene.params.fluid.density), state.fluid, work.advect);
   timer.visited(512 * tiles, 12 * sizeof(Real));
 }

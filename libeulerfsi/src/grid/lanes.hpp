@@ -1,0 +1,130 @@
+// Purpose: trilinear interpolation for eight neighbours of a row at once, without gathers. What they read lies around
+// them at places that differ little, so that three taps along each axis, the same for all eight, hold it: the weights
+// differ, the loads do not. Where that fails, and near the faces of the box, packed_field.hpp goes point by point.
+// Displacements are in cells, from the point itself.
+#pragma once
+
+#include "grid/packed_field.hpp"
+
+namespace efsi::grid {
+
+inline constexpr int kLanes = 8;
+using OctetIndex = int __attribute__((vector_size(kLanes * sizeof(int))));
+
+EFSI_INLINE Octet octet(Real value) { return Octet{} + value; }
+EFSI_INLINE void store_octet(Real* p, const Octet& v) {
+  using Unaligned = Real __attribute__((vector_size(kLanes * sizeof(Real)), aligned(alignof(Real)), may_alias));
+  *reinterpret_cast<Unaligned*>(p) = v;
+}
+EFSI_INLINE Octet smaller(const Octet& a, const Octet& b) { return a < b ? a : b; }
+EFSI_INLINE Octet larger(const Octet& a, const Octet& b) { return a > b ? a : b; }
+EFSI_INLINE Real least(const Octet& v) {
+  const Quad a = lower_half(v), b = upper_half(v), c = a < b ? a : b;
+  const Real d = c[0] < c[1] ? c[0] : c[1], e = c[2] < c[3] ? c[2] : c[3];
+  return d < e ? d : e;
+}
+EFSI_INLINE Real greatest(const Octet& v) { return -least(-v); }
+
+// Three components of eight points.
+struct Octets {
+  Octet c[3];
+};
+EFSI_INLINE Octets load_octets(const VectorField& field, std::size_t n) {
+  return {{load_octet(field.c[0].data() + n), load_octet(field.c[1].data() + n), load_octet(field.c[2].data() + n)}};
+}
+EFSI_INLINE void store_octets(VectorField& field, std::size_t n, const Octets& v) {
+  for (std::size_t a = 0; a < 3; ++a) store_octet(field.c[a].data() + n, v.c[a]);
+}
+
+// Samples fields of points[0] x points[1] x points[2] values, x fastest.
+class LaneSampler {
+ public:
+  // Where eight points read: the first of 3^3 taps, from the first point, and the weights of the taps.
+  struct Place {
+    std::ptrdiff_t first;
+    Octet weight[3][3];
+  };
+
+  explicit LaneSampler(const Vec3i& points) {
+    for (int a = 0; a < 3; ++a) points_[a] = points[static_cast<std::size_t>(a)];
+    stride_[1] = points_[0];
+    stride_[2] = stride_[1] * points_[1];
+  }
+
+  // For the points (i, j, k), ..., (i + 7, j, k) displaced by e. False: three taps do not hold it, or leave the field.
+  EFSI_INLINE bool place(int i, int j, int k, const Octets& e, Place& at) const {
+    const int lower[3] = {i, j, k}, upper[3] = {i + kLanes - 1, j, k};
+    at.first = 0;
+#pragma GCC unroll 3
+    for (int a = 0; a < 3; ++a) {
+      const Real low = least(e.c[a]), high = greatest(e.c[a]);
+      if (!(low >= -kFarthest && high <= kFarthest)) return false;
+      int tap = static_cast<int>(low + kFarthest) - static_cast<int>(kFarthest);  // floor
+      tap = std::min(tap, points_[a] - 3 - upper[a]);
+      if (lower[a] + tap < 0 || !(high <= static_cast<Real>(tap + 2))) return false;
+      at.first += stride_[a] * tap;
+      const Octet x = e.c[a] - static_cast<Real>(tap), before = Real(1) - x, after = x - Real(1);
+      at.weight[a][0] = larger(before, Octet{});
+      at.weight[a][2] = larger(after, Octet{});
+      at.weight[a][1] = Real(1) - (at.weight[a][0] + at.weight[a][2]);
+    }
+    return true;
+  }
+
+  // field: at the first point.
+  EFSI_INLINE Octet value(const Real* field, const Place& at) const {
+    const Real* p = field + at.first;
+    Octet sum{};
+#pragma GCC unroll 3
+    for (int z = 0; z < 3; ++z) {
+      Octet plane{};
+#pragma GCC unroll 3
+      for (int y = 0; y < 3; ++y) {
+        const Real* row = p + z * stride_[2] + y * stride_[1];
+        const Octet along = at.weight[0][0] * load_octet(row) + at.weight[0][1] * load_octet(row + 1) +
+                            at.weight[0][2] * load_octet(row + 2);
+        plane += at.weight[1][y] * along;
+      }
+      sum += at.weight[2][z] * plane;
+    }
+    return sum;
+  }
+  EFSI_INLINE Octets value(const VectorField& field, std::size_t n, const Place& at) const {
+    return {{value(field.c[0].data() + n, at), value(field.c[1].data() + n, at), value(field.c[2].data() + n, at)}};
+  }
+
+  // v limited to the range of the field's values at the 8 corners of the cell that each point reads.
+  EFSI_INLINE Octet limit(const Real* field, const Place& at, const Octet& v) const {
+    const Real* p = field + at.first;
+    Octet low[3], high[3];  // per plane
+#pragma GCC unroll 3
+    for (int z = 0; z < 3; ++z) {
+      Octet row_low[3], row_high[3];
+#pragma GCC unroll 3
+      for (int y = 0; y < 3; ++y) {
+        const Real* row = p + z * stride_[2] + y * stride_[1];
+        const Octet middle = load_octet(row + 1), other = beside(0, at, load_octet(row), load_octet(row + 2));
+        row_low[y] = smaller(middle, other);
+        row_high[y] = larger(middle, other);
+      }
+      low[z] = smaller(row_low[1], beside(1, at, row_low[0], row_low[2]));
+      high[z] = larger(row_high[1], beside(1, at, row_high[0], row_high[2]));
+    }
+    const Octet bottom = smaller(low[1], beside(2, at, low[0], low[2]));
+    const Octet top = larger(high[1], beside(2, at, high[0], high[2]));
+    return smaller(larger(v, bottom), top);
+  }
+
+ private:
+  static constexpr Real kFarthest = 64;  // cells; what goes farther is looked up point by point
+
+  // Of the outer taps the one that is a corner of a point's cell; the middle one always is.
+  EFSI_INLINE static Octet beside(int axis, const Place& at, const Octet& before, const Octet& after) {
+    return at.weight[axis][0] > Octet{} ? before : after;
+  }
+
+  int points_[3];
+  std::ptrdiff_t stride_[3] = {1, 0, 0};
+};
+
+}  // namespace efsi::grid
