@@ -193,7 +193,8 @@ void DistanceToMesh::offer(double reach, const Wants& wants, const Parallel& par
 // direction.
 class DistanceToMesh::Sweep {
  public:
-  Sweep(DistanceToMesh& nodes, int direction) : nodes_(nodes), direction_(direction) {
+  Sweep(DistanceToMesh& nodes, int direction)
+      : nodes_(nodes), direction_(direction), close_(nodes.runs_.empty() ? kClose : 0.0f) {
     for (int way = 1; way < 8; ++way) {  // along the edges, face diagonals and diagonal of a cell
       for (int axis = 0; axis < 3; ++axis)
         if (way >> axis & 1) back_[way][axis] = direction >> axis & 1 ? 1.0f : -1.0f;
@@ -245,8 +246,8 @@ class DistanceToMesh::Sweep {
       if (foot.triangle < 0) continue;
       const float x = foot.x - static_cast<float>(i), y = foot.y - static_cast<float>(j);
       const float z = foot.z - static_cast<float>(k), squared = x * x + y * y + z * z;
-      // Close to the mesh the point of the neighbour's triangle counts.
-      if (own < kClose && foot.triangle != nodes_.feet_[at].triangle) {
+      // Close to the mesh the point of the neighbour's triangle counts, unless triangles are offered afterwards.
+      if (own < close_ && foot.triangle != nodes_.feet_[at].triangle) {
         if (squared - most_gain(way, x, y, z, squared) < own) nodes_.take(at, Vec3d(i, j, k), foot.triangle);
       } else if (squared < own) {
         own = squared;
@@ -267,6 +268,7 @@ class DistanceToMesh::Sweep {
 
   DistanceToMesh& nodes_;
   int direction_;
+  float close_;
   std::array<std::ptrdiff_t, 8> offset_{};
   std::array<std::array<float, 3>, 8> back_{};
   std::array<float, 8> apart_{};  // squared
