@@ -113,14 +113,21 @@ SignedDistance build_signed_distance(const TriangleMesh& mesh, double spacing, M
   std::uint64_t caps = 0;
   bool as_given = false;  // the mesh is the boundary of the solid
   try {
-    distance_to_mesh(surface, grid, parallel, progress.part(0.1, 0.35));
-    const WindingField winding(surface, tree, grid, parallel, progress.part(0.35, 0.6));
-    // Surfaces inside the solid and holes: distances to the boundary of the solid instead of those to the mesh.
+    DistanceToMesh distance(surface, grid, parallel, progress.part(0.1, 0.25));
+    distance.measure_near(grid, parallel);
+    const WindingField winding(surface, tree, grid, parallel, progress.part(0.25, 0.5));
     const SolidBoundary boundary =
-        solid_boundary(surface, grid, winding, topology.parts == 1, parallel, progress.part(0.6, 0.75));
+        solid_boundary(surface, grid, winding, topology.parts == 1, parallel, progress.part(0.5, 0.7));
     if (boundary.mesh.triangles.empty()) refuse_empty(report, spacing);
     as_given = report.closed && !boundary.differs;
-    if (boundary.differs) distance_to_mesh(boundary.mesh, grid, parallel, progress.part(0.75, 1.0));
+    // Surfaces inside the solid and holes: distances to the boundary of the solid instead of those to the mesh.
+    if (boundary.differs) {
+      const auto same_part = [&](std::int32_t triangle, const Vec3d& X) {
+        return boundary.triangle_at(surface, spacing, triangle, X);
+      };
+      distance.replace_mesh(boundary.mesh, boundary.kept, same_part, parallel);
+    }
+    distance.measure(grid, parallel, progress.part(0.75, 1.0));
     caps = boundary.cap_triangles;
     report.inner_triangles = static_cast<std::uint32_t>(boundary.inner_triangles);
     apply_sign(winding.at_nodes(), grid);

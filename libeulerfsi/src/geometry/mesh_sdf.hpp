@@ -15,8 +15,9 @@ inline constexpr double kDefaultMargin = 4.0;  // grid around the extents, in sp
 // Signed distance to the solid that `mesh` bounds, on a grid over its extents plus `margin` spacings on every side.
 // Inside is where the generalized winding number is above 1/2, so that open, self-crossing and multi-part meshes become
 // one closed solid; distances (OpenVDB) are those to the boundary of that solid, caps over the holes included, to 0.01
-// spacings within three spacings of it and to 2 % farther away. Triangles that are inside out are turned. `report` is
-// filled in whole. The result depends on the arguments alone, not on the number of threads.
+// spacings within three spacings of it and to 2 % farther away, 4 % where surfaces cross or holes are. Triangles that
+// are inside out are turned. `report` is filled in whole. The result depends on the arguments alone, not on the number
+// of threads.
 //
 // Throws Error(kArgument) for a spacing that is not positive, Error(kMesh) for a mesh that encloses no node of the
 // grid, Error(kMemory) for a grid that does not fit, Error(kCancelled) where `progress` stops it.

@@ -53,6 +53,17 @@ struct Cut {
   std::size_t pieces() const { return static_cast<std::size_t>(cuts) * cuts; }
   Vec3d at(int i, int j) const { return a + (i * e1 + j * e2) / cuts; }
 
+  // The number of the piece at the point X of the triangle, in the order of for_each().
+  std::size_t piece_at(const Vec3d& X) const {
+    const Vec3d x = X - a;
+    const double aa = e1.dot(e1), ab = e1.dot(e2), bb = e2.dot(e2), determinant = aa * bb - ab * ab;
+    const double u = cuts * (bb * e1.dot(x) - ab * e2.dot(x)) / determinant;
+    const double v = cuts * (aa * e2.dot(x) - ab * e1.dot(x)) / determinant;
+    const int i = std::clamp(static_cast<int>(u), 0, cuts - 1), j = std::clamp(static_cast<int>(v), 0, cuts - 1 - i);
+    const bool upper = u - i + v - j > 1.0 && i + j + 1 < cuts;
+    return static_cast<std::size_t>(i) * (2 * cuts - i) + 2 * j + upper;
+  }
+
   // Calls visit(corner, corner, corner) for each piece.
   template <class Visit>
   void for_each(const Visit& visit) const {
@@ -204,21 +215,30 @@ SolidBoundary solid_boundary(const TriangleMesh& mesh, const SignedDistance& dis
   const std::vector<char> bounds =
       bounding_pieces(mesh, first_piece, distance, winding, trust_cells, parallel, progress);
   SolidBoundary boundary;
+  boundary.triangle_of_piece.assign(bounds.size(), -1);
+  const auto add = [&](const Vec3d& a, const Vec3d& b, const Vec3d& c) {
+    add_triangle(boundary.mesh, a, b, c);
+    return static_cast<std::int32_t>(boundary.mesh.triangles.size()) - 1;
+  };
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
     const auto begin = bounds.begin() + static_cast<std::ptrdiff_t>(first_piece[t]);
     const auto end = bounds.begin() + static_cast<std::ptrdiff_t>(first_piece[t + 1]);
+    if (begin == end) continue;
+    auto number = boundary.triangle_of_piece.begin() + static_cast<std::ptrdiff_t>(first_piece[t]);
     if (std::find(begin, end, 0) == end) {  // whole
       const Triangle& corner = mesh.triangles[t];
-      if (begin != end)
-        add_triangle(boundary.mesh, mesh.points[corner[0]], mesh.points[corner[1]], mesh.points[corner[2]]);
+      std::fill_n(number, end - begin, add(mesh.points[corner[0]], mesh.points[corner[1]], mesh.points[corner[2]]));
       continue;
     }
     ++boundary.inner_triangles;
     auto piece = begin;
     Cut(mesh, mesh.triangles[t], distance.spacing).for_each([&](const Vec3d& a, const Vec3d& b, const Vec3d& c) {
-      if (*piece++) add_triangle(boundary.mesh, a, b, c);
+      if (*piece++) *number = add(a, b, c);
+      ++number;
     });
   }
+  boundary.kept = boundary.mesh.triangles.size();
+  boundary.first_piece = std::move(first_piece);
   if (!winding.balanced()) {
     std::vector<SolidBoundary> caps(distance.size[2] - 1);
     parallel.for_each(static_cast<std::int64_t>(caps.size()),
@@ -231,6 +251,13 @@ SolidBoundary solid_boundary(const TriangleMesh& mesh, const SignedDistance& dis
   }
   boundary.differs = boundary.inner_triangles + boundary.cap_triangles > 0;
   return boundary;
+}
+
+std::int32_t SolidBoundary::triangle_at(const TriangleMesh& given, double spacing, std::int32_t triangle,
+                                        const Vec3d& X) const {
+  const std::size_t first = first_piece[triangle], count = first_piece[triangle + 1] - first;
+  if (count == 0) return -1;
+  return triangle_of_piece[count == 1 ? first : first + Cut(given, given.triangles[triangle], spacing).piece_at(X)];
 }
 
 }  // namespace efsi::geometry

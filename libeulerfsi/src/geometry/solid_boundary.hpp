@@ -15,10 +15,16 @@ namespace efsi::geometry {
 inline constexpr double kInsideWinding = 0.5;  // a point is inside the solid above this winding number
 
 struct SolidBoundary {
-  TriangleMesh mesh;                  // boundary of the solid, not welded
-  bool differs = false;               // from the mesh that was given
-  std::uint64_t inner_triangles = 0;  // of the mesh that was given and do not bound the solid, whole or in part
-  std::uint64_t cap_triangles = 0;    // over holes
+  TriangleMesh mesh;                     // boundary of the solid, not welded: `kept` triangles and pieces, then caps
+  std::size_t kept = 0;                  // of the mesh that was given
+  bool differs = false;                  // from the mesh that was given
+  std::uint64_t inner_triangles = 0;     // of the mesh that was given and do not bound the solid, whole or in part
+  std::uint64_t cap_triangles = 0;       // over holes
+  std::vector<std::size_t> first_piece;  // of each triangle of the mesh that was given, and the end
+  std::vector<std::int32_t> triangle_of_piece;  // in `mesh`; -1: the piece does not bound the solid
+
+  // The triangle of `mesh` at the point X of a triangle of the mesh that was given; -1: the solid is not bounded there.
+  std::int32_t triangle_at(const TriangleMesh& given, double spacing, std::int32_t triangle, const Vec3d& X) const;
 };
 
 // Boundary of the solid on the scale of the grid: triangles are cut to pieces of about one spacing and a piece stays

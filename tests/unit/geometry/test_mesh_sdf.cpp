@@ -10,6 +10,7 @@
 
 #include "base/error.hpp"
 #include "geometry/mesh_sdf.hpp"
+#include "reference/plain_distance.hpp"
 #include "shapes.hpp"
 
 using namespace efsi;
@@ -32,25 +33,6 @@ Built build(const TriangleMesh& mesh, double spacing, int threads = 2) {
   return built;
 }
 
-double distance_to_segment(const Vec3d& X, const Vec3d& a, const Vec3d& b) {
-  const double t = std::clamp((X - a).dot(b - a) / (b - a).squaredNorm(), 0.0, 1.0);
-  return (X - a - t * (b - a)).norm();
-}
-
-double distance_by_sum(const TriangleMesh& mesh, const Vec3d& X) {
-  double least = std::numeric_limits<double>::infinity();
-  for (const Triangle& t : mesh.triangles) {
-    const Vec3d &a = mesh.points[t[0]], &b = mesh.points[t[1]], &c = mesh.points[t[2]];
-    least = std::min({least, distance_to_segment(X, a, b), distance_to_segment(X, b, c), distance_to_segment(X, c, a)});
-    const Vec3d n = (b - a).cross(c - a).normalized();
-    const Vec3d foot = X - n.dot(X - a) * n;
-    if ((b - a).cross(foot - a).dot(n) >= 0 && (c - b).cross(foot - b).dot(n) >= 0 &&
-        (a - c).cross(foot - c).dot(n) >= 0)
-      least = std::min(least, std::abs(n.dot(X - a)));
-  }
-  return least;
-}
-
 template <class Visit>
 void for_each_node(const SignedDistance& phi, const Visit& visit) {
   for (int k = 0; k < phi.size[2]; ++k)
@@ -70,7 +52,7 @@ TEST_CASE("Distances equal the smallest distance to any triangle, far from the s
     const Built built = build(mesh, 0.11);
     double worst_near = 0.0, worst_far = 0.0;
     for_each_node(built.phi, [&](const Vec3d& X, float phi) {
-      const double exact = distance_by_sum(mesh, X), error = std::abs(std::abs(static_cast<double>(phi)) - exact);
+      const double exact = test::plain_distance(mesh, X), error = std::abs(std::abs(static_cast<double>(phi)) - exact);
       if (exact < 3 * built.phi.spacing) {
         worst_near = std::max(worst_near, error);
       } else {

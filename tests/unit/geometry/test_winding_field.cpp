@@ -23,7 +23,7 @@ SignedDistance grid_over(const TriangleMesh& mesh, double spacing) {
   grid.origin = box.min - Vec3d::Constant(4.0 * spacing);
   for (int axis = 0; axis < 3; ++axis)
     grid.size[axis] = static_cast<int>(std::ceil((box.max[axis] - box.min[axis]) / spacing)) + 9;
-  distance_to_mesh(mesh, grid);
+  DistanceToMesh(mesh, grid).measure(grid);
   return grid;
 }
 
@@ -132,7 +132,7 @@ TEST_CASE("Winding numbers do not depend on the number of threads", "[law]") {
   const WindingField alone(mesh, tree, distance);
   for (const int threads : {2, 3, 8}) {
     SignedDistance again = grid_over(mesh, 0.05);
-    distance_to_mesh(mesh, again, Parallel(threads));
+    DistanceToMesh(mesh, again, Parallel(threads)).measure(again, Parallel(threads));
     CHECK(again.values == distance.values);
     CHECK(WindingField(mesh, tree, distance, Parallel(threads)).at_nodes() == alone.at_nodes());
   }
