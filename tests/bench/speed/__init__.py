@@ -1,0 +1,1 @@
+"""The parts of `./eulerfsi bench speed`: runs, kernels, lines, what is measured, the peer."""
