@@ -1,10 +1,10 @@
 """Speed, memory and physics against their bars: `./eulerfsi bench speed [--quick] [--only GROUP,..] [--against DIR]`.
 
-Each line prints bar, measured, the same time in triads, verdict, the conditions (resolution, step, preset, norm) and the
-machine. A triad is a = b + s c over one float field of the scene's size with the same number of threads, measured just
-before and after. Every case runs in a process of its own, which drives the solver through the binding alone, so that
-its memory is the solver's. Core time is processor time of all threads as the system counts it. Exit code 1 if a bar is
-missed, unless CI=true or --quick (coarse grids, on which the bars mean nothing).
+Each line prints bar, measured, the same time in triads, verdict, the conditions (resolution, step, preset, norm) and
+the machine. A triad is a = b + s c over one float field of the scene's size with the same number of threads, measured
+just before and after. Every case runs in a process of its own, which drives the solver through the binding alone, so
+that its memory is the solver's. Core time is processor time of all threads as the system counts it. Exit code 1 if a
+bar is missed, unless CI=true or --quick (coarse grids, on which the bars mean nothing).
 """
 
 from __future__ import annotations

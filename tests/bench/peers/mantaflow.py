@@ -1,4 +1,5 @@
-"""Smoke by Mantaflow, the fluid solver in Blender: `blender --background --factory-startup --python mantaflow.py -- ...`.
+"""Smoke by Mantaflow, the fluid solver in Blender:
+`blender --background --factory-startup --python mantaflow.py -- OPTIONS`.
 
 Bakes a cube of cells with a sphere of smoke flowing in, and prints one line of JSON behind the word MANTAFLOW:
 cells, frames, steps, wall and processor seconds of the bake, bytes of its cache, part of the height that smoke reached.
@@ -8,6 +9,7 @@ Run by `./eulerfsi bench speed --only peer`. Without --factory-startup a user's 
 import argparse
 import gzip
 import json
+import math
 import struct
 import sys
 import tempfile
@@ -15,7 +17,6 @@ import time
 from pathlib import Path
 
 import bpy
-import numpy as np
 
 
 def make_scene(options: argparse.Namespace, folder: str) -> bpy.types.Object:
@@ -49,14 +50,15 @@ def make_scene(options: argparse.Namespace, folder: str) -> bpy.types.Object:
     return box
 
 
-def steps_of(folder: Path, fps: float) -> int:
-    """Steps of the bake. A frame's file of settings holds the length of its steps: bytes 20 to 23, a float, in units in
-    which a frame of 1/25 s takes 0.1."""
-    steps = 0
+def cells_and_steps(folder: Path, fps: float) -> tuple[int, int]:
+    """Cells and steps of the bake. A frame's file of settings holds the cells along each axis, three integers from byte
+    4 on, and the length of the frame's steps, a float at byte 20, in units in which a frame of 1/25 s takes 0.1."""
+    cells = steps = 0
     for file in sorted(folder.glob("config/config_*.uni")):
-        (length,) = struct.unpack_from("<f", gzip.decompress(file.read_bytes()), 20)
+        *along, _spacing, length = struct.unpack_from("<3iff", gzip.decompress(file.read_bytes()), 4)
+        cells = math.prod(along)
         steps += round(0.1 * 25 / fps / length)
-    return steps
+    return cells, steps
 
 
 def top_of_smoke(box: bpy.types.Object, frame: int) -> float:
@@ -64,9 +66,9 @@ def top_of_smoke(box: bpy.types.Object, frame: int) -> float:
     bpy.context.scene.frame_set(frame)
     domain = box.evaluated_get(bpy.context.evaluated_depsgraph_get()).modifiers["Fluid"].domain_settings
     nx, ny, nz = domain.domain_resolution
-    density = np.array(domain.density_grid).reshape(nz, ny, nx)
-    rows = np.flatnonzero(density.max(axis=(1, 2)) > 0.1)
-    return (int(rows[-1]) + 1) / nz if len(rows) else 0.0
+    density = list(domain.density_grid)
+    planes = [k for k in range(nz) if max(density[k * nx * ny : (k + 1) * nx * ny]) > 0.1]
+    return (planes[-1] + 1) / nz if planes else 0.0
 
 
 def main() -> None:
@@ -83,10 +85,11 @@ def main() -> None:
         begun, used = time.perf_counter(), time.process_time()
         bpy.ops.fluid.bake_all()
         wall, processor = time.perf_counter() - begun, time.process_time() - used
+        cells, steps = cells_and_steps(Path(folder), bpy.context.scene.render.fps)
         result = {
-            "cells": options.cells**3,
+            "cells": cells,
             "frames": options.frames,
-            "steps": steps_of(Path(folder), bpy.context.scene.render.fps),
+            "steps": steps,
             "wall": wall,
             "processor": processor,
             "bytes": sum(file.stat().st_size for file in Path(folder).rglob("*") if file.is_file()),

@@ -41,8 +41,10 @@ class Case:
     checkout: Path = ROOT  # whose library runs
 
 
-# A hot ball of smoke in a cube of fluid at rest with open sides: what the peer bakes, too.
+# A hot ball of smoke in a cube of fluid at rest with open sides: what the peer bakes, too, where it rises about as fast.
 PLUME_RADIUS, PLUME_HEIGHT = 0.08, 0.15  # over the edge
+PLUME_BUOYANCY = 0.02  # [m/s^2/K]
+PLUME_HEAT = 300.0  # [K]
 
 
 def plume(cells: int, tolerance: float) -> tuple[str, ...]:
@@ -57,7 +59,7 @@ def plume_job(settings: tuple[str, ...]) -> dict[str, Any]:
         "domain_min": [0.0, 0.0, 0.0],
         "domain_size": [1.0, 1.0, 1.0],
         "gravity": [0.0, -GRAVITY, 0.0],
-        "temperature_buoyancy": 0.01,
+        "temperature_buoyancy": PLUME_BUOYANCY,
         **{f"wall[{face}]": binding.WALLS["open"] for face in range(6)},
         **values,
     }
@@ -65,7 +67,7 @@ def plume_job(settings: tuple[str, ...]) -> dict[str, Any]:
         "shape": binding.EMITTER_SHAPES["sphere"],
         "mode": binding.EMITTER_MODES["continuous"],
         "transform": [d, 0, 0, 0.5, 0, d, 0, PLUME_HEIGHT, 0, 0, d, 0.5, 0, 0, 0, 1],
-        "temperature": 300.0,
+        "temperature": PLUME_HEAT,
         "end_time": 1e6,
     }
     return {"definition": definition, "solids": [], "emitters": [emitter], "meshes": {}}
@@ -97,7 +99,7 @@ def scene_job(scene: str, settings: tuple[str, ...]) -> dict[str, Any]:
 def grown(low: list[float], size: list[float], factor: float) -> tuple[list[float], list[float]]:
     """(low corner, edge lengths) of a box around the same axis on the same floor, its edges times `factor`."""
     new = [edge * factor for edge in size]
-    corner = [l if axis == UP else l + (old - edge) / 2 for axis, (l, old, edge) in enumerate(zip(low, size, new))]
+    corner = [low[a] if a == UP else low[a] + (size[a] - new[a]) / 2 for a in range(3)]
     return corner, new
 
 

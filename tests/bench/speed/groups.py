@@ -77,8 +77,8 @@ PLUME_FIELDS = ("velocity", "smoke_density", "smoke_temperature")
 
 
 def developed_plume(sizes: Sizes) -> dict[str, Any]:
-    """Fields of a plume that has risen to PLUME_TOP: an emitter that never stops in fluid at rest, buoyancy, on the grid
-    and with the tolerance of what is measured. Kept as fields, so that other libraries can start from them."""
+    """Fields of a plume that has risen to PLUME_TOP: an emitter that never stops in fluid at rest, buoyancy, on the
+    grid and with the tolerance of what is measured. Kept as fields, so that other libraries can start from them."""
     case = Case("plume", plume(sizes.plume, PLUME_TOLERANCE), frames=120, until=PLUME_TOP, keep=PLUME_FIELDS)
     result = run_case(case)
     if result["top"] < PLUME_TOP:
@@ -163,8 +163,8 @@ def box(sizes: Sizes) -> Outcome:
 
 
 def vacuum(sizes: Sizes) -> Outcome:
-    """A solid without fluid: tiles visited and memory. The profile counts what stages declare, points over 8^3, not which
-    tiles; so what is shown is how many more they are than hold a solid."""
+    """A solid without fluid: tiles visited and memory. The profile counts what stages declare, points over 8^3, not
+    which tiles; so what is shown is how many more they are than hold a solid."""
     settings = (f"Domain.voxelSize={sizes.coarse}",)
     result = run_case(Case("jelly_drop_no_fluid", settings, 4, keep=("solid_fraction",)))
     with_solid = lines.tiles_with_solid(result["fields"]["solid_fraction"][0])

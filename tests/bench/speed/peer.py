@@ -45,7 +45,7 @@ def bake(program: str, cells: int, frames: int, threads: int) -> dict[str, Any]:
 
 
 def compare(ours: list[dict[str, Any]], baked: dict[str, Any]) -> list[Line]:
-    """Core and wall time per cell and step of both, and the ratios, ours over the peer's. Ours: runs around the bake."""
+    """Core and wall time per cell and step of both, and the ratios, ours over the peer's; `ours`: around the bake."""
     cells, steps, triad = baked["cells"], baked["steps"], float(np.mean([result["triad"] for result in ours]))
     per = 1e6 / (cells * steps)
     at = f"{cells} cells, {baked['frames']} frames, {steps} steps, {lines.threads_text(ours[0]['threads'])}, "
