@@ -41,7 +41,7 @@ class Case:
     checkout: Path = ROOT  # whose library runs
 
 
-# A hot ball of smoke in a cube of fluid at rest with open sides: what the peer bakes, too, where it rises about as fast.
+# A hot ball of smoke in a cube of fluid at rest with open sides, as the peer bakes it and with about its buoyancy.
 PLUME_RADIUS, PLUME_HEIGHT = 0.08, 0.15  # over the edge
 PLUME_BUOYANCY = 0.02  # [m/s^2/K]
 PLUME_HEAT = 300.0  # [K]

@@ -250,6 +250,9 @@ def against(sizes: Sizes, checkout: Path) -> Outcome:
 def beside_peer(sizes: Sizes) -> Outcome:
     """Smoke of Blender's Mantaflow and ours, from the same inflow, ours before and after it."""
     blender = peer.find()
+    if blender is None:
+        print(peer.INSTALL)
+        return Outcome()
     case = Case("plume", plume(sizes.plume, PLUME_TOLERANCE), sizes.peer_frames, keep=("smoke_density",), vdb=True)
     before = run_case(case)
     baked = peer.bake(blender, sizes.plume, sizes.peer_frames, case.threads)
