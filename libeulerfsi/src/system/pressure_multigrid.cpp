@@ -142,7 +142,7 @@ void PressureMultigrid::smooth(const Parallel& parallel, const std::vector<Real>
     relax_in_boxes(parallel, finest_, focused_, weight, residual_, x);
     return;
   }
-  std::vector<SlipNodes::Pair> excess;  // of x before the step
+  std::vector<Real> excess;  // of x before the step
   if (slip_) excess = slip_->excess(parallel, x);
   smooth_pressure(parallel, finest_, b, weight, x);
   if (slip_)
