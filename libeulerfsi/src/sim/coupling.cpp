@@ -395,9 +395,11 @@ void solve_velocity(const Parallel& parallel, const Scene& scene, Workspace& wor
   timer.visited(static_cast<std::uint64_t>(work.velocity_system.unknowns()), 15 * sizeof(Real));
 }
 
-solid::RigidMotion transport_frame(const Scene& scene, const Workspace& work, std::size_t l) {
-  const bool moving = scene.params.numerics.conserve_momentum && !work.velocity_system.touches(l);
-  return moving ? solid::rigid_motion(work.solid_momenta[l]) : solid::RigidMotion{};
+solid::RigidStep transport_frame(const Scene& scene, const Workspace& work, std::size_t l, double dt) {
+  if (!scene.params.numerics.conserve_momentum) return {};
+  const solid::Momenta &before = work.first_momenta[l], &after = work.solid_momenta[l];
+  const unsigned held = work.velocity_system.held_axes(l);
+  return held ? solid::held_step(before, after, held, dt) : solid::free_step(before, after, dt);
 }
 
 namespace {
@@ -458,6 +460,15 @@ void advect_fluid(const Parallel& parallel, const Scene& scene, double dt, State
       fluid::advect_velocity(parallel, scene.grid, corrected, dt, work.specific_volume,
                              static_cast<Real>(1.0 / scene.params.fluid.density), state.fluid, work.advect);
   timer.visited(512 * tiles, 12 * sizeof(Real));
+}
+
+void measure_first_momenta(const Parallel& parallel, const State& state, Workspace& work) {
+  work.first_momenta.clear();
+  for (std::size_t l = 0; l < state.solids.size(); ++l) {
+    const solid::SolidState& solid = state.solids[l];
+    work.first_momenta.push_back(
+        solid::measure_momenta(parallel, solid.band, work.solids[l], solid.band.grid, solid.v));
+  }
 }
 
 void measure_momentum(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work) {
