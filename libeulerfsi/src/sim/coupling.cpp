@@ -510,15 +510,14 @@ void measure(const Parallel& parallel, const Scene& scene, State& state, const W
   const Grid& g = scene.grid;
   info.time = state.time;
   info.steps = 1;
-  state.solid_speed = 0.0;
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     const solid::SolidWork& solid = work.solids[l];
-    state.solid_speed = std::max(state.solid_speed, solid.max_speed);
+    state.solids[l].speed = solid.max_speed;
+    info.max_speed_solid = std::max(info.max_speed_solid, solid.max_speed);
     info.min_det_f = l == 0 ? solid.min_det_f : std::min(info.min_det_f, solid.min_det_f);
     info.max_det_f = l == 0 ? solid.max_det_f : std::max(info.max_det_f, solid.max_det_f);
     info.degenerate_cells += solid.degenerate + solid.rejected;
   }
-  info.max_speed_solid = state.solid_speed;
   if (!scene.params.fluid.present) return;
   const std::size_t plane = g.node_stride(2);
   state.fluid_speed = parallel.max(g.cells[2] + 1, 0.0, [&](std::int64_t k) {

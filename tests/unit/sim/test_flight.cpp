@@ -63,6 +63,67 @@ TEST_CASE("A body that falls is where Galilei says after every step, whatever th
   CHECK(worst < 0.005);
 }
 
+TEST_CASE("In flight a body moves up to four cells per step, in air 2.7, and the laws of fall hold", "[law]") {
+  const bool fluid = GENERATE(false, true);
+  const double a = kGravity * (fluid ? 0.999 / 1.0005 : 1.0), thrown = 4.0;
+  sim::Params p = box_params({0.5, 1.6, 0.5});
+  p.fluid.present = fluid;
+  sim::SolidDesc d = ball_desc({0.25, 1.4, 0.25});
+  d.velocity = {0.0, -thrown, 0.0};
+  auto s = make_simulation(p, {d});
+  double worst = 0.0, longest = 0.0, elastic = 0.0, before = 0.0;
+  while (s->state().time < 0.2 - 1e-9) {
+    const auto info = s->step(0.2 - s->state().time);
+    CHECK(info.retries == 0);
+    const double t = s->state().time, fallen = -way(*s)[1];
+    worst = std::max(worst, std::abs(fallen / (thrown * t + 0.5 * a * t * t) - 1.0));
+    longest = std::max(longest, (fallen - before) / p.voxel_size);
+    before = fallen;
+    elastic = std::max(elastic, s->diagnose_solid(0).elastic_energy);
+  }
+  const auto now = s->diagnose_solid(0);
+  INFO((fluid ? "fluid" : "vacuum") << ": place off by " << worst << " of the drop, up to " << longest
+                                    << " cells in a step, elastic energy " << elastic << " J");
+  CHECK(worst < 0.005);
+  CHECK(longest > (fluid ? 2.4 : 3.5));
+  CHECK(longest < (fluid ? 2.71 : 4.0));
+  CHECK(elastic < 1e-3);
+  CHECK(now.volume_mesh == Approx(now.rest_volume).epsilon(0.003));
+}
+
+TEST_CASE("Long steps end near walls and other solids, and where a step turns or strains a solid") {
+  // Cells that a ball moves in a step. spin: about x; gap: to a second ball ahead in its way, cells; above: the floor.
+  struct Choice {
+    double speed = 20.0, spin = 0.0, gap = 1e3, above = 0.6, cfl = 1.8, fluid = 0.0;
+    sim::Preset preset = sim::Preset::kProduction;
+  };
+  const auto cells = [](const Choice& c) {
+    sim::Params p = box_params({1.2, 1.2, 0.4});
+    p.gravity.setZero();
+    p.fluid.present = c.fluid > 0.0;
+    p.fluid.density = std::max(c.fluid, 1.0);
+    p.cfl_solid = c.cfl;
+    p.numerics = sim::numerics_of(c.preset);
+    std::vector<sim::SolidDesc> solids{ball_desc({0.3, c.above, 0.2})};
+    solids[0].velocity = {c.speed, 0.0, 0.0};
+    solids[0].angular_velocity = {c.spin, 0.0, 0.0};
+    if (c.gap < 1e3) solids.push_back(ball_desc({0.3 + 0.2 + c.gap * p.voxel_size, c.above, 0.2}));
+    auto s = make_simulation(p, solids);
+    return c.speed * s->step(1.0).dt / p.voxel_size;
+  };
+  CHECK(cells({}) == Approx(3.95).epsilon(0.02));
+  CHECK(cells({.cfl = 0.9}) == Approx(2.0).epsilon(0.02));
+  CHECK(cells({.preset = sim::Preset::kPaper2016}) == Approx(1.8).epsilon(0.02));
+  CHECK(cells({.fluid = 1.0}) == Approx(2.7).epsilon(0.02));
+  CHECK(cells({.fluid = 100.0}) == Approx(1.8).epsilon(0.02));
+  CHECK(cells({.gap = 5.0}) == Approx(1.8).epsilon(0.02));
+  CHECK(cells({.gap = 8.0}) == Approx(3.0).epsilon(0.05));
+  CHECK(cells({.above = 0.1 + 2.5 * 0.02}) == Approx(1.8).epsilon(0.02));
+  CHECK(cells({.above = 0.1 + 4.0 * 0.02}) == Approx(3.0).epsilon(0.02));
+  CHECK(cells({.speed = 20.0, .spin = 30.0}) == Approx(20.0 * 0.1 / 30.0 / 0.02).epsilon(0.02));
+  CHECK(cells({.speed = 20.0, .spin = 80.0}) == Approx(1.8).epsilon(0.02));
+}
+
 TEST_CASE("A body that slides down a floor is where Galilei says, and not in the floor", "[law]") {
   const double dt = GENERATE(1.0 / 48.0, 1.0 / 240.0), along = 3.0;
   sim::Params p = box_params({0.8, 0.3, 0.4});
