@@ -181,7 +181,7 @@ std::size_t Simulation::add_solid(const SolidDesc& desc, geometry::MeshReport& r
     throw Error(ErrorCode::kMesh, text.str());
   }
   state.rest_volume_cells = work.volume;
-  state_.solid_speed = std::max(state_.solid_speed, speed);
+  state.speed = speed;
   solids_.push_back(std::move(rest));
   state_.solids.push_back(std::move(state));
   work_.solids.push_back(std::move(work));
@@ -478,7 +478,7 @@ void Simulation::set_solid_field(std::size_t index, bool velocity, const float* 
   work_.masses_ready = false;
   if (velocity) {
     for (const auto& c : field.c)
-      for (Real v : c) state_.solid_speed = std::max(state_.solid_speed, static_cast<double>(std::abs(v)));
+      for (Real v : c) solid.speed = std::max(solid.speed, static_cast<double>(std::abs(v)));
   } else {
     solid::correct_surface(parallel_, solids_[index], solid);
   }
