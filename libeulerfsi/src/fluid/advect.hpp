@@ -4,8 +4,11 @@
 // out; the paper's plain semi-Lagrangian advection is `corrected = false`.
 #pragma once
 
+#include <array>
+
 #include "base/parallel.hpp"
 #include "fluid/fluid.hpp"
+#include "fluid/keep_smoke.hpp"
 #include "grid/packed_field.hpp"
 #include "grid/tiles.hpp"
 
@@ -16,9 +19,11 @@ struct AdvectWorkspace {
   std::vector<Real> flow_top;  // its largest component per tile of nodes
   grid::PackedField first;     // what arrives before the correction; for smoke: from where
   std::vector<Real> scalar_source, scalar_first;
+  std::vector<std::uint8_t> solid_cells;  // cells that are more than half solid before the transport; or empty
+  std::array<ScalarBudget, 2> budgets;    // of smoke and temperature
 
   std::size_t bytes() const {
-    return flow.bytes() + first.bytes() +
+    return flow.bytes() + first.bytes() + solid_cells.capacity() + budgets[0].bytes() + budgets[1].bytes() +
            (flow_top.capacity() + scalar_source.capacity() + scalar_first.capacity()) * sizeof(Real);
   }
 };
@@ -32,9 +37,14 @@ std::uint64_t advect_velocity(const Parallel& parallel, const Grid& g, bool corr
                               const std::vector<Real>& specific_volume, Real fluid_volume, FluidState& state,
                               AdvectWorkspace& work);
 
-// Smoke and temperature; cells that are more than half solid (cell_fraction, may be empty) hold none.
-// Returns the number of tiles of cells visited.
+// Smoke and temperature; from cells that are more than half solid (cell_fraction, may be empty) comes what is beside
+// them. settle_smoke has to follow. Returns the number of tiles of cells visited.
 std::uint64_t advect_smoke(const Parallel& parallel, const Grid& g, bool corrected, double dt,
                            const std::vector<Real>& cell_fraction, FluidState& state, AdvectWorkspace& work);
+
+// The rest of it, once the solids have moved, too: their cells are emptied and, where the transport was corrected, the
+// amount that it has lost or made is given back or taken nearby (keep_smoke.hpp).
+void settle_smoke(const Parallel& parallel, const Grid& g, const Walls& walls, const std::vector<Real>& cell_fraction,
+                  FluidState& state, AdvectWorkspace& work);
 
 }  // namespace efsi::fluid
