@@ -21,7 +21,6 @@ namespace {
 constexpr std::size_t kCells = 512;   // of a tile
 constexpr std::size_t kWithin = 27;   // functions that are not 0 in a tile
 constexpr std::size_t kAround = 128;  // those of the tile and its neighbours, 5^3, and room to write rows of four
-constexpr double kMostShare = 0.5;    // of w
 constexpr double kNegligible = 1e-6;  // of the largest room
 constexpr int kRounds = 32;           // what finds no room goes on by so many intervals at most
 
@@ -436,8 +435,8 @@ void ScalarBudget::exchange(const Parallel& parallel, const Grid& g) {
   for (int round = 0;; ++round) {
     const double most = parallel.max(static_cast<std::int64_t>(missing_.size()), 0.0, [&](std::int64_t i) {
       const auto f = static_cast<std::size_t>(i);
-      const double limit = kMostShare * room_[f], all = given_[f] + missing_[f];
-      given_[f] = std::clamp(all, -limit, limit);
+      const double all = given_[f] + missing_[f];
+      given_[f] = std::clamp(all, -room_[f], room_[f]);
       over_[f] = all - given_[f];
       return std::abs(over_[f]);
     });

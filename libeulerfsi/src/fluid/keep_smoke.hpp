@@ -3,7 +3,7 @@
 // Symbols: psi: quadratic B-splines, one per interval of 8^3 cells, of sum 1; s, r: a cell's value before and after the
 // transport; x: the cell's centre, X: where its content comes from; top: the largest |s| nearby.
 //   missing = sum psi(x) s - sum psi(X) r         what there was and what has arrived from there
-//   r += q w,  w = |r| (1 - |r| / top),  q = sum of psi(x) missing / sum psi(x) w over the functions
+//   r += q w,  w = |r| (1 - |r| / top),  q = sum of psi(x) missing / sum psi(x) w over the functions, |q| <= 1
 // So the sum is kept, |r| stays below top, no sign changes and nothing comes where nothing is. Smooth functions, since
 // kinks would make of every motion of the cells across them a loss here and a gain there (docs/numerics-choices.md).
 #pragma once
@@ -22,11 +22,11 @@ using grid::Grid;
 // psi along an axis, as a tile of cells sees it. Its cells lie in interval 0.
 struct TileSpline {
   using Row = Real[grid::kTileSize];
-  int function[5];  // -2..2; beyond the box the last one, mirrored
-  Real begin;       // of interval 0 [cells]
-  Real width[3], before[3],
-      after[3];           // of intervals -1, 0, 1 [cells]; its part of its and the last's, the next's width
-  Row cell[3], block[3];  // functions -1, 0, 1 at the cells and in the middle of their pairs
+  int function[5];           // -2..2; beyond the box the last one, mirrored
+  Real begin;                // of interval 0 [cells]
+  Real width[3];             // of intervals -1, 0, 1 [cells]
+  Real before[3], after[3];  // each one's part of its and the last's width, of its and the next's
+  Row cell[3], block[3];     // functions -1, 0, 1 at the cells and in the middle of their pairs
 };
 
 // Of one cell-centred scalar. Cells in solids hold nothing; their flags are empty without solids. Nothing is read
