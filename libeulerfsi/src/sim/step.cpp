@@ -76,6 +76,10 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   if (numerics.repair_map || numerics.conserve_momentum) compute_masses(parallel, scene, state, work, profile);
   if (numerics.repair_map) repair_maps(parallel, scene, state, work, profile, info);
   if (numerics.conserve_momentum) restore_momentum(parallel, scene, state, work, profile);
+  {
+    ScopedTimer timer(profile, Stage::kSmoke);
+    fluid::settle_smoke(parallel, g, params.walls, work.cell_fraction, state.fluid, work.advect);
+  }
 
   state.time += dt;
   ++state.steps;
