@@ -443,10 +443,11 @@ void advect_fluid(const Parallel& parallel, const Scene& scene, double dt, State
   if (!scene.params.fluid.present) return;
   const bool corrected = scene.params.numerics.corrected_fluid_advection;
   still_inflow(parallel, scene, work.velocity);
+  work.pressure_system.exchange_scratch(work.advect.first.c);
   {
     ScopedTimer timer(profile, Stage::kSmoke);
-    const std::uint64_t tiles =
-        fluid::advect_smoke(parallel, scene.grid, corrected, dt, work.velocity, work.cell_fraction, state.fluid, work.advect);
+    const std::uint64_t tiles = fluid::advect_smoke(parallel, scene.grid, corrected, dt, work.velocity,
+                                                    work.cell_fraction, state.fluid, work.advect);
     timer.visited(512 * tiles, 6 * sizeof(Real));
   }
   for (const system::SlipNode& n : work.slip.nodes())  // fluid like any other: corrected
@@ -456,6 +457,7 @@ void advect_fluid(const Parallel& parallel, const Scene& scene, double dt, State
       fluid::advect_velocity(parallel, scene.grid, corrected, dt, work.velocity, work.specific_volume,
                              static_cast<Real>(1.0 / scene.params.fluid.density), state.fluid, work.advect);
   timer.visited(512 * tiles, 12 * sizeof(Real));
+  work.pressure_system.exchange_scratch(work.advect.first.c);
 }
 
 void measure_first_momenta(const Parallel& parallel, const State& state, Workspace& work) {

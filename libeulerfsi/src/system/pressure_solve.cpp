@@ -223,6 +223,12 @@ DivergenceNorms PressureSystem::norms(const Parallel& parallel, const VectorFiel
   return residual_norms(parallel, pcg_.r);
 }
 
+void PressureSystem::exchange_scratch(std::array<std::vector<Real>, 3>& arrays) {
+  arrays[0].swap(pcg_.z);
+  arrays[1].swap(pcg_.d);
+  arrays[2].swap(multigrid_.scratch());
+}
+
 std::size_t PressureSystem::bytes() const {
   return rhs_.size() * sizeof(Real) + solid_cells_.size() * sizeof(std::size_t) + multigrid_.bytes() + pcg_.bytes() +
          pcr_.bytes();
