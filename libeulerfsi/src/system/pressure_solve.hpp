@@ -43,7 +43,8 @@ class PressureSystem {
   // v -= M^-1 J^T q
   void project(const Parallel& parallel, std::vector<Real>& q, VectorField& velocity);
   DivergenceNorms norms(const Parallel& parallel, const VectorField& velocity, const std::vector<Real>& source);
-  // Exchanges three arrays for three of its own, as large as the padded cells, whose values mean nothing between solves.
+  // Exchanges three arrays for three of its own, as large as the padded cells, whose values mean nothing between
+  // solves.
   void exchange_scratch(std::array<std::vector<Real>, 3>& arrays);
   std::size_t bytes() const;
 
