@@ -24,8 +24,10 @@ from .simulate import build_simulation
 if TYPE_CHECKING:
     from .scene import Scene, Solid
 
-# Limits of the library's steps, in cells (kContactCfl, kContactPace, kContactReach there).
+# Limits of the library's steps, in cells (kContactCfl, kContactPace, kContactReach, kVacuumReach, kFluidReach, kThin,
+# kFarthest there).
 _CONTACT_CFL, _CONTACT_PACE = 0.4, 0.7
+_VACUUM_REACH, _FLUID_REACH, _THIN, _FARTHEST = 20 / 9, 1.5, 0.01, 3.95
 CONTACT_REACH = 2.0
 # Periods of its slowest wave for which a solid that has met a wall strains fast enough to need short steps: at least
 # and at most, by the examples and by scenes of `new`.
@@ -60,6 +62,7 @@ class Plan:
     """A run: voxel size [m], seconds per frame, frames to simulate (without the first), limits of a step.
 
     fluid_speed: what emitters may drive the fluid to [m/s]. resolve_impacts: the preset follows elastic waves at walls.
+    flight_reach: how many times as far as elsewhere solids move in a step in flight.
     """
 
     voxel: float
@@ -73,6 +76,7 @@ class Plan:
     fluid_speed: float = 0.0
     fluid: bool = True
     resolve_impacts: bool = True
+    flight_reach: float = 1.0
 
 
 def seconds_to_meet(distance: float, speed: float, acceleration: float) -> float:
@@ -112,8 +116,12 @@ def _longest_steps(plan: Plan, begin: float, end: float) -> tuple[float, float]:
         surely = surely and hit >= _SOFT_IMPACT * body.wave
         shortest = min(shortest, rest, *((closing, wave) if maybe else ()))
         longest = min(longest, rest, *((wave,) if surely else ()))
-    free = time_to_move(speed, plan.gravity, plan.cfl_solid * h) if plan.bodies else math.inf
-    shortest, longest = min(shortest, free), min(longest, free if not _all_met(plan, begin) else math.inf)
+    if plan.bodies:
+        far = max(plan.cfl_solid, min(_FARTHEST, plan.flight_reach * plan.cfl_solid))
+        alone = len(plan.bodies) == 1 and end <= plan.bodies[0].meets
+        shortest = min(shortest, time_to_move(speed, plan.gravity, (far if alone else plan.cfl_solid) * h))
+        if not _all_met(plan, begin):
+            longest = min(longest, time_to_move(speed, plan.gravity, far * h))
     if plan.fluid:
         fluid = max(plan.fluid_speed, _FLUID_PACE * speed)
         shortest = min(shortest, time_to_move(fluid, 0.0, plan.cfl_fluid * h))
@@ -150,7 +158,18 @@ def plan_of(scene: Scene) -> Plan:
         fluid_speed=math.hypot(jet, math.sqrt(2 * lift * heights)),
         fluid=fluid,
         resolve_impacts=domain["preset"] == binding.PRESETS["production"],
+        flight_reach=_flight_reach(scene),
     )
+
+
+def _flight_reach(scene: Scene) -> float:
+    domain = scene.domain
+    if domain["preset"] != binding.PRESETS["production"]:
+        return 1.0
+    if not domain["ambient_fluid"]:
+        return _VACUUM_REACH
+    lightest = min((solid.values["density"] for solid in scene.solids), default=0.0)
+    return _FLUID_REACH if domain["fluid_density"] <= _THIN * lightest else 1.0
 
 
 def _body(solid: Solid, domain: dict, low: np.ndarray, high: np.ndarray, gravity: np.ndarray) -> Body:

@@ -56,11 +56,14 @@ def test_range_holds_the_steps_of_a_free_fall_and_of_contact():
     free = changed({"meets": math.inf}, fluid=False, frames=12)
     low, high = estimate.steps(free)
     assert low == high  # nothing is unknown
-    # dt (v + g dt) = 1.8 h at the end of each frame
-    exact = sum(
-        math.ceil(free.frame / estimate.time_to_move(9.81 * (k + 1) / 24, 9.81, 0.018) - 1e-6) for k in range(12)
-    )
-    assert low == exact
+    # dt (v + g dt) = 1.8 h at the end of each frame, and more in long steps of flight
+    for reach, cells in ((1.0, 1.8), (1.5, 2.7), (20 / 9, 3.95)):
+        plan = dataclasses.replace(free, flight_reach=reach)
+        exact = sum(
+            math.ceil(free.frame / estimate.time_to_move(9.81 * (k + 1) / 24, 9.81, cells * 0.01) - 1e-6)
+            for k in range(12)
+        )
+        assert estimate.steps(plan)[0] == exact
     contact = changed({"meets": 0.0, "speed": 3.0}, fluid=False, frames=4)
     assert estimate.steps(contact)[0] == 4 * math.ceil(contact.frame / (0.7 * 0.01 / 3.0))
 
@@ -96,6 +99,10 @@ def test_plan_of_a_scene(library, tmp_path):
     assert ball.wave == pytest.approx(math.sqrt(23333 / 2 / (1 + 1 / 6) / 1000), rel=1e-3)
     # 0.5 m from centre to floor, less the radius and two voxels of 0.05 m; the lid above is nearer and of no account
     assert ball.meets == pytest.approx(estimate.seconds_to_meet(0.5 - 0.15 - 0.1, 2.0, 9.8), abs=0.001)
+    assert plan.flight_reach == 1.5
+    for settings, reach in (({"fluid_density": 100.0}, 1.0), ({"ambient_fluid": 0}, 20 / 9), ({"preset": 1}, 1.0)):
+        other = dataclasses.replace(scene, domain={**scene.domain, **settings})
+        assert estimate.plan_of(other).flight_reach == reach
     floating = read_scene(open_stage(tmp_path / "small.usda"), tmp_path / "small.usda")
     floating.domain["fluid_density"] = 3000.0
     floating.solids[0].values["velocity"] = [0.0, 0.0, 0.0]

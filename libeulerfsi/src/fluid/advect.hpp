@@ -4,18 +4,25 @@
 // out; the paper's plain semi-Lagrangian advection is `corrected = false`.
 #pragma once
 
+#include <array>
+
 #include "base/parallel.hpp"
 #include "fluid/fluid.hpp"
+#include "fluid/keep_smoke.hpp"
 #include "grid/tiles.hpp"
 
 namespace efsi::fluid {
 
 struct AdvectWorkspace {
-  VectorField first;  // nodes: what arrives before the correction; cells of smoke: from where
+  VectorField first;  // nodes: what arrives before the correction; cells of smoke: how far from where it comes
   std::vector<Real> scalar_source, scalar_first;
+  std::vector<std::uint8_t> scalar_tiles;  // per tile of cells: whether these two may differ from 0
+  std::vector<std::uint8_t> solid_cells;   // cells that are more than half solid before the transport; or empty
+  std::array<ScalarBudget, 2> budgets;     // of smoke and temperature
 
   std::size_t bytes() const {
-    return (3 * first.c[0].capacity() + scalar_source.capacity() + scalar_first.capacity()) * sizeof(Real);
+    return (3 * first.c[0].capacity() + scalar_source.capacity() + scalar_first.capacity()) * sizeof(Real) +
+           scalar_tiles.capacity() + solid_cells.capacity() + budgets[0].bytes() + budgets[1].bytes();
   }
 };
 
@@ -25,9 +32,14 @@ std::uint64_t advect_velocity(const Parallel& parallel, const Grid& g, bool corr
                               const VectorField& flow, const std::vector<Real>& specific_volume, Real fluid_volume,
                               FluidState& state, AdvectWorkspace& work);
 
-// Smoke and temperature; cells that are more than half solid (cell_fraction, may be empty) hold none.
-// Returns the number of tiles of cells visited.
+// Smoke and temperature; from cells that are more than half solid (cell_fraction, may be empty) comes what is beside
+// them. settle_smoke has to follow. Returns the number of tiles of cells visited.
 std::uint64_t advect_smoke(const Parallel& parallel, const Grid& g, bool corrected, double dt, const VectorField& flow,
                            const std::vector<Real>& cell_fraction, FluidState& state, AdvectWorkspace& work);
+
+// The rest of it, once the solids have moved, too: their cells are emptied and, where the transport was corrected, the
+// amount that it has lost or made is given back or taken nearby (keep_smoke.hpp).
+void settle_smoke(const Parallel& parallel, const Grid& g, const Walls& walls, const std::vector<Real>& cell_fraction,
+                  FluidState& state, AdvectWorkspace& work);
 
 }  // namespace efsi::fluid

@@ -1,6 +1,7 @@
 // Purpose: transport of cell-centred fields; see advect.hpp.
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "fluid/advect.hpp"
 #include "fluid/transport.hpp"
@@ -219,6 +220,17 @@ EFSI_KERNEL Real top_of_tile(const Grid& g, const Vec3i& begin, const Vec3i& end
   return std::max(top, grid::greatest(tops));
 }
 
+// Flags the solid cells of a row; true where there is one.
+EFSI_KERNEL bool mark_solid(int count, const Real* fraction, std::uint8_t* solid) {
+  std::uint8_t any = 0;
+#pragma omp simd reduction(| : any)
+  for (int i = 0; i < count; ++i) {
+    solid[i] = fraction[i] > Real(0.5);
+    any |= solid[i];
+  }
+  return any != 0;
+}
+
 // Mean of the fluid cells among the 5^3 around a cell.
 Real mean_of_fluid_around(const Grid& g, const std::vector<Real>& fraction, const std::vector<Real>& field, int i,
                           int j, int k) {
@@ -235,53 +247,76 @@ Real mean_of_fluid_around(const Grid& g, const std::vector<Real>& fraction, cons
   return count ? sum / static_cast<Real>(count) : Real(0);
 }
 
+// Where nothing is nor comes to the field is 0, and what is read of it, too. Tiles that are empty already are not
+// visited.
+void clear_idle(const Parallel& parallel, const Grid& g, const TileMask& tiles, const std::vector<Real>& top,
+                std::vector<Real>& field, AdvectWorkspace& work) {
+  work.scalar_source.resize(field.size(), Real(0));
+  work.scalar_first.resize(field.size(), Real(0));
+  work.scalar_tiles.resize(top.size(), 0);
+  parallel.for_each(tiles.count(), [&](std::int64_t number) {
+    const auto t = static_cast<std::size_t>(number);
+    const bool was = std::exchange(work.scalar_tiles[t], static_cast<std::uint8_t>(tiles.active(number)));
+    if (tiles.active(number) || (!was && top[t] == 0)) return;
+    Vec3i begin, end;
+    tiles.range(number, begin, end);
+    for (int k = begin[2]; k < end[2]; ++k)
+      for (int j = begin[1]; j < end[1]; ++j)
+        for (auto* values : {&field, &work.scalar_source, &work.scalar_first})
+          std::fill_n(values->data() + g.cell(begin[0], j, k), end[0] - begin[0], Real(0));
+  });
+}
+
 std::uint64_t advect_scalar(const Parallel& parallel, const Grid& g, bool corrected, double dt, const VectorField& flow,
-                            const std::vector<Real>& fraction, std::vector<Real>& field, AdvectWorkspace& work) {
+                            const std::vector<Real>& fraction, std::vector<Real>& field, AdvectWorkspace& work,
+                            ScalarBudget& budget) {
   TileMask tiles(g.cells);
+  std::vector<Real> top(static_cast<std::size_t>(tiles.count()));
   parallel.for_each(tiles.count(), [&](std::int64_t t) {
     Vec3i begin, end;
     tiles.range(t, begin, end);
-    tiles.set(t, top_of_tile(g, begin, end, field.data()) > kNoSmoke);
+    top[static_cast<std::size_t>(t)] = top_of_tile(g, begin, end, field.data());
+    tiles.set(t, top[static_cast<std::size_t>(t)] > kNoSmoke);
   });
+  budget.close();
   if (tiles.active_count() == 0) return 0;
   tiles.dilate(g.periodic);
+  clear_idle(parallel, g, tiles, top, field, work);
 
   const Transport transport = {
       NodeTransport(g), CellSampler(g), grid::LaneSampler(g.cells), g.cells, static_cast<Real>(dt / g.h), flow};
   std::vector<Real>& source = work.scalar_source;
   std::vector<Real>& first = work.scalar_first;
-  source.resize(field.size());
-  first.resize(field.size());
   for (auto& component : work.first.c) component.resize(g.node_count());
-  const auto in_solid = [&](std::size_t c) { return !fraction.empty() && fraction[c] > Real(0.5); };
+  work.solid_cells.resize(fraction.size());
 
   // Cells inside solids are filled, so that a trace that ends in a solid finds the smoke beside it.
   tiles.for_runs(parallel, [&](int j, int k, int begin, int end, bool active) {
+    if (!active) return;
     const std::size_t row = g.cell(0, j, k);
     std::copy(field.data() + row + begin, field.data() + row + end, source.data() + row + begin);
+    if (fraction.empty()) return;
+    if (!mark_solid(end - begin, fraction.data() + row + begin, work.solid_cells.data() + row + begin)) return;
+    for (int i = begin; i < end; ++i) {
+      const std::size_t c = row + static_cast<std::size_t>(i);
+      if (work.solid_cells[c]) source[c] = mean_of_fluid_around(g, fraction, field, i, j, k);
+    }
+  });
+  budget.open(parallel, g, corrected, tiles, top, field, work.solid_cells);
+  tiles.for_runs(parallel, [&](int j, int k, int begin, int end, bool active) {
+    const CellRow row = {{j, k, begin, end, g.cell(0, j, k)}, g.node(0, j, k)};
+    if (active) carry_row(transport, row, source.data(), first.data(), work.first);
+  });
+  tiles.for_runs(parallel, [&](int j, int k, int begin, int end, bool active) {
     if (!active) return;
-    for (int i = begin; i < end; ++i)
-      if (in_solid(row + static_cast<std::size_t>(i)))
-        source[row + static_cast<std::size_t>(i)] = mean_of_fluid_around(g, fraction, field, i, j, k);
-  });
-  tiles.for_runs(parallel, [&](int j, int k, int begin, int end, bool active) {
     const CellRow row = {{j, k, begin, end, g.cell(0, j, k)}, g.node(0, j, k)};
-    if (active)
-      carry_row(transport, row, source.data(), first.data(), work.first);
-    else
-      std::fill(first.data() + row.first + begin, first.data() + row.first + end, Real(0));
-  });
-  tiles.for_runs(parallel, [&](int j, int k, int begin, int end, bool active) {
-    const CellRow row = {{j, k, begin, end, g.cell(0, j, k)}, g.node(0, j, k)};
-    if (active && corrected)
+    if (corrected)
       correct_row(transport, row, work.first, fraction.empty() ? nullptr : fraction.data(), source.data(), first.data(),
                   field.data());
     else
       std::copy(first.data() + row.first + begin, first.data() + row.first + end, field.data() + row.first + begin);
-    if (!active) return;
-    for (int i = begin; i < end; ++i)
-      if (in_solid(row.first + static_cast<std::size_t>(i))) field[row.first + static_cast<std::size_t>(i)] = 0;
   });
+  budget.count(parallel, g, work.first, field, work.solid_cells);
   return tiles.active_count();
 }
 
@@ -290,9 +325,18 @@ std::uint64_t advect_scalar(const Parallel& parallel, const Grid& g, bool correc
 std::uint64_t advect_smoke(const Parallel& parallel, const Grid& g, bool corrected, double dt, const VectorField& flow,
                            const std::vector<Real>& cell_fraction, FluidState& state, AdvectWorkspace& work) {
   std::uint64_t tiles = 0;
-  for (std::vector<Real>* field : {&state.smoke, &state.temperature})
-    if (!field->empty()) tiles += advect_scalar(parallel, g, corrected, dt, flow, cell_fraction, *field, work);
+  if (!state.smoke.empty())
+    tiles += advect_scalar(parallel, g, corrected, dt, flow, cell_fraction, state.smoke, work, work.budgets[0]);
+  if (!state.temperature.empty())
+    tiles += advect_scalar(parallel, g, corrected, dt, flow, cell_fraction, state.temperature, work, work.budgets[1]);
   return tiles;
+}
+
+void settle_smoke(const Parallel& parallel, const Grid& g, const Walls& walls, const std::vector<Real>& cell_fraction,
+                  FluidState& state, AdvectWorkspace& work) {
+  if (!state.smoke.empty()) work.budgets[0].settle(parallel, g, walls, work.solid_cells, cell_fraction, state.smoke);
+  if (!state.temperature.empty())
+    work.budgets[1].settle(parallel, g, walls, work.solid_cells, cell_fraction, state.temperature);
 }
 
 }  // namespace efsi::fluid

@@ -21,6 +21,7 @@ class TileMask {
         static_cast<std::size_t>(tiles_[0]) * static_cast<std::size_t>(tiles_[1]) * static_cast<std::size_t>(tiles_[2]),
         0);
   }
+  const Vec3i& tiles() const { return tiles_; }  // along each axis
   std::int64_t count() const { return static_cast<std::int64_t>(active_.size()); }
   std::int64_t at(const Vec3i& tile) const {
     return tile[0] + std::int64_t{1} * tiles_[0] * (tile[1] + std::int64_t{1} * tiles_[1] * tile[2]);

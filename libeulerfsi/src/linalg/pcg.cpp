@@ -17,7 +17,7 @@ constexpr double kRounding = 8.0 * std::numeric_limits<Real>::epsilon();  // of 
 SolveStats pcg(const Parallel& parallel, const Operator& apply, const Operator& precondition,
                const std::vector<Real>& b, std::vector<Real>& x, const SolveOptions& options, PcgWorkspace& work) {
   const std::size_t n = b.size();
-  for (auto* v : {&work.r, &work.z, &work.d, &work.q, &work.best}) v->resize(n);
+  for (auto* v : {&work.r, &work.z, &work.d, &work.q}) v->resize(n);
   auto& [r, z, d, q, best] = work;
 
   SolveStats stats;
@@ -40,20 +40,19 @@ SolveStats pcg(const Parallel& parallel, const Operator& apply, const Operator& 
   };
 
   // r = b - A x
-  r = b;
-  if (dot(parallel, x, x) > 0.0) {
+  copy(parallel, r, b);
+  double start = b_norm;
+  if (!options.from_zero && dot(parallel, x, x) > 0.0) {
     apply(x, q);
     add_scaled(parallel, r, -1.0, q);
+    start = norm(parallel, r);
   }
-  const double start = norm(parallel, r);
   if (options.against_start) reference = std::max(start, kRounding * b_norm / options.tolerance);
   if (done(start)) return stats;
-  // The best iterate so far, looked at now and then: b may lie outside the range of A.
-  best = x;
-  double best_residual = stats.residual;
-  precondition(r, z);
-  d = z;
-  double rz = dot(parallel, r, z);
+  // The best iterate of a long solve, looked at now and then: b may lie outside the range of A.
+  double best_residual = std::numeric_limits<double>::infinity();
+  precondition(r, d);
+  double rz = dot(parallel, r, d);
   while (stats.iterations < options.max_iterations) {
     apply(d, q);
     const double dq = dot(parallel, d, q);
@@ -63,18 +62,18 @@ SolveStats pcg(const Parallel& parallel, const Operator& apply, const Operator& 
     ++stats.iterations;
     if (done(std::sqrt(r_square))) return stats;
     if (stats.iterations % kBestInterval == 0 && stats.residual < best_residual) {
-      best = x;
+      copy(parallel, best, x);
       best_residual = stats.residual;
     }
     precondition(r, z);
-    const double rz_new = dot(parallel, r, z);
-    const double beta = -alpha * dot(parallel, q, z) / rz;  // Polak-Ribiere: the residual has changed by -alpha q
+    const auto [rz_new, qz] = dots(parallel, z, r, q);
+    const double beta = -alpha * qz / rz;  // Polak-Ribiere: the residual has changed by -alpha q
     if (!(rz_new > 0.0) || !std::isfinite(beta)) break;
     scale_add(parallel, d, beta, z);
     rz = rz_new;
   }
-  if (!(stats.residual <= best_residual)) {
-    x = best;
+  if (!(stats.residual <= best_residual) && best_residual < std::numeric_limits<double>::infinity()) {
+    copy(parallel, x, best);
     stats.residual = best_residual;
   }
   stats.converged = false;

@@ -18,13 +18,41 @@ EFSI_INLINE Lanes load(const Real* a) {
   return __builtin_convertvector(entries, Lanes);
 }
 
+EFSI_INLINE double sum_of(const Lanes& l) { return ((l[0] + l[1]) + (l[2] + l[3])) + ((l[4] + l[5]) + (l[6] + l[7])); }
+
 EFSI_KERNEL double dot_entries(std::int64_t n, const Real* a, const Real* b) {
   Lanes lanes = {};
   std::int64_t i = 0;
   for (; i + kLanes <= n; i += kLanes) lanes += load(a + i) * load(b + i);
   double rest = 0.0;
   for (; i < n; ++i) rest += static_cast<double>(a[i]) * static_cast<double>(b[i]);
-  return (((lanes[0] + lanes[1]) + (lanes[2] + lanes[3])) + ((lanes[4] + lanes[5]) + (lanes[6] + lanes[7]))) + rest;
+  return sum_of(lanes) + rest;
+}
+
+EFSI_KERNEL void dots_entries(std::int64_t n, const Real* a, const Real* b, const Real* c, double* sums) {
+  Lanes ab = {}, ac = {};
+  std::int64_t i = 0;
+  for (; i + kLanes <= n; i += kLanes) {
+    const Lanes x = load(a + i);
+    ab += x * load(b + i);
+    ac += x * load(c + i);
+  }
+  double rest[2] = {0.0, 0.0};
+  for (; i < n; ++i) {
+    rest[0] += static_cast<double>(a[i]) * static_cast<double>(b[i]);
+    rest[1] += static_cast<double>(a[i]) * static_cast<double>(c[i]);
+  }
+  sums[0] = sum_of(ab) + rest[0];
+  sums[1] = sum_of(ac) + rest[1];
+}
+
+EFSI_KERNEL double sum_entries(std::int64_t n, const Real* a) {
+  Lanes lanes = {};
+  std::int64_t i = 0;
+  for (; i + kLanes <= n; i += kLanes) lanes += load(a + i);
+  double rest = 0.0;
+  for (; i < n; ++i) rest += static_cast<double>(a[i]);
+  return sum_of(lanes) + rest;
 }
 
 EFSI_KERNEL void add_entries(std::int64_t n, Real s, const Real* x, Real* y) {
@@ -72,6 +100,28 @@ double dot(const Parallel& parallel, const std::vector<Real>& a, const std::vect
   });
 }
 
+std::pair<double, double> dots(const Parallel& parallel, const std::vector<Real>& a, const std::vector<Real>& b,
+                               const std::vector<Real>& c) {
+  const auto n = static_cast<std::int64_t>(a.size()), chunks = (n + kReduceChunk - 1) / kReduceChunk;
+  std::vector<double> parts(static_cast<std::size_t>(2 * chunks));
+  parallel.for_each(chunks, [&](std::int64_t chunk) {
+    const std::int64_t begin = chunk * kReduceChunk;
+    dots_entries(std::min(n - begin, kReduceChunk), a.data() + begin, b.data() + begin, c.data() + begin,
+                 &parts[static_cast<std::size_t>(2 * chunk)]);
+  });
+  std::pair<double, double> total{0.0, 0.0};
+  for (std::size_t chunk = 0; chunk < parts.size(); chunk += 2) {
+    total.first += parts[chunk];
+    total.second += parts[chunk + 1];
+  }
+  return total;
+}
+
+double sum(const Parallel& parallel, const std::vector<Real>& a) {
+  return sum_chunks(parallel, a.size(),
+                    [&](std::int64_t begin, std::int64_t length) { return sum_entries(length, a.data() + begin); });
+}
+
 double advance(const Parallel& parallel, double s, const std::vector<Real>& d, const std::vector<Real>& q,
                std::vector<Real>& x, std::vector<Real>& r) {
   const Real factor = static_cast<Real>(s);
@@ -97,6 +147,13 @@ void scale_add(const Parallel& parallel, std::vector<Real>& y, double s, const s
 void scale(const Parallel& parallel, std::vector<Real>& y, double s) {
   for_parts(parallel, y.size(), [&](std::int64_t begin, std::int64_t length) {
     scale_entries(length, static_cast<Real>(s), y.data() + begin);
+  });
+}
+
+void copy(const Parallel& parallel, std::vector<Real>& y, const std::vector<Real>& x) {
+  y.resize(x.size());
+  for_parts(parallel, y.size(), [&](std::int64_t begin, std::int64_t length) {
+    std::memcpy(y.data() + begin, x.data() + begin, static_cast<std::size_t>(length) * sizeof(Real));
   });
 }
 

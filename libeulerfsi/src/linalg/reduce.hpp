@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "base/math_types.hpp"
@@ -13,6 +14,10 @@ namespace efsi::linalg {
 inline constexpr std::int64_t kReduceChunk = 4096;
 
 double dot(const Parallel& parallel, const std::vector<Real>& a, const std::vector<Real>& b);
+// a.b and a.c, of which each is summed as dot does.
+std::pair<double, double> dots(const Parallel& parallel, const std::vector<Real>& a, const std::vector<Real>& b,
+                               const std::vector<Real>& c);
+double sum(const Parallel& parallel, const std::vector<Real>& a);  // in the same order
 inline double norm(const Parallel& parallel, const std::vector<Real>& a) { return std::sqrt(dot(parallel, a, a)); }
 
 // x += s d, r -= s q; returns |r|^2, summed as dot does.
@@ -24,6 +29,8 @@ void add_scaled(const Parallel& parallel, std::vector<Real>& y, double s, const 
 void scale_add(const Parallel& parallel, std::vector<Real>& y, double s, const std::vector<Real>& x);
 // y *= s
 void scale(const Parallel& parallel, std::vector<Real>& y, double s);
+// y = x
+void copy(const Parallel& parallel, std::vector<Real>& y, const std::vector<Real>& x);
 // y = s d x, entry by entry
 void multiply(const Parallel& parallel, std::vector<Real>& y, const std::vector<Real>& d, const std::vector<Real>& x,
               Real s = 1);

@@ -11,14 +11,13 @@
 namespace efsi::sim {
 namespace {
 
-constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', '5'};
+constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', '6'};
 
 // One walk over the state serves writing, reading and hashing.
 template <class S, class Archive>
 void walk(S& state, Archive& archive) {
   archive.value(state.time);
   archive.value(state.steps);
-  archive.value(state.solid_speed);
   archive.value(state.fluid_speed);
   for (auto& c : state.fluid.velocity.c) archive.array(c);
   archive.array(state.fluid.pressure);
@@ -36,6 +35,7 @@ void walk(S& state, Archive& archive) {
     archive.array(s.surface);
     archive.value(s.rest_volume_cells);
     archive.value(s.whole);
+    archive.value(s.speed);
     archive.value(s.leak);
   }
 }

@@ -395,9 +395,11 @@ void solve_velocity(const Parallel& parallel, const Scene& scene, Workspace& wor
   timer.visited(static_cast<std::uint64_t>(work.velocity_system.unknowns()), 15 * sizeof(Real));
 }
 
-solid::RigidMotion transport_frame(const Scene& scene, const Workspace& work, std::size_t l) {
-  const bool moving = scene.params.numerics.conserve_momentum && !work.velocity_system.touches(l);
-  return moving ? solid::rigid_motion(work.solid_momenta[l]) : solid::RigidMotion{};
+solid::RigidStep transport_frame(const Scene& scene, const Workspace& work, std::size_t l, double dt) {
+  if (!scene.params.numerics.conserve_momentum) return {};
+  const solid::Momenta &before = work.first_momenta[l], &after = work.solid_momenta[l];
+  const unsigned held = work.velocity_system.held_axes(l);
+  return held ? solid::held_step(before, after, held, dt) : solid::free_step(before, after, dt);
 }
 
 namespace {
@@ -441,10 +443,11 @@ void advect_fluid(const Parallel& parallel, const Scene& scene, double dt, State
   if (!scene.params.fluid.present) return;
   const bool corrected = scene.params.numerics.corrected_fluid_advection;
   still_inflow(parallel, scene, work.velocity);
+  work.pressure_system.exchange_scratch(work.advect.first.c);
   {
     ScopedTimer timer(profile, Stage::kSmoke);
-    const std::uint64_t tiles =
-        fluid::advect_smoke(parallel, scene.grid, corrected, dt, work.velocity, work.cell_fraction, state.fluid, work.advect);
+    const std::uint64_t tiles = fluid::advect_smoke(parallel, scene.grid, corrected, dt, work.velocity,
+                                                    work.cell_fraction, state.fluid, work.advect);
     timer.visited(512 * tiles, 6 * sizeof(Real));
   }
   for (const system::SlipNode& n : work.slip.nodes())  // fluid like any other: corrected
@@ -454,6 +457,16 @@ void advect_fluid(const Parallel& parallel, const Scene& scene, double dt, State
       fluid::advect_velocity(parallel, scene.grid, corrected, dt, work.velocity, work.specific_volume,
                              static_cast<Real>(1.0 / scene.params.fluid.density), state.fluid, work.advect);
   timer.visited(512 * tiles, 12 * sizeof(Real));
+  work.pressure_system.exchange_scratch(work.advect.first.c);
+}
+
+void measure_first_momenta(const Parallel& parallel, const State& state, Workspace& work) {
+  work.first_momenta.clear();
+  for (std::size_t l = 0; l < state.solids.size(); ++l) {
+    const solid::SolidState& solid = state.solids[l];
+    work.first_momenta.push_back(
+        solid::measure_momenta(parallel, solid.band, work.solids[l], solid.band.grid, solid.v));
+  }
 }
 
 void measure_momentum(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work) {
@@ -495,15 +508,14 @@ void measure(const Parallel& parallel, const Scene& scene, State& state, const W
   const Grid& g = scene.grid;
   info.time = state.time;
   info.steps = 1;
-  state.solid_speed = 0.0;
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     const solid::SolidWork& solid = work.solids[l];
-    state.solid_speed = std::max(state.solid_speed, solid.max_speed);
+    state.solids[l].speed = solid.max_speed;
+    info.max_speed_solid = std::max(info.max_speed_solid, solid.max_speed);
     info.min_det_f = l == 0 ? solid.min_det_f : std::min(info.min_det_f, solid.min_det_f);
     info.max_det_f = l == 0 ? solid.max_det_f : std::max(info.max_det_f, solid.max_det_f);
     info.degenerate_cells += solid.degenerate + solid.rejected;
   }
-  info.max_speed_solid = state.solid_speed;
   if (!scene.params.fluid.present) return;
   const std::size_t plane = g.node_stride(2);
   state.fluid_speed = parallel.max(g.cells[2] + 1, 0.0, [&](std::int64_t k) {

@@ -25,14 +25,17 @@ void assemble_velocity_system(const Parallel& parallel, const Scene& scene, doub
                               Profile& profile);
 // Line 9, Eq. 8.
 void solve_velocity(const Parallel& parallel, const Scene& scene, Workspace& work, Profile& profile, StepInfo& info);
-// The frame in which a solid's velocity field keeps its shape for the step: that of the rigid body with its momenta; at
-// rest while it touches a wall, which holds the field where it is.
-solid::RigidMotion transport_frame(const Scene& scene, const Workspace& work, std::size_t l);
+// The frame in which a solid's velocity field keeps its shape for the step: that of the rigid body with its momenta,
+// which moves by the mean of those at the step's start and now. While walls hold a solid its field rests on the grid,
+// and the mean moves it along them only.
+solid::RigidStep transport_frame(const Scene& scene, const Workspace& work, std::size_t l, double dt);
 // Which cells carry stiffness, for the next step's choice.
 void remember_elements(const Scene& scene, const Workspace& work, std::size_t l, double dt, State& state);
 // Line 22: velocity and smoke.
 void advect_fluid(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
                   Profile& profile);
+// The solids' momenta at the start of the step, of the state's velocities.
+void measure_first_momenta(const Parallel& parallel, const State& state, Workspace& work);
 // Momenta before the transport, lines 19 to 22, and their restoration after it. The fluid's is kept along periodic axes
 // of a box without open faces.
 void measure_momentum(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work);

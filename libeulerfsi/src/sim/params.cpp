@@ -89,7 +89,7 @@ grid::Grid make_grid(const Params& p) {
 
 double estimate_memory(const Params& p, double solid_volume) {
   // Bytes per cell of the global grid and of the solids' bands, measured by bench speed.
-  constexpr double kBytesPerCell = 198.0, kBytesPerBandCell = 520.0;
+  constexpr double kBytesPerCell = 150.0, kBytesPerBandCell = 520.0;
   double cells = 1.0;
   for (int a = 0; a < 3; ++a) cells *= std::ceil(p.domain_size[a] / p.voxel_size) + 1.0;
   const double band_edge = std::cbrt(std::max(0.0, solid_volume)) / p.voxel_size + 2.0 * solid::kBandMargin;

@@ -23,7 +23,7 @@ struct Numerics {
   double pressure_tolerance = 0.018;
   int points_per_element = 1;
   solid::AdvectionScheme solid_advection = solid::AdvectionScheme::kMacCormack;
-  bool corrected_fluid_advection = true;
+  bool corrected_fluid_advection = true;  // MacCormack; smoke and heat keep their amount
   // true: v = v* - G^-1 J^T q on solid nodes (Eq. 13 as printed); false: v = v* - M^-1 J^T q, divergence-free.
   bool stiff_correction = false;
   // One step towards the pressure that elasticity answers to, before the projection.

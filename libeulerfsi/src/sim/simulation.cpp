@@ -10,6 +10,7 @@
 #include "base/error.hpp"
 #include "fluid/forces.hpp"
 #include "geometry/overlap.hpp"
+#include "linalg/reduce.hpp"
 #include "sim/checkpoint.hpp"
 #include "solid/displacement.hpp"
 #include "solid/mass.hpp"
@@ -181,7 +182,7 @@ std::size_t Simulation::add_solid(const SolidDesc& desc, geometry::MeshReport& r
     throw Error(ErrorCode::kMesh, text.str());
   }
   state.rest_volume_cells = work.volume;
-  state_.solid_speed = std::max(state_.solid_speed, speed);
+  state.speed = speed;
   solids_.push_back(std::move(rest));
   state_.solids.push_back(std::move(state));
   work_.solids.push_back(std::move(work));
@@ -251,12 +252,26 @@ StepInfo Simulation::advance(double duration, const Progress& progress) {
   return total;
 }
 
+// The fields of the fluid are most of the state.
+void Simulation::keep_backup() {
+  fluid::FluidState& to = work_.backup.fluid;
+  const fluid::FluidState& from = state_.fluid;
+  for (std::size_t a = 0; a < 3; ++a) linalg::copy(parallel_, to.velocity.c[a], from.velocity.c[a]);
+  linalg::copy(parallel_, to.pressure, from.pressure);
+  linalg::copy(parallel_, to.smoke, from.smoke);
+  linalg::copy(parallel_, to.temperature, from.temperature);
+  work_.backup.time = state_.time;
+  work_.backup.steps = state_.steps;
+  work_.backup.fluid_speed = state_.fluid_speed;
+  work_.backup.solids = state_.solids;
+}
+
 // A step whose result is looked at: a bad one is rolled back and repeated with half the size.
 StepInfo Simulation::checked_step(double remaining) {
   const auto begin = std::chrono::steady_clock::now();
   {
     ScopedTimer timer(profile_, Stage::kCheck);
-    work_.backup = state_;
+    keep_backup();
   }
   const Scene scene{params_, grid_, solids_, emitters_};
   double shrink = 1.0;
@@ -478,7 +493,7 @@ void Simulation::set_solid_field(std::size_t index, bool velocity, const float* 
   work_.masses_ready = false;
   if (velocity) {
     for (const auto& c : field.c)
-      for (Real v : c) state_.solid_speed = std::max(state_.solid_speed, static_cast<double>(std::abs(v)));
+      for (Real v : c) solid.speed = std::max(solid.speed, static_cast<double>(std::abs(v)));
   } else {
     solid::correct_surface(parallel_, solids_[index], solid);
   }

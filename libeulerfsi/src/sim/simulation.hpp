@@ -100,6 +100,7 @@ class Simulation {
 
  private:
   StepInfo checked_step(double remaining);
+  void keep_backup();
   std::string lost_shape() const;
   std::string crosses_periodic_face() const;
 

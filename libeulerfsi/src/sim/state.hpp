@@ -12,8 +12,7 @@ namespace efsi::sim {
 struct State {
   double time = 0.0;  // [s]
   std::uint64_t steps = 0;
-  double solid_speed = 0.0;  // largest component over the solids [m/s]; for the next time step
-  double fluid_speed = 0.0;
+  double fluid_speed = 0.0;  // largest component [m/s]; for the next time step
   fluid::FluidState fluid;
   std::vector<solid::SolidState> solids;
 };

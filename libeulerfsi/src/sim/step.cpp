@@ -26,7 +26,8 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   info.dt = dt;
 
   if (!work.masses_ready) compute_masses(parallel, scene, state, work, profile);  // Alg. 1 lines 3, 7
-  for (std::size_t l = 0; l < solids; ++l) {                                      // lines 2-6
+  if (numerics.conserve_momentum) measure_first_momenta(parallel, state, work);
+  for (std::size_t l = 0; l < solids; ++l) {  // lines 2-6
     ScopedTimer timer(profile, Stage::kComputeG);
     solid::compute_material(parallel, scene.solids[l], state.solids[l], numerics.points_per_element,  // Alg. 1 line 4
                             work.solids[l]);
@@ -52,17 +53,15 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
       solid::update_velocity(parallel, g, work.velocity, state.solids[l], work.solids[l]);  // Alg. 1 lines 13, 18
       timer.visited(work.solids[l].layer.size(), 12 * sizeof(Real));
     }
-    {
-      ScopedTimer timer(profile, Stage::kSurface);
-      solid::predict_surface(parallel, dt, state.solids[l]);
-    }
+    const solid::RigidStep frame = transport_frame(scene, work, l, dt);
     {
       ScopedTimer timer(profile, Stage::kSolidAdvection);
-      solid::advect(parallel, numerics.solid_advection, dt, transport_frame(scene, work, l),  // Alg. 1 lines 19, 20
+      solid::advect(parallel, numerics.solid_advection, dt, frame,  // Alg. 1 lines 19, 20
                     work.solids[l], state.solids[l], work.solid_advect);
     }
     {
       ScopedTimer timer(profile, Stage::kSurface);
+      solid::predict_surface(parallel, dt, frame, work.solid_advect, state.solids[l]);
       solid::correct_surface(parallel, scene.solids[l], state.solids[l]);
       solid::measure_leak(scene.solids[l], work.solids[l], state.solids[l]);
       state.solids[l].whole = solid::is_whole(g, params.walls, state.solids[l]);
@@ -77,6 +76,10 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   if (numerics.repair_map || numerics.conserve_momentum) compute_masses(parallel, scene, state, work, profile);
   if (numerics.repair_map) repair_maps(parallel, scene, state, work, profile, info);
   if (numerics.conserve_momentum) restore_momentum(parallel, scene, state, work, profile);
+  {
+    ScopedTimer timer(profile, Stage::kSmoke);
+    fluid::settle_smoke(parallel, g, params.walls, work.cell_fraction, state.fluid, work.advect);
+  }
 
   state.time += dt;
   ++state.steps;

@@ -1,6 +1,8 @@
 #include "sim/time_step.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -15,6 +17,11 @@ constexpr double kContactReach = 2.0;     // cells
 constexpr double kContactDistance = 1.0;  // cells: 2 less what a step in contact moves
 constexpr double kContactPace = 0.7;      // cells that a shear wave passes in a step in contact
 constexpr double kContactStrain = 0.1;    // in a step in contact, below which waves need not be resolved
+// Cells per step in flight over those elsewhere: through vacuum (4 where these are 1.8) and through a fluid of at most
+// kThin of a solid's density. The pressure of the fluid grows with what a solid moves in a step, and presses it.
+constexpr double kVacuumReach = 20.0 / 9.0, kFluidReach = 1.5, kThin = 0.01;
+constexpr double kFarthest = 3.95;     // cells per step: one of more than four is repeated
+constexpr double kFlightStrain = 0.1;  // or angle [rad], in a step in flight
 
 // Largest dt with (speed + a dt) dt <= distance.
 double time_to_move(double speed, double a, double distance) {
@@ -33,35 +40,82 @@ double wave_limit(const Parallel& parallel, const grid::Grid& g, const solid::So
   return std::min(limit, std::max(wave, rate > 0.0 ? kContactStrain / rate : limit));
 }
 
-// What walls near a solid allow: its surface may reach them, or move by kContactCfl in contact (Sec. 5.2 uses 0.6 for
-// solids less than 2 cells apart). Sliding along a wall is free.
-double wall_limit(const Parallel& parallel, const Scene& scene, std::size_t l, const solid::SolidState& solid) {
-  const Params& params = scene.params;
+// What is between a solid and the faces that are walls: -x +x -y +y -z +z.
+struct Gaps {
+  std::array<double, 6> cells;      // infinite where there is no wall
+  std::array<double, 6> closing{};  // speed towards the wall of what is within kContactReach of it [m/s]
+  double least() const { return *std::min_element(cells.begin(), cells.end()); }
+};
+
+Gaps measure_gaps(const Scene& scene, const solid::SolidState& solid) {
   const grid::Grid& g = scene.grid;
   const grid::NodeSampler sampler(solid.band.grid);
-  double gap[6], closing[6] = {};  // cells; speed towards the wall of what is near it [m/s]
-  std::fill(gap, gap + 6, std::numeric_limits<double>::infinity());
+  Gaps gaps;
+  gaps.cells.fill(std::numeric_limits<double>::infinity());
   for (const Vec3d& x : solid.surface)
     for (std::size_t face = 0; face < 6; ++face) {
-      if (!grid::Walls::blocks(params.walls.face[face])) continue;
+      if (!grid::Walls::blocks(scene.params.walls.face[face])) continue;
       const std::size_t axis = face / 2;
       const double at = (x[static_cast<Eigen::Index>(axis)] - g.origin[static_cast<Eigen::Index>(axis)]) / g.h;
       const double distance = face % 2 ? g.cells[axis] - at : at;
-      gap[face] = std::min(gap[face], distance);
+      gaps.cells[face] = std::min(gaps.cells[face], distance);
       if (distance > kContactReach) continue;
       const Vec3 local = ((x - solid.band.grid.origin) / g.h).cast<Real>();
       const double v = static_cast<double>(sampler.vector(solid.v, local)[static_cast<Eigen::Index>(axis)]);
-      closing[face] = std::max(closing[face], face % 2 ? v : -v);
+      gaps.closing[face] = std::max(gaps.closing[face], face % 2 ? v : -v);
     }
+  return gaps;
+}
+
+// What walls near a solid allow: its surface may reach them, or move by kContactCfl in contact (Sec. 5.2 uses 0.6 for
+// solids less than 2 cells apart). Sliding along a wall is free.
+double wall_limit(const Parallel& parallel, const Scene& scene, std::size_t l, const solid::SolidState& solid,
+                  const Gaps& gaps) {
+  const Params& params = scene.params;
+  const grid::Grid& g = scene.grid;
   double limit = std::numeric_limits<double>::infinity();
   for (std::size_t face = 0; face < 6; ++face) {
-    const double cells = std::max(kContactCfl, gap[face] - kContactDistance);
+    const double cells = std::max(kContactCfl, gaps.cells[face] - kContactDistance);
     if (cells < params.cfl_solid)
-      limit = std::min(limit, time_to_move(closing[face], params.gravity.norm(), cells * g.h));
+      limit = std::min(limit, time_to_move(gaps.closing[face], params.gravity.norm(), cells * g.h));
   }
-  if (params.numerics.resolve_impacts && *std::min_element(gap, gap + 6) < kContactReach)
+  if (params.numerics.resolve_impacts && gaps.least() < kContactReach)
     limit = wave_limit(parallel, g, scene.solids[l], solid, limit);
   return limit;
+}
+
+using Box = Eigen::AlignedBox3d;
+std::vector<Box> surface_boxes(const State& state) {
+  std::vector<Box> boxes(state.solids.size());
+  for (std::size_t l = 0; l < boxes.size(); ++l)
+    for (const Vec3d& x : state.solids[l].surface) boxes[l].extend(x);
+  return boxes;
+}
+
+// How many cells a solid may move in a step: cfl_solid, or more in flight, away from walls and from other solids, which
+// come towards it as far.
+double free_cells(const Scene& scene, const std::vector<Box>& boxes, std::size_t l, const Gaps& gaps) {
+  const Params& params = scene.params;
+  const double fluid = params.fluid.present ? params.fluid.density : 0.0;
+  if (!params.numerics.conserve_momentum || fluid > kThin * scene.solids[l].density) return params.cfl_solid;
+  double room = gaps.least() - kContactDistance;
+  for (std::size_t other = 0; other < boxes.size(); ++other)
+    if (other != l)
+      room = std::min(room, 0.5 * (boxes[l].exteriorDistance(boxes[other]) / scene.grid.h - kContactReach));
+  const double far = std::min(kFarthest, (fluid > 0.0 ? kFluidReach : kVacuumReach) * params.cfl_solid);
+  return std::max(params.cfl_solid, std::min(room, far));
+}
+
+// What the speed of a solid allows. A step that turns or strains it much is no longer than elsewhere.
+double speed_limit(const Parallel& parallel, const Scene& scene, const solid::SolidState& solid, double cells,
+                   double limit) {
+  const Params& params = scene.params;
+  const double h = scene.grid.h, gravity = params.gravity.norm();
+  const double near = time_to_move(solid.speed, gravity, params.cfl_solid * h);
+  if (!(cells > params.cfl_solid) || near >= limit) return std::min(near, limit);
+  const double rate = solid::largest_strain_rate(parallel, solid, solid.valid);
+  limit = std::min(limit, time_to_move(solid.speed, gravity, cells * h));
+  return rate > 0.0 ? std::max(near, std::min(limit, kFlightStrain / rate)) : limit;
 }
 
 }  // namespace
@@ -70,10 +124,12 @@ double compute_time_step(const Parallel& parallel, const Scene& scene, const Sta
   const Params& params = scene.params;
   const grid::Grid& g = scene.grid;
   double limit = params.max_time_step > 0.0 ? std::min(params.max_time_step, remaining) : remaining;
-  for (std::size_t l = 0; l < scene.solids.size(); ++l)
-    limit = std::min(limit, wall_limit(parallel, scene, l, state.solids[l]));
-  if (!state.solids.empty())
-    limit = std::min(limit, time_to_move(state.solid_speed, params.gravity.norm(), params.cfl_solid * g.h));
+  const std::vector<Box> boxes = surface_boxes(state);
+  for (std::size_t l = 0; l < scene.solids.size(); ++l) {
+    const Gaps gaps = measure_gaps(scene, state.solids[l]);
+    limit = std::min(limit, wall_limit(parallel, scene, l, state.solids[l], gaps));
+    limit = speed_limit(parallel, scene, state.solids[l], free_cells(scene, boxes, l, gaps), limit);
+  }
   if (params.fluid.present) limit = std::min(limit, time_to_move(state.fluid_speed, 0.0, params.cfl_fluid * g.h));
   return remaining / std::ceil(remaining / limit - 1e-6);
 }

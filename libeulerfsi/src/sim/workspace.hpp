@@ -31,7 +31,8 @@ struct Workspace {
   std::vector<Real> taken;           // q that acts on the velocity before the projection, padded cells [Pa s], or empty
   fluid::AdvectWorkspace advect;
   solid::AdvectWorkspace solid_advect;
-  std::vector<solid::Momenta> solid_momenta;  // before the transport
+  std::vector<solid::Momenta> first_momenta;  // of the solids, at the start of the step
+  std::vector<solid::Momenta> solid_momenta;  // the same before the transport
   Vec3d fluid_momentum = Vec3d::Zero();
   State backup;                // the last good state
   bool masses_ready = false;   // the masses are those of the state

@@ -1,6 +1,5 @@
 #include "solid/displacement.hpp"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cstring>
@@ -72,13 +71,14 @@ EFSI_INLINE CornerMarks corner_marks(const Vec3i& n, const std::uint8_t* mark, s
 // A motion of the frame over a step, in grid units: y -> c + s + R (y - c).
 class FrameMotion {
  public:
-  FrameMotion(const Grid& g, const RigidMotion& frame, double dt) {
-    const Vec3d turn = frame.angular * dt;
-    if (frame.linear.isZero() && turn.isZero()) return;
-    center_ = quad((frame.center - g.origin) / g.h);
-    shift_ = quad(frame.linear * (dt / g.h));
-    spin_ = quad(turn);
-    const Mat3d r = Eigen::AngleAxisd(turn.norm(), turn.stableNormalized()).toRotationMatrix();
+  FrameMotion(const Grid& g, const RigidStep& frame, double dt) {
+    // Where nothing turns the centre is of no account: what rests is to rest to the last bit.
+    const bool turns = !(frame.turn.isZero(0) && frame.velocity.angular.isZero(0));
+    if (turns) center_ = quad((frame.velocity.center - g.origin) / g.h);
+    shift_ = quad(frame.shift / g.h);
+    linear_ = quad(frame.velocity.linear * (dt / g.h));
+    spin_ = quad(frame.velocity.angular * dt);
+    const Mat3d r = rotation(frame.turn);
     for (int a = 0; a < 3; ++a) {
       column_[a] = quad(r.col(a));
       row_[a] = quad(r.row(a));
@@ -89,8 +89,8 @@ class FrameMotion {
   // Cells per step.
   EFSI_INLINE Quad velocity(const Quad& x) const {
     const Quad r = x - center_;
-    return shift_ + Quad{spin_[1] * r[2] - spin_[2] * r[1], spin_[2] * r[0] - spin_[0] * r[2],
-                         spin_[0] * r[1] - spin_[1] * r[0], 0};
+    return linear_ + Quad{spin_[1] * r[2] - spin_[2] * r[1], spin_[2] * r[0] - spin_[0] * r[2],
+                          spin_[0] * r[1] - spin_[1] * r[0], 0};
   }
 
  private:
@@ -100,8 +100,7 @@ class FrameMotion {
   static EFSI_INLINE Quad times(const Quad columns[3], const Quad& x) {
     return columns[0] * x[0] + columns[1] * x[1] + columns[2] * x[2];
   }
-  Quad center_ = {0, 0, 0, 0}, shift_ = {0, 0, 0, 0}, spin_ = {0, 0, 0, 0};
-  Quad column_[3] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}, row_[3] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
+  Quad center_ = {0, 0, 0, 0}, shift_, linear_, spin_, column_[3], row_[3];
 };
 
 // Where what is at x after the step was before it, and where what is at x before it will be: the flow v of the frame,
@@ -204,13 +203,13 @@ EFSI_KERNEL void correct_row(const PackedSampler& nodes, const FrameMotion& moti
 
 }  // namespace
 
-void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const RigidMotion& frame,
-            const SolidWork& work, SolidState& state, AdvectWorkspace& packed) {
+void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const RigidStep& frame, const SolidWork& work,
+            SolidState& state, AdvectWorkspace& packed) {
   const Grid& g = state.band.grid;
   const PackedSampler sampler(g);
   const Real step = static_cast<Real>(dt / g.h);
   const bool paper = scheme == AdvectionScheme::kPaper;
-  const FrameMotion motion(g, paper ? RigidMotion{} : frame, dt);
+  const FrameMotion motion(g, paper ? RigidStep{} : frame, dt);
   packed.resize(g.node_count());
   state.valid.resize(g.node_count());
   const auto for_rows = [&](const auto& body) {
@@ -245,6 +244,22 @@ void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const R
         state.u.c[a][n] = state.valid[n] ? packed.first_u.at(n)[a] : Real(0);
         state.v.c[a][n] = state.valid[n] ? packed.first_v.at(n)[a] : Real(0);
       }
+  });
+}
+
+void predict_surface(const Parallel& parallel, double dt, const RigidStep& frame, const AdvectWorkspace& packed,
+                     SolidState& state) {
+  const Grid& g = state.band.grid;
+  const PackedSampler sampler(g);
+  const FrameMotion motion(g, frame, dt);
+  const Real step = static_cast<Real>(dt / g.h);
+  parallel.for_each(static_cast<std::int64_t>(state.surface.size()), [&](std::int64_t i) {
+    Vec3d& x = state.surface[static_cast<std::size_t>(i)];
+    const Vec3 at = ((x - g.origin) / g.h).cast<Real>();
+    const Quad from = {at[0], at[1], at[2], 0};
+    const Quad v0 = sampler.value(packed.v, from);
+    const Quad way = motion.forward(sampler.trace_rk3(packed.v, from, v0, -step)) - from;
+    for (int a = 0; a < 3; ++a) x[a] += g.h * static_cast<double>(way[a]);
   });
 }
 

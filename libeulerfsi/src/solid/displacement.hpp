@@ -41,12 +41,15 @@ struct AdvectWorkspace {
 };
 
 // Lines 19, 20 for u, and the transport of v by the same trace. Marks the nodes that hold data afterwards.
-// frame: the velocity field keeps its shape for the step in a frame with this motion; at rest: in that of the grid, as
-// always in kPaper. Elastic waves ride on the solid: where the field stays on the grid while the solid moves, a wave's
-// displacement gets out of step with its velocity by half of what the solid moves, and waves that run with it grow
-// (docs/numerics-choices.md).
-void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const RigidMotion& frame,
-            const SolidWork& work, SolidState& state, AdvectWorkspace& packed);
+// frame: the velocity field keeps its shape for the step in a frame with this motion, against which its velocity is
+// seen; at rest: in that of the grid, as always in kPaper. Elastic waves ride on the solid: where the field stays on
+// the grid while the solid moves, a wave's displacement gets out of step with its velocity by half of what the solid
+// moves, and waves that run with it grow (docs/numerics-choices.md).
+void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const RigidStep& frame, const SolidWork& work,
+            SolidState& state, AdvectWorkspace& packed);
+// Where the same motion takes the vertices of the embedded surface; packed: as the advection leaves it.
+void predict_surface(const Parallel& parallel, double dt, const RigidStep& frame, const AdvectWorkspace& packed,
+                     SolidState& state);
 
 // Largest difference of a velocity component between neighbouring band nodes, both of them marked, over h [1/s].
 double largest_strain_rate(const Parallel& parallel, const SolidState& state, const std::vector<std::uint8_t>& marked);

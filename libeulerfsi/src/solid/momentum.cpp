@@ -1,8 +1,16 @@
 #include "solid/momentum.hpp"
 
 #include <Eigen/Dense>
+#include <Eigen/Geometry>
 
 namespace efsi::solid {
+namespace {
+
+constexpr int kMidpointPasses = 6;  // each leaves the angle of a step times the last error
+
+}  // namespace
+
+Mat3d rotation(const Vec3d& turn) { return Eigen::AngleAxisd(turn.norm(), turn.stableNormalized()).toRotationMatrix(); }
 
 void MomentSums::add(double mass, const Vec3d& x, const Vec3d& velocity) {
   mass_ += mass;
@@ -56,6 +64,31 @@ RigidMotion rigid_motion(const Momenta& momenta, unsigned held_axes) {
       motion.angular[a] = momenta.angular[a] / momenta.inertia(a, a);
   }
   return motion;
+}
+
+RigidStep steady_step(const RigidMotion& velocity, double dt) {
+  return {velocity, dt * velocity.linear, dt * velocity.angular};
+}
+
+RigidStep free_step(const Momenta& before, const Momenta& after, double dt) {
+  Momenta mean = after;
+  mean.linear = 0.5 * (before.linear + after.linear);
+  mean.angular = 0.5 * (before.angular + after.angular);
+  RigidStep step = steady_step(rigid_motion(mean), dt);
+  step.velocity = rigid_motion(after);
+  for (int pass = 0; pass < kMidpointPasses; ++pass) {
+    const Mat3d half = rotation(0.5 * step.turn);
+    Momenta halfway = mean;
+    halfway.inertia = half * mean.inertia * half.transpose();
+    step.turn = dt * rigid_motion(halfway).angular;
+  }
+  return step;
+}
+
+RigidStep held_step(const Momenta& before, const Momenta& after, unsigned held_axes, double dt) {
+  RigidStep step;
+  step.shift = 0.5 * dt * (rigid_motion(before, held_axes).linear - rigid_motion(after, held_axes).linear);
+  return step;
 }
 
 RigidMotion missing_motion(const Momenta& target, const Momenta& now) {

@@ -44,6 +44,23 @@ RigidMotion rigid_motion(const Momenta& momenta);
 // The same for a body that plane walls hold along some axes (bit a: axis a): it slides along the others, and turns
 // about the axis of the only wall.
 RigidMotion rigid_motion(const Momenta& momenta, unsigned held_axes);
+// By an axis times an angle [rad].
+Mat3d rotation(const Vec3d& turn);
+// Where a step takes a body, and the velocity that it has then: a point at y goes to center + shift + R (y - center), R
+// the rotation by `turn`.
+struct RigidStep {
+  RigidMotion velocity;
+  Vec3d shift = Vec3d::Zero();  // [m]
+  Vec3d turn = Vec3d::Zero();   // axis times angle [rad]
+};
+// At one velocity.
+RigidStep steady_step(const RigidMotion& velocity, double dt);
+// Of a free body whose momenta a step changes before it moves: by the mean of both velocities. What turns a body keeps
+// its direction while its moments of inertia turn with it, so that it turns about the axis that it has halfway.
+RigidStep free_step(const Momenta& before, const Momenta& after, double dt);
+// Of a body that walls hold along some axes, its velocity field not seen from a frame: what the mean of both
+// velocities moves it further along the others than the last one does.
+RigidStep held_step(const Momenta& before, const Momenta& after, unsigned held_axes, double dt);
 // What `now` lacks to have the momenta of `target`, whose centre is the same but for what the body has moved.
 RigidMotion missing_motion(const Momenta& target, const Momenta& now);
 

@@ -49,6 +49,7 @@ struct SolidState {
   std::vector<Vec3d> surface;       // positions of the embedded surface [m]
   double rest_volume_cells = 0.0;   // by cell fractions, at the first step [m^3]
   std::uint8_t whole = 1;           // no part of it has left through an open face
+  double speed = 0.0;               // largest component of the velocity in the last step [m/s]
   double leak = 0.0;                // volume that the last step lost by the mesh, over that at rest
 };
 

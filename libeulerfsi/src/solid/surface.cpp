@@ -84,17 +84,6 @@ bool is_whole(const Grid& global, const grid::Walls& walls, const SolidState& st
   return true;
 }
 
-void predict_surface(const Parallel& parallel, double dt, SolidState& state) {
-  const grid::NodeSampler sampler(state.band.grid);
-  const Real step = static_cast<Real>(dt / state.band.grid.h);
-  parallel.for_each(static_cast<std::int64_t>(state.surface.size()), [&](std::int64_t i) {
-    Vec3d& x = state.surface[static_cast<std::size_t>(i)];
-    const Vec3 g = to_grid(state.band.grid, x);
-    const Vec3 to = grid::trace_rk3(sampler, state.v, g, sampler.vector(state.v, g), -step);
-    x += state.band.grid.h * (to - g).cast<double>();
-  });
-}
-
 void correct_surface(const Parallel& parallel, const SolidRest& rest, SolidState& state) {
   const auto corner = grid::corner_offsets(state.band.grid);
   const double h = state.band.grid.h;

@@ -9,9 +9,7 @@
 
 namespace efsi::solid {
 
-// x += dt v(x), before u and v are advected.
-void predict_surface(const Parallel& parallel, double dt, SolidState& state);
-// Newton's correction with the new u. A vertex outside the data keeps its prediction.
+// Newton's correction of what predict_surface says, with the new u. A vertex outside the data keeps its prediction.
 void correct_surface(const Parallel& parallel, const SolidRest& rest, SolidState& state);
 // Velocities at the surface vertices [m/s].
 void sample_surface_velocity(const Parallel& parallel, const SolidState& state, std::vector<Vec3d>& velocity);

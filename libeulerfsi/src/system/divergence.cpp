@@ -278,29 +278,35 @@ void compute_pressure_diagonal(const Parallel& parallel, PressureLevel& level) {
   });
 }
 
+namespace {
+
+// Divergence of a row of cells from the four rows of nodes around it; o: steps to the corners of a cell.
+EFSI_KERNEL void cell_divergence_row(int n, Real scale, const std::size_t* o, const Real* x, const Real* y,
+                                     const Real* z, Real* out) {
+  const std::size_t o2 = o[2], o3 = o[3], o4 = o[4], o5 = o[5], o6 = o[6], o7 = o[7];
+#pragma omp simd
+  for (int i = 0; i < n; ++i) {
+    const Real *xi = x + i, *yi = y + i, *zi = z + i;
+    const Real dx = ((xi[1] - xi[0]) + (xi[o3] - xi[o2])) + ((xi[o5] - xi[o4]) + (xi[o7] - xi[o6]));
+    const Real dy = ((yi[o2] - yi[0]) + (yi[o3] - yi[1])) + ((yi[o6] - yi[o4]) + (yi[o7] - yi[o5]));
+    const Real dz = ((zi[o4] - zi[0]) + (zi[o5] - zi[1])) + ((zi[o6] - zi[o2]) + (zi[o7] - zi[o3]));
+    out[i] = scale * (dx + dy + dz);
+  }
+}
+
+}  // namespace
+
 void compute_divergence(const Parallel& parallel, const Grid& g, const VectorField& velocity,
                         std::vector<Real>& divergence) {
   const auto o = grid::corner_offsets(g);
   const Real scale = static_cast<Real>(0.25 / g.h);
-  const Real *vx = velocity.c[0].data(), *vy = velocity.c[1].data(), *vz = velocity.c[2].data();
   divergence.resize(g.padded_count());
   parallel.for_each(g.cells[2], [&](std::int64_t kk) {
     const int k = static_cast<int>(kk);
     for (int j = 0; j < g.cells[1]; ++j) {
-      const std::size_t n0 = g.node(0, j, k);
-      Real* out = divergence.data() + g.padded(0, j, k);
-      const Real *x = vx + n0, *y = vy + n0, *z = vz + n0;
-#pragma omp simd
-      for (int i = 0; i < g.cells[0]; ++i) {
-        const Real *xi = x + i, *yi = y + i, *zi = z + i;
-        const Real dx =
-            ((xi[o[1]] - xi[o[0]]) + (xi[o[3]] - xi[o[2]])) + ((xi[o[5]] - xi[o[4]]) + (xi[o[7]] - xi[o[6]]));
-        const Real dy =
-            ((yi[o[2]] - yi[o[0]]) + (yi[o[3]] - yi[o[1]])) + ((yi[o[6]] - yi[o[4]]) + (yi[o[7]] - yi[o[5]]));
-        const Real dz =
-            ((zi[o[4]] - zi[o[0]]) + (zi[o[5]] - zi[o[1]])) + ((zi[o[6]] - zi[o[2]]) + (zi[o[7]] - zi[o[3]]));
-        out[i] = scale * (dx + dy + dz);
-      }
+      const std::size_t n = g.node(0, j, k);
+      cell_divergence_row(g.cells[0], scale, o.data(), velocity.c[0].data() + n, velocity.c[1].data() + n,
+                          velocity.c[2].data() + n, divergence.data() + g.padded(0, j, k));
     }
   });
 }

@@ -91,7 +91,6 @@ void PressureMultigrid::build(const Parallel& parallel, const Grid& g, const Wal
   finest_.walls = walls;
   finest_.fixed = fixed;
   finest_.active = std::move(active);
-  residual_.resize(g.padded_count(), 0);
   set_mobility(parallel, specific_volume, finest_);
   compute_pressure_diagonal(parallel, finest_);
   if (slip_ && !slip_->empty()) {
@@ -142,7 +141,7 @@ void PressureMultigrid::smooth(const Parallel& parallel, const std::vector<Real>
     relax_in_boxes(parallel, finest_, focused_, weight, residual_, x);
     return;
   }
-  std::vector<SlipNodes::Pair> excess;  // of x before the step
+  std::vector<Real> excess;  // of x before the step
   if (slip_) excess = slip_->excess(parallel, x);
   smooth_pressure(parallel, finest_, b, weight, x);
   if (slip_)
@@ -253,6 +252,7 @@ void PressureMultigrid::coarse_cycle(const Parallel& every, std::size_t l) {
 
 void PressureMultigrid::precondition(const Parallel& parallel, const std::vector<Real>& r, std::vector<Real>& z) {
   z.resize(r.size());
+  residual_.resize(r.size());
   smooth_from_zero(parallel, r, z);
   if (coarse_.empty()) {
     for (std::size_t it = 1; it < kCoarsestIterations; ++it) smooth(parallel, r, z, it);

@@ -35,6 +35,8 @@ class PressureMultigrid {
   // z = one V-cycle applied to r, symmetric positive definite.
   void precondition(const Parallel& parallel, const std::vector<Real>& r, std::vector<Real>& z);
   std::size_t bytes() const;
+  // Its residual, padded cells: means nothing between two calls of precondition().
+  std::vector<Real>& scratch() { return residual_; }
 
  private:
   struct CoarseLevel {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/kernel.hpp"
 #include "linalg/jacobi.hpp"
 #include "linalg/reduce.hpp"
 
@@ -17,16 +18,20 @@ constexpr int kMostGradients = 10;    // iterations of conjugate gradients befor
 constexpr double kHelps = 0.5;        // the last pressure is the start where it leaves less than this residual
 constexpr double kSolidFloor = 1e-3;  // of the whole right-hand side: less divergence in the solids counts as this
 
-template <class Term>
-double sum_cells(const Parallel& parallel, const Grid& g, const Term& term) {
-  return parallel.sum(g.cells[2], [&](std::int64_t k) {
-    double sum = 0.0;
-    for (int j = 0; j < g.cells[1]; ++j) {
-      const std::size_t row = g.padded(0, j, static_cast<int>(k));
-      for (std::size_t i = 0; i < static_cast<std::size_t>(g.cells[0]); ++i) sum += term(row + i);
-    }
-    return sum;
-  });
+// r = volume (r - source); source may be null.
+EFSI_KERNEL void flux_row(int n, Real volume, const Real* source, Real* r) {
+  if (!source) {
+#pragma omp simd
+    for (int i = 0; i < n; ++i) r[i] = volume * r[i];
+    return;
+  }
+#pragma omp simd
+  for (int i = 0; i < n; ++i) r[i] = volume * (r[i] - source[i]);
+}
+
+EFSI_KERNEL void subtract_row(int n, Real value, Real* r) {
+#pragma omp simd
+  for (int i = 0; i < n; ++i) r[i] -= value;
 }
 
 }  // namespace
@@ -46,35 +51,40 @@ void PressureSystem::assemble(const Parallel& parallel, const Grid& g, const Wal
 bool PressureSystem::closed() const { return !walls_.any_open() && multigrid_.finest().active.empty(); }
 
 bool PressureSystem::last_helps(const Parallel& parallel, const linalg::Operator& apply, const std::vector<Real>& q) {
-  const auto squares = [&](const auto& value) {
-    return sum_cells(parallel, grid_, [&](std::size_t c) { return value(c) * value(c); });
-  };
-  const double zero = squares([&](std::size_t c) { return static_cast<double>(rhs_[c]); });
-  divergence_.resize(q.size());
-  apply(q, divergence_);
-  const double last = squares([&](std::size_t c) { return static_cast<double>(rhs_[c] - divergence_[c]); });
-  return last < kHelps * kHelps * zero;
+  std::vector<Real>& left = pcg_.q;
+  left.resize(q.size());
+  apply(q, left);
+  linalg::scale_add(parallel, left, -1.0, rhs_);
+  return linalg::norm(parallel, left) < kHelps * linalg::norm(parallel, rhs_);
 }
 
 void PressureSystem::compute_residual(const Parallel& parallel, const VectorField& velocity,
                                       const std::vector<Real>& source, std::vector<Real>& r) {
-  compute_divergence(parallel, grid_, velocity, divergence_);
-  if (slip_) slip_->correct_divergence(parallel, velocity, divergence_);
-  r.assign(grid_.padded_count(), 0);
-  const double volume = grid_.h * grid_.h * grid_.h;
+  r.resize(grid_.padded_count());
+  compute_divergence(parallel, grid_, velocity, r);
+  if (slip_) slip_->correct_divergence(parallel, velocity, r);
+  const Real volume = static_cast<Real>(grid_.h * grid_.h * grid_.h);
   const auto& active = multigrid_.finest().active;
-  const auto value = [&](std::size_t c) {
-    return static_cast<double>(divergence_[c]) - (source.empty() ? 0.0 : static_cast<double>(source[c]));
-  };
-  // In a closed box it must sum to zero.
-  double mean = 0.0;
-  if (closed()) mean = sum_cells(parallel, grid_, value) / static_cast<double>(grid_.cell_count());
   parallel.for_each(grid_.cells[2], [&](std::int64_t k) {
     for (int j = 0; j < grid_.cells[1]; ++j) {
       const std::size_t row = grid_.padded(0, j, static_cast<int>(k));
+      flux_row(grid_.cells[0], volume, source.empty() ? nullptr : source.data() + row, r.data() + row);
+      if (active.empty()) continue;
       for (std::size_t c = row; c < row + static_cast<std::size_t>(grid_.cells[0]); ++c)
-        if (active.empty() || active[c]) r[c] = static_cast<Real>(volume * (value(c) - mean));
+        if (!active[c]) r[c] = 0;
     }
+  });
+}
+
+void PressureSystem::set_right_side(const Parallel& parallel, const VectorField& velocity,
+                                    const std::vector<Real>& source) {
+  compute_residual(parallel, velocity, source, rhs_);
+  if (!closed()) return;
+  // In a closed box it must sum to zero.
+  const Real mean = static_cast<Real>(linalg::sum(parallel, rhs_) / static_cast<double>(grid_.cell_count()));
+  parallel.for_each(grid_.cells[2], [&](std::int64_t k) {
+    for (int j = 0; j < grid_.cells[1]; ++j)
+      subtract_row(grid_.cells[0], mean, rhs_.data() + grid_.padded(0, j, static_cast<int>(k)));
   });
 }
 
@@ -105,12 +115,7 @@ linalg::Operator PressureSystem::operator_of(const Parallel& parallel) {
 void PressureSystem::focus(const Parallel& parallel, const linalg::SolveOptions& options, bool from_last) {
   const double b = linalg::norm(parallel, rhs_);
   const double goal = options.reference > 0.0 ? options.reference : b;
-  if (from_last) {
-    linalg::scale_add(parallel, divergence_, -1.0, rhs_);
-    multigrid_.focus(parallel, divergence_, goal, options.tolerance);
-  } else {
-    multigrid_.focus(parallel, rhs_, goal, options.tolerance);
-  }
+  multigrid_.focus(parallel, from_last ? pcg_.q : rhs_, goal, options.tolerance);
 }
 
 linalg::SolveStats PressureSystem::solve_multigrid(const Parallel& parallel, const linalg::SolveOptions& options,
@@ -124,6 +129,7 @@ linalg::SolveStats PressureSystem::solve_multigrid(const Parallel& parallel, con
   const auto gradients = [&](linalg::SolveOptions part, int iterations) {
     part.max_iterations = iterations;
     part.min_iterations = std::max(0, part.min_iterations - stats.iterations);
+    part.from_zero = !from_last && stats.iterations == 0;
     const int before = stats.iterations;
     stats = linalg::pcg(parallel, apply, precondition, rhs_, q, part, pcg_);
     stats.iterations += before;
@@ -153,7 +159,7 @@ linalg::SolveStats PressureSystem::solve_multigrid(const Parallel& parallel, con
 linalg::SolveStats PressureSystem::solve(const Parallel& parallel, PressureSolver solver, const VectorField& velocity,
                                          const std::vector<Real>& source, double tolerance, std::vector<Real>& q,
                                          const DivergenceNorms* before) {
-  compute_residual(parallel, velocity, source, rhs_);
+  set_right_side(parallel, velocity, source);
   const auto& active = multigrid_.finest().active;
   q.resize(grid_.padded_count());
   if (!active.empty())  // a cell that the solid has left keeps no pressure
@@ -188,7 +194,7 @@ linalg::SolveStats PressureSystem::solve(const Parallel& parallel, PressureSolve
 
 linalg::SolveStats PressureSystem::estimate(const Parallel& parallel, const VectorField& velocity,
                                             const std::vector<Real>& source, double tolerance, std::vector<Real>& q) {
-  compute_residual(parallel, velocity, source, rhs_);
+  set_right_side(parallel, velocity, source);
   q.assign(grid_.padded_count(), 0);
   linalg::SolveOptions options;
   options.tolerance = tolerance;
@@ -200,11 +206,8 @@ double PressureSystem::step_length(const Parallel& parallel, const VectorField& 
                                    const std::vector<Real>& source, const std::vector<Real>& q) {
   std::vector<Real>& left = pcg_.r;
   compute_residual(parallel, velocity, source, left);
-  const double slope = sum_cells(
-      parallel, grid_, [&](std::size_t c) { return static_cast<double>(rhs_[c]) * static_cast<double>(q[c]); });
-  const double drop = sum_cells(parallel, grid_, [&](std::size_t c) {
-    return static_cast<double>(rhs_[c] - left[c]) * static_cast<double>(q[c]);
-  });
+  const auto [slope, rest] = linalg::dots(parallel, q, rhs_, left);
+  const double drop = slope - rest;
   return slope > 0.0 && drop > 0.0 ? slope / drop : 0.0;
 }
 
@@ -216,22 +219,19 @@ void PressureSystem::project(const Parallel& parallel, std::vector<Real>& q, Vec
 
 DivergenceNorms PressureSystem::norms(const Parallel& parallel, const VectorField& velocity,
                                       const std::vector<Real>& source) {
-  compute_divergence(parallel, grid_, velocity, divergence_);
-  if (slip_) slip_->correct_divergence(parallel, velocity, divergence_);
-  const auto& active = multigrid_.finest().active;
-  const auto square = [&](std::size_t c) {
-    if (!active.empty() && !active[c]) return 0.0;
-    const double value = static_cast<double>(divergence_[c]) - (source.empty() ? 0.0 : static_cast<double>(source[c]));
-    return value * value;
-  };
-  double solid = 0.0;
-  for (const std::size_t c : solid_cells_) solid += square(c);
-  return {std::sqrt(sum_cells(parallel, grid_, square)), std::sqrt(solid)};
+  compute_residual(parallel, velocity, source, pcg_.r);
+  return residual_norms(parallel, pcg_.r);
+}
+
+void PressureSystem::exchange_scratch(std::array<std::vector<Real>, 3>& arrays) {
+  arrays[0].swap(pcg_.z);
+  arrays[1].swap(pcg_.d);
+  arrays[2].swap(multigrid_.scratch());
 }
 
 std::size_t PressureSystem::bytes() const {
-  return (divergence_.size() + rhs_.size()) * sizeof(Real) + solid_cells_.size() * sizeof(std::size_t) +
-         multigrid_.bytes() + pcg_.bytes() + pcr_.bytes();
+  return rhs_.size() * sizeof(Real) + solid_cells_.size() * sizeof(std::size_t) + multigrid_.bytes() + pcg_.bytes() +
+         pcr_.bytes();
 }
 
 }  // namespace efsi::system

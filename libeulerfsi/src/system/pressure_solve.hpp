@@ -4,6 +4,7 @@
 // the gradient.
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "linalg/pcg.hpp"
@@ -42,26 +43,30 @@ class PressureSystem {
   // v -= M^-1 J^T q
   void project(const Parallel& parallel, std::vector<Real>& q, VectorField& velocity);
   DivergenceNorms norms(const Parallel& parallel, const VectorField& velocity, const std::vector<Real>& source);
+  // Exchanges three arrays for three of its own, as large as the padded cells, whose values mean nothing between
+  // solves.
+  void exchange_scratch(std::array<std::vector<Real>, 3>& arrays);
   std::size_t bytes() const;
 
  private:
   bool closed() const;
-  // r = h^3 (J v - source), in a closed box less its mean.
+  // rhs_ = r = h^3 (J v - source), in a closed box less its mean.
+  void set_right_side(const Parallel& parallel, const VectorField& velocity, const std::vector<Real>& source);
   void compute_residual(const Parallel& parallel, const VectorField& velocity, const std::vector<Real>& source,
                         std::vector<Real>& r);
   double solid_norm(const Parallel& parallel, const std::vector<Real>& r) const;  // of the solids' cells
   DivergenceNorms residual_norms(const Parallel& parallel, const std::vector<Real>& r) const;
   linalg::Operator operator_of(const Parallel& parallel);
-  // Where multigrid smooths in a solve that begins with zero, or with the last q, of which divergence_ holds A q.
+  // Where multigrid smooths in a solve that begins with zero, or with the last q, which leaves the residual in pcg_.q.
   void focus(const Parallel& parallel, const linalg::SolveOptions& options, bool from_last);
   linalg::SolveStats solve_multigrid(const Parallel& parallel, const linalg::SolveOptions& options, bool from_last,
                                      std::vector<Real>& q);
-  // Whether q leaves a smaller residual than zero does; divergence_ becomes A q.
+  // Whether q leaves a smaller residual than zero does; pcg_.q becomes that.
   bool last_helps(const Parallel& parallel, const linalg::Operator& apply, const std::vector<Real>& q);
   Grid grid_;
   Walls walls_;
   std::vector<std::size_t> solid_cells_;  // padded, in order
-  std::vector<Real> divergence_, rhs_;    // padded cells
+  std::vector<Real> rhs_;                 // padded cells
   PressureMultigrid multigrid_;
   SlipNodes* slip_ = nullptr;
   linalg::PcgWorkspace pcg_;

@@ -14,6 +14,11 @@ SlipNodes::SlipNodes(const grid::Grid& g, std::vector<SlipNode> nodes) : grid_(g
   plane_begin_.assign(static_cast<std::size_t>(g.cells[2]) + 2, 0);
   for (const SlipNode& n : nodes_) ++plane_begin_[static_cast<std::size_t>(n.k) + 1];
   for (std::size_t k = 1; k < plane_begin_.size(); ++k) plane_begin_[k] += plane_begin_[k - 1];
+  for (std::size_t corner = 0; corner < 8; ++corner) {
+    const auto& c = grid::kCorner[corner];
+    back_[corner] = g.padded(c[0], c[1], c[2]) - g.padded(0, 0, 0);
+  }
+  for (const SlipNode& n : nodes_) cell_.push_back(g.padded(n.i, n.j, n.k));
 }
 
 void SlipNodes::swap(const Parallel& parallel, grid::VectorField& velocity) {
@@ -49,11 +54,11 @@ void SlipNodes::correct_divergence(const Parallel& parallel, const grid::VectorF
   });
 }
 
-// g_s and g_f [kg m/s].
-SlipNodes::Pair SlipNodes::impulses(const SlipNode& n, const std::vector<Real>& q) const {
+// g_s and g_f [kg m/s] at a node.
+SlipNodes::Pair SlipNodes::impulses(std::size_t t, const std::vector<Real>& q) const {
   Pair g{Vec3::Zero(), Vec3::Zero()};
   for (std::size_t corner = 0; corner < 8; ++corner)
-    (in_solid(n, corner) ? g.solid : g.fluid) += q[cell_at(n, corner)] * side_of(corner);
+    (in_solid(nodes_[t], corner) ? g.solid : g.fluid) += q[cell_[t] - back_[corner]] * side_of(corner);
   return {area() * g.solid, area() * g.fluid};
 }
 
@@ -63,18 +68,19 @@ SlipNodes::Pair SlipNodes::slip(const SlipNode& n, const Pair& g) {
   return {across(n.normal, g.solid / n.solid_mass - common), across(n.normal, g.fluid / n.fluid_mass - common)};
 }
 
-std::vector<SlipNodes::Pair> SlipNodes::excess(const Parallel& parallel, const std::vector<Real>& x) const {
-  std::vector<Pair> out(nodes_.size());
+std::vector<Real> SlipNodes::excess(const Parallel& parallel, const std::vector<Real>& x) const {
+  std::vector<Real> out(8 * nodes_.size());
   for_nodes(parallel, [&](const SlipNode& n, std::size_t t) {
-    const Pair both = slip(n, impulses(n, x));
-    out[t] = {area() * both.solid, area() * both.fluid};
+    const Pair both = slip(n, impulses(t, x));
+    for (std::size_t corner = 0; corner < 8; ++corner)
+      out[8 * t + corner] = area() * side_of(corner).dot(in_solid(n, corner) ? both.solid : both.fluid);
   });
   return out;
 }
 
 void SlipNodes::subtract_gradient(const Parallel& parallel, const std::vector<Real>& q, grid::VectorField& velocity) {
   for_nodes(parallel, [&](const SlipNode& n, std::size_t t) {
-    const Pair g = impulses(n, q), both = slip(n, g);
+    const Pair g = impulses(t, q), both = slip(n, g);
     solid_velocity_[t] -= (g.solid + g.fluid) / (n.solid_mass + n.fluid_mass) + both.solid;
     velocity.set(n.node, velocity.at(n.node) - both.fluid);
   });
@@ -82,7 +88,7 @@ void SlipNodes::subtract_gradient(const Parallel& parallel, const std::vector<Re
 
 std::vector<Vec3> SlipNodes::sliding_impulse(const Parallel& parallel, const std::vector<Real>& q) const {
   std::vector<Vec3> out(nodes_.size());
-  for_nodes(parallel, [&](const SlipNode& n, std::size_t t) { out[t] = across(n.normal, impulses(n, q).fluid); });
+  for_nodes(parallel, [&](const SlipNode& n, std::size_t t) { out[t] = across(n.normal, impulses(t, q).fluid); });
   return out;
 }
 

@@ -8,6 +8,7 @@
 // the surface, and what the pressure does in the solid does not act on the fluid's own velocity at all.
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "base/parallel.hpp"
@@ -51,17 +52,14 @@ class SlipNodes {
   void correct_divergence(const Parallel& parallel, const grid::VectorField& velocity,
                           std::vector<Real>& divergence) const;
 
-  // A = J W J^T with two velocities here is A_1, with one velocity of mass m_s + m_f, and more: (A - A_1) x.
-  struct Pair {
-    Vec3 solid, fluid;
-  };
-  std::vector<Pair> excess(const Parallel& parallel, const std::vector<Real>& x) const;  // what nodes give their cells
-  // Calls body(padded cell, value) for the terms of (A - A_1) x, which add up.
+  // A = J W J^T with two velocities here is A_1, with one velocity of mass m_s + m_f, and more: the terms of (A - A_1)
+  // x that each node gives its 8 cells, corner by corner.
+  std::vector<Real> excess(const Parallel& parallel, const std::vector<Real>& x) const;
+  // Calls body(padded cell, term) for these terms, which add up.
   template <class Body>
-  void for_terms(const Parallel& parallel, const std::vector<Pair>& excess, const Body& body) const {
-    for_cells(parallel, [&](std::size_t t, std::size_t corner, std::size_t cell) {
-      body(cell, side_of(corner).dot(in_solid(nodes_[t], corner) ? excess[t].solid : excess[t].fluid));
-    });
+  void for_terms(const Parallel& parallel, const std::vector<Real>& excess, const Body& body) const {
+    for_cells(parallel,
+              [&](std::size_t t, std::size_t corner, std::size_t cell) { body(cell, excess[8 * t + corner]); });
   }
   // Calls body(padded cell, value) for the terms that, added to the diagonal of A_1, make a D with D^-1 A <= 8/3, as it
   // is elsewhere. With the diagonal of A itself a node with two velocities reaches 4 (two solid cells that share an
@@ -86,10 +84,6 @@ class SlipNodes {
  private:
   static bool in_solid(const SlipNode& n, std::size_t corner) { return n.solid_cells >> corner & 1u; }
   static Vec3 across(const Vec3& normal, const Vec3& v) { return v - normal.dot(v) * normal; }
-  std::size_t cell_at(const SlipNode& n, std::size_t corner) const {
-    const auto& c = grid::kCorner[corner];
-    return grid_.padded(n.i - c[0], n.j - c[1], n.k - c[2]);
-  }
   Real area() const { return static_cast<Real>(grid_.h * grid_.h / 4.0); }
   // Calls body(index, corner, padded cell) for the cells around the nodes; layers of cells in parallel.
   template <class Body>
@@ -97,10 +91,10 @@ class SlipNodes {
     if (nodes_.empty()) return;
     parallel.for_each(grid_.cells[2], [&](std::int64_t layer) {
       const auto k = static_cast<std::size_t>(layer);
-      for (std::size_t t = plane_begin_[k]; t < plane_begin_[k + 2]; ++t)
-        for (std::size_t corner = 0; corner < 8; ++corner)
-          if (nodes_[t].k - grid::kCorner[corner][2] == static_cast<int>(layer))
-            body(t, corner, cell_at(nodes_[t], corner));
+      for (const std::size_t upper : {0u, 1u})  // the nodes below the layer and above it
+        for (std::size_t t = plane_begin_[k + upper]; t < plane_begin_[k + upper + 1]; ++t)
+          for (std::size_t corner = 4 * upper; corner < 4 * upper + 4; ++corner)
+            body(t, corner, cell_[t] - back_[corner]);
     });
   }
   template <class Body>
@@ -108,13 +102,18 @@ class SlipNodes {
     parallel.for_each(static_cast<std::int64_t>(nodes_.size()),
                       [&](std::int64_t t) { body(nodes_[static_cast<std::size_t>(t)], static_cast<std::size_t>(t)); });
   }
-  Pair impulses(const SlipNode& node, const std::vector<Real>& q) const;
+  struct Pair {
+    Vec3 solid, fluid;
+  };
+  Pair impulses(std::size_t t, const std::vector<Real>& q) const;
   static Pair slip(const SlipNode& node, const Pair& g);
 
   grid::Grid grid_;
   std::vector<SlipNode> nodes_;
   std::vector<std::size_t> plane_begin_;  // first node of each plane of nodes, and the end
   std::vector<Vec3> solid_velocity_;
+  std::vector<std::size_t> cell_;      // padded cell of which the node is corner 0
+  std::array<std::size_t, 8> back_{};  // from there to the cell of which it is another corner
 };
 
 // While it lives the field holds what the solids see.

@@ -73,7 +73,8 @@ class VelocitySystem {
   void multiply_mass(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y) const;
   // G = M + dt C_M + this times K [s^2].
   Real stiffness_factor(std::size_t solid) const { return stiffness_factor_[solid]; }
-  // Whether a wall or another solid holds a node of a solid.
+  // Along which axes walls hold a node of a solid: bit a: axis a; 7 where another solid does.
+  unsigned held_axes(std::size_t solid) const { return held_[solid]; }
   bool touches(std::size_t solid) const { return held_[solid] != 0; }
   std::size_t bytes() const;
 

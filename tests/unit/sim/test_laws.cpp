@@ -382,3 +382,26 @@ TEST_CASE("A ball that slides over the floor keeps its momentum along it and its
   }
   CHECK(s->diagnose_solid(0).center[0] > 0.28);
 }
+
+TEST_CASE("Smoke in a closed box keeps its amount over 100 frames, with a moving solid and with buoyancy", "[law]") {
+  const auto [solid, buoyancy] = GENERATE(table<bool, bool>({{true, false}, {false, true}, {true, true}}));
+  sim::Params p = box_params({0.6, 0.7, 0.6}, 0.04);
+  p.fluid.vorticity_confinement = 1.5;
+  if (buoyancy) p.fluid.temperature_buoyancy = 0.02;
+  auto s = make_simulation(p, solid ? std::vector{ball_desc({0.3, 0.5, 0.3}, kRadius)} : std::vector<sim::SolidDesc>{});
+  fluid::Emitter carpet;
+  carpet.from_world.diagonal().head<3>() = Vec3d(1.0 / 1.2, 1.0 / 0.5, 1.0 / 1.2);
+  carpet.density = 0.8;
+  carpet.temperature = 100.0;
+  s->add_emitter(carpet);
+  s->prepare();
+  const double smoke = s->diagnose_fluid().smoke;
+  for (int frame = 0; frame < 100; ++frame) {
+    s->advance(1.0 / 24.0, {});
+    INFO("solid " << solid << ", buoyancy " << buoyancy << ", frame " << frame);
+    REQUIRE(s->diagnose_fluid().smoke == Approx(smoke).epsilon(0.01));
+    const auto& field = s->state().fluid.smoke;
+    const auto [low, high] = std::minmax_element(field.begin(), field.end());
+    REQUIRE((*low >= 0 && *high <= Real(0.8)));
+  }
+}

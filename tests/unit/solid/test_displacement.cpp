@@ -37,9 +37,10 @@ void move(TestSolid& s, const std::function<Vec3d(const Vec3d&)>& velocity, doub
         v.set(g.node(i, j, k), Vec3(velocity(g.node_position(i, j, k)).cast<Real>()));
   solid::compute_mass(parallel, s.rest, s.state, s.work);
   solid::update_velocity(parallel, g, v, s.state, s.work);
-  solid::predict_surface(parallel, dt, s.state);
   solid::AdvectWorkspace packed;
-  solid::advect(parallel, scheme, dt, frame, s.work, s.state, packed);
+  const solid::RigidStep step = solid::steady_step(frame, dt);
+  solid::advect(parallel, scheme, dt, step, s.work, s.state, packed);
+  solid::predict_surface(parallel, dt, step, packed, s.state);
   solid::correct_surface(parallel, s.rest, s.state);
   solid::follow_solid(g, s.rest, s.state);
 }

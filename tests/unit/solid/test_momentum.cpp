@@ -1,4 +1,5 @@
 // Purpose: linear and angular momentum of a solid, and their restoration.
+#include <Eigen/Dense>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <functional>
@@ -90,6 +91,55 @@ TEST_CASE("A body that walls hold moves along them and turns about the normal of
   CHECK(solid::rigid_motion(m, 7).linear == Vec3d(0, 0, 0));
 }
 
+TEST_CASE("A free body moves by the mean of two velocities and ends with the second", "[law]") {
+  solid::Momenta before;
+  before.mass = 2.0;
+  before.center = {0.1, 0.2, 0.3};
+  before.inertia = 0.5 * Mat3d::Identity();
+  solid::Momenta after = before;
+  before.linear = {1, 0, -2};
+  after.linear = {3, 1, -2};
+  before.angular = {0, 0, 1};
+  after.angular = {0, 0, 2};
+  const solid::RigidStep step = solid::free_step(before, after, 0.1);
+  CHECK(step.shift.isApprox(Vec3d(0.1, 0.025, -0.1)));
+  CHECK(step.turn.isApprox(Vec3d(0, 0, 0.3)));
+  CHECK(step.velocity.center == before.center);
+  CHECK(step.velocity.linear.isApprox(Vec3d(1.5, 0.5, -1)));
+  CHECK(step.velocity.angular.isApprox(Vec3d(0, 0, 4)));
+  // On a floor, where the last velocity is that of the field: what the mean moves it less along the floor.
+  CHECK(solid::held_step(before, after, 2, 0.1).shift.isApprox(Vec3d(-0.05, 0, 0)));
+  CHECK(solid::held_step(before, after, 2, 0.1).velocity.linear.isZero(0));
+  CHECK(solid::held_step(before, after, 7, 0.1).shift.isZero(0));
+}
+
+TEST_CASE("A free rigid body keeps its energy in long steps, and turns to second order", "[law]") {
+  const Vec3d moments(1.0, 2.0, 2.6), momentum(0.5, 2.0, 0.7);
+  Mat3d end[3];
+  for (int level = 0; level < 3; ++level) {
+    const double dt = 0.2 / (1 << level), duration = 40.0;  // ten turns and more
+    Mat3d r = Mat3d::Identity();
+    solid::Momenta m;
+    m.mass = 1.0;
+    m.angular = momentum;
+    double low = 1.0, high = 1.0;
+    const double first = momentum.dot(momentum.cwiseQuotient(moments));
+    for (int n = 0; n < std::lround(duration / dt); ++n) {
+      m.inertia = r * moments.asDiagonal() * r.transpose();
+      const double energy = momentum.dot(solid::rigid_motion(m).angular) / first;
+      low = std::min(low, energy);
+      high = std::max(high, energy);
+      r = solid::rotation(solid::free_step(m, m, dt).turn) * r;
+    }
+    end[level] = r;
+    INFO("steps of " << dt << ": energy " << low << " to " << high);
+    CHECK(high - low < 0.04 / (1 << 2 * level));
+  }
+  const double coarse = (end[0] - end[1]).norm(), fine = (end[1] - end[2]).norm();
+  INFO("orientations differ by " << coarse << ", " << fine);
+  CHECK(fine < coarse / 3.0);
+}
+
 TEST_CASE("A body without mass is left as it is") {
   TestSolid s = make_moving_ball([](const Vec3d& x) { return x; });
   std::fill(s.work.mass.begin(), s.work.mass.end(), Real(0));
@@ -97,4 +147,7 @@ TEST_CASE("A body without mass is left as it is") {
   target.linear = Vec3d(1, 1, 1);
   solid::restore_momenta(Parallel(1), target, s.work, s.state);
   CHECK(s.state.v.at(5) == s.state.band.grid.node_position(5, 0, 0).cast<Real>());
+  const solid::RigidStep step = solid::free_step({}, {}, 0.1);
+  CHECK(step.shift.isZero(0));
+  CHECK(step.turn.isZero(0));
 }
