@@ -21,7 +21,7 @@ Result = dict[str, Any]
 
 @dataclasses.dataclass
 class Line:
-    """A bar and what was measured: low <= measured <= high passes. low or high None: reported, not judged.
+    """A bar and what was measured: low <= measured <= high passes; None bounds nothing, twice None: not judged.
 
     triads: the measured time over that of a triad, for times.
     """
@@ -36,9 +36,10 @@ class Line:
 
     @property
     def verdict(self) -> str:
-        if self.low is None or self.high is None:
+        if self.low is None and self.high is None:
             return "not judged"
-        return "pass" if self.low <= self.measured <= self.high else "MISSED"
+        enough = self.low is None or self.low <= self.measured
+        return "pass" if enough and (self.high is None or self.measured <= self.high) else "MISSED"
 
 
 # --- times -----------------------------------------------------------------------------------------------------------
@@ -101,9 +102,12 @@ def ratio(now: Sequence[float], then: Sequence[float]) -> float:
 # --- memory and tiles ------------------------------------------------------------------------------------------------
 
 
-def memory_line(name: str, result: Result, conditions: str) -> Line:
+def memory_line(name: str, result: Result, conditions: str, high: float | None = None) -> Line:
+    """A line for the memory of fields and workspace; judged where a highest number of bytes per cell is given."""
     bytes_per_cell = result["profile"]["memory_bytes"] / result["cells"]
-    return Line(f"{name}: bytes per cell of fields and workspace", bytes_per_cell, "B", None, None, conditions)
+    bar = "" if high is None else f" <= {high:g}"
+    low = None if high is None else 0.0
+    return Line(f"{name}: bytes per cell of fields and workspace{bar}", bytes_per_cell, "B", low, high, conditions)
 
 
 def tiles_with_solid(fraction: np.ndarray) -> int:
@@ -171,14 +175,13 @@ def conditions_of(name: str, result: Result) -> str:
     return f"{name}, {result['cells']} cells, {steps}, {threads_text(result['threads'])}"
 
 
-def time_lines(name: str, result: Result, at: str, frame_bar: float | None) -> list[Line]:
+def time_lines(name: str, result: Result, at: str, frame_bar: float, bytes_bar: float | None) -> list[Line]:
     """Speed and memory of one run."""
-    bar = "" if frame_bar is None else f" < {frame_bar:g}"
     return [
-        timed(f"{name}: wall per frame{bar}", frame_seconds(result), result, at, frame_bar),
+        timed(f"{name}: wall per frame < {frame_bar:g}", frame_seconds(result), result, at, frame_bar),
         timed(f"{name}: wall per step", step_seconds(result), result, at),
         timed(f"{name}: processor time per step", core_seconds(result), result, at),
-        memory_line(name, result, at),
+        memory_line(name, result, at, bytes_bar),
         Line(f"{name}: peak memory < 0.8 GB", result["peak_bytes"] / 1e9, "GB", 0, 0.8, at),
     ]
 
