@@ -53,28 +53,22 @@ class Hourglass {
     const int upper = i < last ? i + 1 : (g_.periodic[a] ? 1 : last - 1);
     return {static_cast<std::size_t>(lower), static_cast<std::size_t>(upper)};
   }
-  // v: a field in the nine rows, from low to high along y, then z. Smooth along both.
-  template <class V>
-  EFSI_INLINE static V smooth(const V (&v)[9]) {
-    const V edges = (v[1] + v[7]) + (v[3] + v[5]), corners = (v[0] + v[2]) + (v[6] + v[8]);
-    return Real(0.0625) * corners + (Real(0.125) * edges + Real(0.25) * v[4]);
-  }
-  // Smooth along one of them and alternating along the other.
-  template <class V>
-  EFSI_INLINE static V mixed(const V (&v)[9]) {
-    const V corners = (v[0] + v[2]) + (v[6] + v[8]);
-    return Real(0.5) * v[4] - Real(0.125) * corners;
-  }
-  // What alternates along y or z but not both, and along x not at all, and what alternates along none are smooth.
+  // Of the nine rows, from low to high along y, then z: the middle one, those beside it, those at the corners. What
+  // alternates along y or z but not both, and along x not at all, and what alternates along none are smooth.
   template <class V, class Load>
   EFSI_INLINE V part(const Load& load, std::size_t before, std::size_t here, std::size_t after) const {
-    V middle[9], along_x[9];
-#pragma GCC unroll 9
-    for (std::size_t a = 0; a < 9; ++a) {
-      middle[a] = load(row_[a] + here);
-      along_x[a] = Real(0.25) * (load(row_[a] + before) + load(row_[a] + after)) + Real(0.5) * middle[a];
-    }
-    return middle[4] - smooth(middle) - mixed(along_x);
+    const auto middle = [&](std::size_t i) EFSI_INLINE_LAMBDA { return load(row_[4] + i); };
+    const auto corners = [&](std::size_t i) EFSI_INLINE_LAMBDA {
+      return (load(row_[0] + i) + load(row_[2] + i)) + (load(row_[6] + i) + load(row_[8] + i));
+    };
+    const V m = middle(here), c = corners(here);
+    const V edges = (load(row_[1] + here) + load(row_[7] + here)) + (load(row_[3] + here) + load(row_[5] + here));
+    // smooth along y and z
+    const V smooth = Real(0.0625) * c + (Real(0.125) * edges + Real(0.25) * m);
+    // smooth along x and one of them, alternating along the other
+    const V middle_x = Real(0.25) * (middle(before) + middle(after)) + Real(0.5) * m;
+    const V corners_x = Real(0.25) * (corners(before) + corners(after)) + Real(0.5) * c;
+    return m - smooth - (Real(0.5) * middle_x - Real(0.125) * corners_x);
   }
 
   const Grid& g_;
@@ -116,14 +110,30 @@ EFSI_INLINE void carry_node(const Transport& t, const Row& row, int i, VectorFie
 // The same for the nodes from i on. False: they have to be done one by one.
 EFSI_INLINE bool carry_nodes(const Transport& t, const Row& row, int i, VectorField& first, VectorField& back) {
   const std::size_t n = row.first + static_cast<std::size_t>(i);
-  const Room room(t.nodes.points, t.nodes.periodic, row, i);
-  const Octets v = grid::load_octets(t.flow, n);
-  const Octets half = scaled(v, Real(-0.5) * t.step);
+  const auto& lanes = t.nodes.lanes;
+  const Octets half = scaled(grid::load_octets(t.flow, n), Real(-0.5) * t.step);
+  const auto cuts = [&](const Octets& way)
+                        EFSI_INLINE_LAMBDA { return Room(t.nodes.points, t.nodes.periodic, row, i).cuts(way); };
+  grid::LaneSampler::Cell cell;
+  Octets middle;
+  if (lanes.place(i, row.j, row.k, half, cell)) {
+    if (!cell.inner && cuts(half)) return false;
+    middle = lanes.value(t.flow, n, cell);
+    const Octets from = scaled(middle, -t.step);
+    if (lanes.place(i, row.j, row.k, from, cell)) {
+      grid::store_octets(first, n, lanes.value(t.flow, n, cell));
+      grid::store_octets(back, n, from);
+      return true;
+    }
+  } else {
+    grid::LaneSampler::Place at;
+    if (cuts(half) || !lanes.place(i, row.j, row.k, half, at)) return false;
+    middle = lanes.value(t.flow, n, at);
+  }
   grid::LaneSampler::Place at;
-  if (room.cuts(half) || !t.nodes.lanes.place(i, row.j, row.k, half, at)) return false;
-  const Octets from = room.keep(scaled(t.nodes.lanes.value(t.flow, n, at), -t.step));
-  if (!t.nodes.lanes.place(i, row.j, row.k, from, at)) return false;
-  grid::store_octets(first, n, t.nodes.lanes.value(t.flow, n, at));
+  const Octets from = Room(t.nodes.points, t.nodes.periodic, row, i).keep(scaled(middle, -t.step));
+  if (!lanes.place(i, row.j, row.k, from, at)) return false;
+  grid::store_octets(first, n, lanes.value(t.flow, n, at));
   grid::store_octets(back, n, from);
   return true;
 }
@@ -152,7 +162,6 @@ EFSI_INLINE bool corrected_nodes(const Transport& t, const Row& row, const Hourg
                                  const VectorField& first, const VectorField& back, Octets& w) {
   const std::size_t n = row.first + static_cast<std::size_t>(i);
   const auto& lanes = t.nodes.lanes;
-  const Room room(t.nodes.points, t.nodes.periodic, row, i);
   const Octet zero{};
   const auto fluid = grid::load_octet(t.specific_volume + n) == grid::octet(t.fluid_volume);
   const Octets v = grid::load_octets(t.flow, n);
@@ -161,18 +170,31 @@ EFSI_INLINE bool corrected_nodes(const Transport& t, const Row& row, const Hourg
     to.c[a] = fluid ? opposite(from.c[a], v.c[a], t.step) : zero;
     from.c[a] = fluid ? from.c[a] : zero;
   }
-  if (room.cuts(from) || room.cuts(to)) return false;
-  grid::LaneSampler::Place ahead, behind;
-  if (!lanes.place(i, row.j, row.k, to, ahead) || !lanes.place(i, row.j, row.k, from, behind)) return false;
-  const Octet share = way(v, t.step);
+  const auto correct = [&](const auto& ahead, const auto& behind) EFSI_INLINE_LAMBDA {
+    const Octet share = way(v, t.step);
 #pragma GCC unroll 3
-  for (std::size_t a = 0; a < 3; ++a) {
-    const Real* arrived = first.c[a].data() + n;
-    const Octet here = grid::load_octet(arrived);
-    const Octet better = here + Real(0.5) * (v.c[a] - lanes.value(arrived, ahead));
-    const Octet limited = lanes.limit(t.flow.c[a].data() + n, behind, better);
-    w.c[a] = fluid ? limited - share * hourglass.part(first.c[a], i) : here;
+    for (std::size_t a = 0; a < 3; ++a) {
+      const Real* arrived = first.c[a].data() + n;
+      const Octet here = grid::load_octet(arrived);
+      const Octet better = here + Real(0.5) * (v.c[a] - lanes.value(arrived, ahead));
+      const Octet limited = lanes.limit(t.flow.c[a].data() + n, behind, better);
+      w.c[a] = fluid ? limited - share * hourglass.part(first.c[a], i) : here;
+    }
+  };
+  const auto cuts = [&]() EFSI_INLINE_LAMBDA {
+    const Room room(t.nodes.points, t.nodes.periodic, row, i);
+    return room.cuts(from) || room.cuts(to);
+  };
+  grid::LaneSampler::Cell to_cell, from_cell;
+  if (lanes.place(i, row.j, row.k, to, to_cell) && lanes.place(i, row.j, row.k, from, from_cell)) {
+    if ((!to_cell.inner || !from_cell.inner) && cuts()) return false;
+    correct(to_cell, from_cell);
+    return true;
   }
+  grid::LaneSampler::Place ahead, behind;
+  if (cuts()) return false;
+  if (!lanes.place(i, row.j, row.k, to, ahead) || !lanes.place(i, row.j, row.k, from, behind)) return false;
+  correct(ahead, behind);
   return true;
 }
 

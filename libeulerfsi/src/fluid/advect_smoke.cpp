@@ -140,14 +140,23 @@ EFSI_INLINE void carry_cell(const Transport& t, const CellRow& row, int i, const
 EFSI_INLINE bool carry_cells(const Transport& t, const CellRow& row, int i, const Real* source, Real* first,
                              VectorField& back) {
   const std::size_t c = row.first + static_cast<std::size_t>(i), n = row.node + static_cast<std::size_t>(i);
+  grid::LaneSampler::Cell cell;
   grid::LaneSampler::Place at;
-  Octets half = scaled(center_velocities(t, row, i), Real(-0.5) * t.step);
+  Octets half = scaled(center_velocities(t, row, i), Real(-0.5) * t.step), from;
   for (Octet& e : half.c) e += Real(0.5);  // from the node
-  if (!t.nodes.lanes.place(i, row.j, row.k, half, at)) return false;
-  const Octets from = scaled(t.nodes.lanes.value(t.flow, n, at), -t.step);
-  if (!place_of(t, row, i, from, at)) return false;
+  if (t.nodes.lanes.place(i, row.j, row.k, half, cell))
+    from = scaled(t.nodes.lanes.value(t.flow, n, cell), -t.step);
+  else if (t.nodes.lanes.place(i, row.j, row.k, half, at))
+    from = scaled(t.nodes.lanes.value(t.flow, n, at), -t.step);
+  else
+    return false;
+  if (t.lanes.place(i, row.j, row.k, from, cell))
+    grid::store_octet(first + c, t.lanes.value(source + c, cell));
+  else if (place_of(t, row, i, from, at))
+    grid::store_octet(first + c, t.lanes.value(source + c, at));
+  else
+    return false;
   grid::store_octets(back, c, from);
-  grid::store_octet(first + c, t.lanes.value(source + c, at));
   return true;
 }
 
@@ -177,11 +186,19 @@ EFSI_INLINE bool corrected_cells(const Transport& t, const CellRow& row, int i, 
   const Octets from = grid::load_octets(back, c);
   Octets to;
   for (std::size_t a = 0; a < 3; ++a) to.c[a] = opposite(from.c[a], v.c[a], t.step);
+  const auto correct = [&](const auto& ahead, const auto& behind) EFSI_INLINE_LAMBDA {
+    const Octet better =
+        grid::load_octet(first + c) + Real(0.5) * (grid::load_octet(source + c) - t.lanes.value(first + c, ahead));
+    w = t.lanes.limit(source + c, behind, better);
+  };
+  grid::LaneSampler::Cell to_cell, from_cell;
+  if (t.lanes.place(i, row.j, row.k, to, to_cell) && t.lanes.place(i, row.j, row.k, from, from_cell)) {
+    correct(to_cell, from_cell);
+    return true;
+  }
   grid::LaneSampler::Place ahead, behind;
   if (!place_of(t, row, i, to, ahead) || !place_of(t, row, i, from, behind)) return false;
-  const Octet better =
-      grid::load_octet(first + c) + Real(0.5) * (grid::load_octet(source + c) - t.lanes.value(first + c, ahead));
-  w = t.lanes.limit(source + c, behind, better);
+  correct(ahead, behind);
   return true;
 }
 

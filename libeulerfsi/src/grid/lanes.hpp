@@ -1,6 +1,7 @@
 // Purpose: trilinear interpolation for eight neighbours of a row at once, without gathers. What they read lies around
-// them at places that differ little, so that three taps along each axis, the same for all eight, hold it: the weights
-// differ, the loads do not. Where that fails, and near the faces of the box, packed_field.hpp goes point by point.
+// them at places that differ little. Mostly all of it lies in one cell, as seen from each (Cell); where the
+// displacements change sign three taps along each axis, the same for all eight, hold it (Place): the weights differ,
+// the loads do not. Where that fails, and near the faces of the box, packed_field.hpp goes point by point.
 // Displacements are in cells, from the point itself.
 #pragma once
 
@@ -24,6 +25,14 @@ EFSI_INLINE Real least(const Octet& v) {
   return d < e ? d : e;
 }
 EFSI_INLINE Real greatest(const Octet& v) { return -least(-v); }
+using OctetMask = decltype(Octet{} < Octet{});
+EFSI_INLINE bool all(const OctetMask& mask) {
+  using Words = std::uint64_t __attribute__((vector_size(sizeof(Octet))));
+  const auto words = reinterpret_cast<Words>(mask);
+  std::uint64_t common = words[0];
+  for (std::size_t w = 1; w < sizeof(Octet) / sizeof(std::uint64_t); ++w) common &= words[w];
+  return common == ~std::uint64_t{0};
+}
 
 // Three components of eight points.
 struct Octets {
@@ -39,6 +48,13 @@ EFSI_INLINE void store_octets(VectorField& field, std::size_t n, const Octets& v
 // Samples fields of points[0] x points[1] x points[2] values, x fastest.
 class LaneSampler {
  public:
+  // The cell in which eight points read, as seen from each: its lowest point, from the first of them, where in it, and
+  // whether none of these cells touches a face of the field.
+  struct Cell {
+    std::ptrdiff_t first;
+    Octet part[3];
+    bool inner;
+  };
   // Where eight points read: the first of 3^3 taps, from the first point, and the weights of the taps.
   struct Place {
     std::ptrdiff_t first;
@@ -51,7 +67,30 @@ class LaneSampler {
     stride_[2] = stride_[1] * points_[1];
   }
 
-  // For the points (i, j, k), ..., (i + 7, j, k) displaced by e. False: three taps do not hold it, or leave the field.
+  // For the points (i, j, k), ..., (i + 7, j, k) displaced by e. False: it is not one cell, or
+  // leaves the field.
+  EFSI_INLINE bool place(int i, int j, int k, const Octets& e, Cell& at) const {
+    const int lower[3] = {i, j, k}, upper[3] = {i + kLanes - 1, j, k};
+    const Octet zero{}, one = octet(1);
+    OctetMask held = zero <= one;
+    at.first = 0;
+    at.inner = true;
+#pragma GCC unroll 3
+    for (int a = 0; a < 3; ++a) {
+      const Real x = e.c[a][0];
+      if (!(x >= -kFarthest && x <= kFarthest)) return false;
+      const int whole = static_cast<int>(x), tap = whole - (static_cast<Real>(whole) > x);  // floor
+      const int before = lower[a] + tap, behind = points_[a] - 2 - upper[a] - tap;          // points
+      if (before < 0 || behind < 0) return false;
+      at.inner = at.inner && before > 0 && behind > 0;
+      at.first += stride_[a] * tap;
+      at.part[a] = e.c[a] - static_cast<Real>(tap);
+      held &= (at.part[a] >= zero) & (at.part[a] <= one);
+    }
+    return all(held);
+  }
+
+  // The same with three taps. False: they do not hold it, or leave the field.
   EFSI_INLINE bool place(int i, int j, int k, const Octets& e, Place& at) const {
     const int lower[3] = {i, j, k}, upper[3] = {i + kLanes - 1, j, k};
     at.first = 0;
@@ -72,6 +111,17 @@ class LaneSampler {
   }
 
   // field: at the first point.
+  EFSI_INLINE Octet value(const Real* field, const Cell& at) const {
+    const Real* p = field + at.first;
+    const std::ptrdiff_t y = stride_[1], z = stride_[2];
+    const auto mix = [](const Octet& a, const Octet& b, const Octet& part)
+                         EFSI_INLINE_LAMBDA { return a + part * (b - a); };
+    const auto along = [&](const Real* row) EFSI_INLINE_LAMBDA {
+      const Octet low = mix(load_octet(row), load_octet(row + z), at.part[2]);
+      return mix(low, mix(load_octet(row + y), load_octet(row + y + z), at.part[2]), at.part[1]);
+    };
+    return mix(along(p), along(p + 1), at.part[0]);
+  }
   EFSI_INLINE Octet value(const Real* field, const Place& at) const {
     const Real* p = field + at.first;
     Octet sum{};
@@ -89,11 +139,23 @@ class LaneSampler {
     }
     return sum;
   }
-  EFSI_INLINE Octets value(const VectorField& field, std::size_t n, const Place& at) const {
+  template <class At>
+  EFSI_INLINE Octets value(const VectorField& field, std::size_t n, const At& at) const {
     return {{value(field.c[0].data() + n, at), value(field.c[1].data() + n, at), value(field.c[2].data() + n, at)}};
   }
 
   // v limited to the range of the field's values at the 8 corners of the cell that each point reads.
+  EFSI_INLINE Octet limit(const Real* field, const Cell& at, const Octet& v) const {
+    const Real* p = field + at.first;
+    Octet low = load_octet(p), high = low;
+#pragma GCC unroll 8
+    for (int c = 1; c < 8; ++c) {
+      const Octet corner = load_octet(p + (c & 1) + (c >> 1 & 1) * stride_[1] + (c >> 2) * stride_[2]);
+      low = smaller(low, corner);
+      high = larger(high, corner);
+    }
+    return smaller(larger(v, low), high);
+  }
   EFSI_INLINE Octet limit(const Real* field, const Place& at, const Octet& v) const {
     const Real* p = field + at.first;
     Octet low[3], high[3];  // per plane

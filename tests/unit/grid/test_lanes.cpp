@@ -38,7 +38,7 @@ TEST_CASE("Eight points read what each of them reads, and are limited to the sam
   const LaneSampler lanes(f.g.nodes());
   const NodeSampler one(f.g);
   std::mt19937 random(8);
-  int held = 0;
+  int held = 0, in_one_cell = 0;
   for (int trial = 0; trial < 2000; ++trial) {
     const int i = static_cast<int>(random() % 16), j = static_cast<int>(random() % 15),
               k = static_cast<int>(random() % 13);
@@ -52,6 +52,18 @@ TEST_CASE("Eight points read what each of them reads, and are limited to the sam
     const Octet value = lanes.value(f.values.data() + n, at);
     const Octet limited[2] = {lanes.limit(f.values.data() + n, at, octet(-5)),
                               lanes.limit(f.values.data() + n, at, octet(5))};
+    LaneSampler::Cell cell{};
+    if (lanes.place(i, j, k, e, cell)) {
+      ++in_one_cell;
+      const Octet same = lanes.value(f.values.data() + n, cell);
+      const Octet range[2] = {lanes.limit(f.values.data() + n, cell, octet(-5)),
+                              lanes.limit(f.values.data() + n, cell, octet(5))};
+      for (int l = 0; l < kLanes; ++l) {
+        CHECK(static_cast<double>(same[l]) == Approx(static_cast<double>(value[l])).margin(8 * kTolerance));
+        CHECK(range[0][l] == limited[0][l]);
+        CHECK(range[1][l] == limited[1][l]);
+      }
+    }
     for (int l = 0; l < kLanes; ++l) {
       const Vec3 x(static_cast<Real>(i + l) + e.c[0][l], static_cast<Real>(j) + e.c[1][l],
                    static_cast<Real>(k) + e.c[2][l]);
@@ -70,6 +82,28 @@ TEST_CASE("Eight points read what each of them reads, and are limited to the sam
     }
   }
   CHECK(held > 300);
+  CHECK(in_one_cell > 100);
+}
+
+TEST_CASE("A cell that touches a face of the field is told from one that does not") {
+  const Field f({23, 14, 12});
+  const LaneSampler lanes(f.g.nodes());
+  LaneSampler::Cell cell{};
+  Octets e{};
+  e.c[0] = octet(Real(-0.5));
+  REQUIRE(lanes.place(2, 5, 5, e, cell));
+  CHECK(cell.inner);
+  REQUIRE(lanes.place(1, 5, 5, e, cell));
+  CHECK_FALSE(cell.inner);
+  CHECK_FALSE(lanes.place(0, 5, 5, e, cell));
+  e.c[0] = octet(Real(0.5));
+  REQUIRE(lanes.place(14, 5, 5, e, cell));
+  CHECK(cell.inner);
+  REQUIRE(lanes.place(15, 5, 5, e, cell));
+  CHECK_FALSE(cell.inner);
+  CHECK_FALSE(lanes.place(16, 5, 5, e, cell));
+  e.c[1] = Octet{Real(0.1), Real(0.1), Real(-0.1), 0, 0, 0, 0, 0};  // two cells
+  CHECK_FALSE(lanes.place(14, 5, 5, e, cell));
 }
 
 TEST_CASE("Points at rest read their own values to the bit") {
@@ -91,10 +125,12 @@ TEST_CASE("Points that leave the field, lie too far apart or are not numbers are
   const auto held = [&](int i, int j, int k, const Octets& e) { return lanes.place(i, j, k, e, at); };
   Octets e{};
   CHECK(held(5, 5, 5, e));
+  LaneSampler::Cell cell{};
   for (const Real far : {Real(-5.5), Real(12), Real(1e30), std::numeric_limits<Real>::quiet_NaN()}) {
     Octets out{};
     out.c[1] = octet(far);
     CHECK_FALSE(held(5, 5, 5, out));
+    CHECK_FALSE(lanes.place(5, 5, 5, out, cell));
   }
   e.c[2][3] = Real(2.25);  // the others stay
   CHECK_FALSE(held(5, 5, 5, e));
