@@ -13,10 +13,6 @@ inline constexpr int kLanes = 8;
 using OctetIndex = int __attribute__((vector_size(kLanes * sizeof(int))));
 
 EFSI_INLINE Octet octet(Real value) { return Octet{} + value; }
-EFSI_INLINE void store_octet(Real* p, const Octet& v) {
-  using Unaligned = Real __attribute__((vector_size(kLanes * sizeof(Real)), aligned(alignof(Real)), may_alias));
-  *reinterpret_cast<Unaligned*>(p) = v;
-}
 EFSI_INLINE Octet smaller(const Octet& a, const Octet& b) { return a < b ? a : b; }
 EFSI_INLINE Octet larger(const Octet& a, const Octet& b) { return a > b ? a : b; }
 EFSI_INLINE Real least(const Octet& v) {

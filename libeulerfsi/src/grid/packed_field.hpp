@@ -27,6 +27,10 @@ EFSI_INLINE void store_quad(Real* p, const Quad& v) {
   using Unaligned = Real __attribute__((vector_size(4 * sizeof(Real)), aligned(alignof(Real)), may_alias));
   *reinterpret_cast<Unaligned*>(p) = v;
 }
+EFSI_INLINE void store_octet(Real* p, const Octet& v) {
+  using Unaligned = Real __attribute__((vector_size(8 * sizeof(Real)), aligned(alignof(Real)), may_alias));
+  *reinterpret_cast<Unaligned*>(p) = v;
+}
 EFSI_INLINE Quad lower_half(const Octet& v) { return load_quad(reinterpret_cast<const Real*>(&v)); }
 EFSI_INLINE Quad upper_half(const Octet& v) { return load_quad(reinterpret_cast<const Real*>(&v) + 4); }
 

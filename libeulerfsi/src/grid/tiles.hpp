@@ -1,6 +1,7 @@
 // Purpose: activity of blocks of 8^3 points, so that a stage visits only what it needs.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <utility>
 #include <vector>
@@ -60,19 +61,26 @@ class TileMask {
           }
     });
   }
-  // Boxes [begin, end) of points, each a run of active tiles along x.
+  // Boxes [begin, end) of points: runs of active tiles along x; runs side by side along y make one box.
   std::vector<std::pair<Vec3i, Vec3i>> boxes() const {
     std::vector<std::pair<Vec3i, Vec3i>> found;
-    for (std::int64_t t = 0; t < count(); ++t) {
-      if (!active(t)) continue;
-      Vec3i begin, end;
-      range(t, begin, end);
-      const bool goes_on = t % tiles_[0] != 0 && active(t - 1);
-      if (goes_on)
-        found.back().second = end;
-      else
-        found.emplace_back(begin, end);
-    }
+    std::size_t layer = 0;  // first box of this layer of tiles
+    for (int k = 0; k < tiles_[2]; ++k, layer = found.size())
+      for (int j = 0; j < tiles_[1]; ++j)
+        for (int i = 0; i < tiles_[0]; ++i) {
+          if (!active(at({i, j, k}))) continue;
+          Vec3i begin, end, last;
+          range(at({i, j, k}), begin, end);
+          while (i + 1 < tiles_[0] && active(at({i + 1, j, k}))) range(at({++i, j, k}), last, end);
+          const auto beside =
+              std::find_if(found.begin() + static_cast<std::ptrdiff_t>(layer), found.end(), [&](const auto& box) {
+                return box.first[0] == begin[0] && box.second[0] == end[0] && box.second[1] == begin[1];
+              });
+          if (beside == found.end())
+            found.emplace_back(begin, end);
+          else
+            beside->second[1] = end[1];
+        }
     return found;
   }
   // Every neighbour of an active tile becomes active (periodic neighbours included).

@@ -40,13 +40,14 @@ SolveStats pcg(const Parallel& parallel, const Operator& apply, const Operator& 
   };
 
   // r = b - A x
-  copy(parallel, r, b);
-  double start = b_norm;
-  if (!options.from_zero && dot(parallel, x, x) > 0.0) {
-    apply(x, q);
-    add_scaled(parallel, r, -1.0, q);
-    start = norm(parallel, r);
+  if (!options.residual_known) {
+    copy(parallel, r, b);
+    if (dot(parallel, x, x) > 0.0) {
+      apply(x, q);
+      add_scaled(parallel, r, -1.0, q);
+    }
   }
+  const double start = norm(parallel, r);
   if (options.against_start) reference = std::max(start, kRounding * b_norm / options.tolerance);
   if (done(start)) return stats;
   // The best iterate of a long solve, looked at now and then: b may lie outside the range of A.

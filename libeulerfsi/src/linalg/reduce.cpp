@@ -1,5 +1,6 @@
 #include "linalg/reduce.hpp"
 
+#include <algorithm>
 #include <cstring>
 
 #include "base/kernel.hpp"
@@ -148,6 +149,12 @@ void scale(const Parallel& parallel, std::vector<Real>& y, double s) {
   for_parts(parallel, y.size(), [&](std::int64_t begin, std::int64_t length) {
     scale_entries(length, static_cast<Real>(s), y.data() + begin);
   });
+}
+
+void fill(const Parallel& parallel, std::vector<Real>& y, std::size_t n, Real value) {
+  y.resize(n);
+  for_parts(parallel, n,
+            [&](std::int64_t begin, std::int64_t length) { std::fill_n(y.data() + begin, length, value); });
 }
 
 void copy(const Parallel& parallel, std::vector<Real>& y, const std::vector<Real>& x) {

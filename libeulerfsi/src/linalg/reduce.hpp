@@ -29,6 +29,8 @@ void add_scaled(const Parallel& parallel, std::vector<Real>& y, double s, const 
 void scale_add(const Parallel& parallel, std::vector<Real>& y, double s, const std::vector<Real>& x);
 // y *= s
 void scale(const Parallel& parallel, std::vector<Real>& y, double s);
+// y = n times a value
+void fill(const Parallel& parallel, std::vector<Real>& y, std::size_t n, Real value);
 // y = x
 void copy(const Parallel& parallel, std::vector<Real>& y, const std::vector<Real>& x);
 // y = s d x, entry by entry

@@ -8,6 +8,7 @@
 #include "fluid/advect.hpp"
 #include "fluid/forces.hpp"
 #include "grid/boundary.hpp"
+#include "linalg/reduce.hpp"
 #include "sim/grid_loops.hpp"
 #include "solid/displacement.hpp"
 #include "solid/mass.hpp"
@@ -19,14 +20,6 @@ namespace efsi::sim {
 using grid::Grid;
 
 namespace {
-
-// Gives a field n values.
-void fill(const Parallel& parallel, std::vector<Real>& field, std::size_t n, Real value) {
-  field.resize(n);
-  parallel.for_ranges(static_cast<std::int64_t>(n), [&](std::int64_t begin, std::int64_t end) {
-    std::fill(&field[0] + begin, &field[0] + end, value);
-  });
-}
 
 EFSI_KERNEL Real largest(std::size_t n, const Real* values) {
   Real top = 0;
@@ -88,7 +81,7 @@ void combine_masses(const Parallel& parallel, const Scene& scene, const State& s
 
   // The fluid fills what the solids leave free.
   if (solids) {
-    fill(parallel, work.cell_fraction, g.cell_count(), Real(0));
+    linalg::fill(parallel, work.cell_fraction, g.cell_count(), Real(0));
     for (std::size_t l = 0; l < scene.solids.size(); ++l)
       for_band_cells(parallel, state.solids[l].band, [&](std::size_t c, int i, int j, int k) {
         Real& fraction = work.cell_fraction[g.cell(i, j, k)];
@@ -172,7 +165,7 @@ void find_slip_nodes(const Parallel& parallel, const Scene& scene, const State& 
     });
   std::vector<system::SlipNode> nodes;
   for (const auto& plane : planes) nodes.insert(nodes.end(), plane.begin(), plane.end());
-  work.slip = system::SlipNodes(g, std::move(nodes));
+  work.slip = system::SlipNodes(parallel, g, std::move(nodes));
 }
 
 // 1 along periodic axes of a box from which nothing flows out.
@@ -283,7 +276,7 @@ void combine_velocities(const Parallel& parallel, const Scene& scene, double dt,
   if (scene.params.fluid.present)
     std::swap(work.velocity.c, state.fluid.velocity.c);  // the advection gives it back
   else
-    for (auto& component : work.velocity.c) fill(parallel, component, g.node_count(), Real(0));
+    for (auto& component : work.velocity.c) linalg::fill(parallel, component, g.node_count(), Real(0));
   if (!weight.fluid.isZero(0))
     for (std::size_t a = 0; a < 3; ++a) {
       Real* v = work.velocity.c[a].data();
@@ -316,7 +309,7 @@ void combine_velocities(const Parallel& parallel, const Scene& scene, double dt,
   if (scene.solids.empty() && work.uniform_ready) return;
   const double h3 = g.h * g.h * g.h;
   const Real fluid_volume = scene.params.fluid.present ? static_cast<Real>(1.0 / scene.params.fluid.density) : Real(0);
-  fill(parallel, work.specific_volume, g.node_count(), fluid_volume);
+  linalg::fill(parallel, work.specific_volume, g.node_count(), fluid_volume);
   for (std::size_t l = 0; l < scene.solids.size(); ++l)
     for_band_nodes(parallel, state.solids[l].band, [&](std::size_t, int i, int j, int k) {
       const std::size_t n = g.node(i, j, k);

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
+#include "base/kernel.hpp"
 #include "grid/boundary.hpp"
 #include "linalg/reduce.hpp"
 #include "sim/grid_loops.hpp"
@@ -56,7 +58,7 @@ double asked_volume(const Scene& scene, const State& state, const Workspace& wor
 void compute_volume_source(const Parallel& parallel, const Scene& scene, const State& state, double dt,
                            Workspace& work) {
   const Grid& g = scene.grid;
-  work.source.assign(g.padded_count(), 0);
+  linalg::fill(parallel, work.source, g.padded_count(), Real(0));
   const double tau = std::max(4.0 * dt, 1.0 / 24.0), limit = 0.1 / dt;
   double fluid_cells = static_cast<double>(g.cell_count());
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
@@ -148,29 +150,44 @@ void compute_impulses(const Parallel& parallel, const Scene& scene, const Worksp
   }
 }
 
+// Sum of a row of pressures over the cells that no solid owns; counts them.
+EFSI_KERNEL double sum_row(int n, const std::uint8_t* owned, const Real* p, std::int64_t& count) {
+  double sum[8] = {};
+  int own = 0, i = 0;
+  for (; i + 8 <= n; i += 8)
+    for (int l = 0; l < 8; ++l) {
+      own += owned[i + l];
+      sum[l] += owned[i + l] ? 0.0 : static_cast<double>(p[i + l]);
+    }
+  for (; i < n; ++i) {
+    own += owned[i];
+    sum[0] += owned[i] ? 0.0 : static_cast<double>(p[i]);
+  }
+  count += n - own;
+  return ((sum[0] + sum[1]) + (sum[2] + sum[3])) + ((sum[4] + sum[5]) + (sum[6] + sum[7]));
+}
+
 // Mean of the pressure over the cells that no solid owns; 0 where there are none.
 double fluid_level(const Parallel& parallel, const Grid& g, const std::vector<std::uint8_t>& owned,
                    const std::vector<Real>& p) {
-  const auto sum = [&](const auto& term) {
-    return parallel.sum(g.cells[2], [&](std::int64_t k) {
-      double total = 0.0;
-      for (int j = 0; j < g.cells[1]; ++j)
-        for (int i = 0; i < g.cells[0]; ++i) {
-          const std::size_t c = g.padded(i, j, static_cast<int>(k));
-          if (!owned[c]) total += term(c);
-        }
-      return total;
-    });
-  };
-  const double cells = sum([](std::size_t) { return 1.0; });
-  return cells > 0.0 ? sum([&](std::size_t c) { return static_cast<double>(p[c]); }) / cells : 0.0;
+  std::vector<std::int64_t> cells(static_cast<std::size_t>(g.cells[2]), 0);
+  const double sum = parallel.sum(g.cells[2], [&](std::int64_t k) {
+    double total = 0.0;
+    for (int j = 0; j < g.cells[1]; ++j) {
+      const std::size_t c = g.padded(0, j, static_cast<int>(k));
+      total += sum_row(g.cells[0], owned.data() + c, p.data() + c, cells[static_cast<std::size_t>(k)]);
+    }
+    return total;
+  });
+  const std::int64_t count = std::accumulate(cells.begin(), cells.end(), std::int64_t{0});
+  return count > 0 ? sum / static_cast<double>(count) : 0.0;
 }
 
 }  // namespace
 
 void prepare_pressure(const Parallel& parallel, const Scene& scene, double dt, const State& state, Workspace& work,
                       Profile& profile) {
-  work.taken.clear();
+  work.takes = false;
   if (!has_pressure(scene)) return;
   ScopedTimer timer(profile, Stage::kPressureSolve);
   assemble_pressure_system(parallel, scene, dt, state, work);
@@ -178,7 +195,8 @@ void prepare_pressure(const Parallel& parallel, const Scene& scene, double dt, c
   if (!scene.params.numerics.coupling_step || scene.solids.empty() || p.empty()) return;
   // Within the solids, over the fluid's level; the fluid's own pressure would feed what it moves.
   const double level = fluid_level(parallel, scene.grid, work.owned, p);
-  std::vector<Real> q(p.size(), 0);
+  std::vector<Real>& q = work.pressure_system.scratch();
+  linalg::fill(parallel, q, p.size(), Real(0));
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     if (scene.solids[l].compressible) continue;
     for_owned_cells(parallel, scene, state, work, l,
@@ -192,14 +210,15 @@ void prepare_pressure(const Parallel& parallel, const Scene& scene, double dt, c
     without += f * f;
     with += (f - static_cast<double>(impulse[i])) * (f - static_cast<double>(impulse[i]));
   }
-  if (!(with < kLastHolds * kLastHolds * without)) return;
+  work.takes = with < kLastHolds * kLastHolds * without;
+  if (!work.takes) return;
   for (std::size_t i = 0; i < impulse.size(); ++i) {
     work.f_star[i] -= impulse[i];
     work.momentum[i] -= impulse[i];
   }
   std::fill(work.v_star.begin(), work.v_star.end(), Real(0));  // the start of the solve: nearly at rest
   work.pressure_system.project(parallel, q, work.velocity);
-  work.taken = std::move(q);
+  linalg::copy(parallel, work.taken, q);
 }
 
 namespace {
@@ -246,7 +265,7 @@ void couple_pressure(const Parallel& parallel, const Scene& scene, const State& 
   std::vector<Real> q;
   {
     ScopedTimer timer(profile, Stage::kPressureSolve);
-    const linalg::SolveStats stats = work.pressure_system.estimate(parallel, work.velocity, work.source, kEstimate, q);
+    const linalg::SolveStats stats = work.pressure_system.estimate(parallel, kEstimate, q);
     info.pressure_iterations += static_cast<std::uint64_t>(stats.iterations);
     for (std::size_t l = 0; l < scene.solids.size(); ++l) {
       const solid::SolidRest& solid = scene.solids[l];
@@ -255,13 +274,14 @@ void couple_pressure(const Parallel& parallel, const Scene& scene, const State& 
       const Real share =
           static_cast<Real>(static_cast<double>(work.velocity_system.stiffness_factor(l)) * modulus / volume);
       for_owned_cells(parallel, scene, state, work, l,
-                      [&](std::size_t c) { q[c] += share * work.pressure_system.residual()[c]; });
+                      [&](std::size_t c) { q[c] += share * work.pressure_system.right_side()[c]; });
     }
   }
   solve_correction(parallel, scene, q, work, profile, info);
   correct_velocity(parallel, q, 1, work, profile);
   const Real length = static_cast<Real>(work.pressure_system.step_length(parallel, work.velocity, work.source, q));
-  work.taken.resize(q.size(), 0);
+  if (!work.takes) linalg::fill(parallel, work.taken, q.size(), Real(0));
+  work.takes = true;
   linalg::add_scaled(parallel, work.taken, length, q);
   linalg::scale(parallel, q, length - 1);
   correct_velocity(parallel, q, length, work, profile);
@@ -276,22 +296,23 @@ void solve_pressure(const Parallel& parallel, const Scene& scene, double dt, Sta
   system::DivergenceNorms before;
   {
     ScopedTimer timer(profile, Stage::kPressureSolve);
-    before = work.pressure_system.norms(parallel, work.velocity, work.source);
+    before = work.pressure_system.set_right_side(parallel, work.velocity, work.source);
     info.divergence_before = before.all;
     info.divergence_before_solid = before.solid;
   }
   // A body at rest that the step now serves and now does not would never come to rest.
-  if (!work.taken.empty() || needs_coupling(scene, before))
-    couple_pressure(parallel, scene, state, work, profile, info);
+  const bool couples = work.takes || needs_coupling(scene, before);
+  if (couples) couple_pressure(parallel, scene, state, work, profile, info);
   ScopedTimer timer(profile, Stage::kPressureSolve);
+  if (couples) work.pressure_system.set_right_side(parallel, work.velocity, work.source);
   // Holds the pressure between steps and the multiplier of J during one: J^T is minus the gradient, so q = -dt p. The
   // coupling step's part is added after the projection.
   std::vector<Real>& q = state.fluid.pressure;
   q.resize(scene.grid.padded_count(), 0);
   linalg::scale(parallel, q, -dt);
-  if (!work.taken.empty()) linalg::add_scaled(parallel, q, -1.0, work.taken);
-  const linalg::SolveStats stats = work.pressure_system.solve(parallel, numerics.pressure_solver, work.velocity,
-                                                              work.source, numerics.pressure_tolerance, q, &before);
+  if (work.takes) linalg::add_scaled(parallel, q, -1.0, work.taken);
+  const linalg::SolveStats stats =
+      work.pressure_system.solve(parallel, numerics.pressure_solver, numerics.pressure_tolerance, before, q);
   info.pressure_iterations += static_cast<std::uint64_t>(stats.iterations);
   info.pressure_residual = stats.residual;
   info.unconverged += !stats.converged;
@@ -310,7 +331,7 @@ void project_velocity(const Parallel& parallel, const Scene& scene, double dt, S
     work.pressure_system.project(parallel, q, work.velocity);
   }
   ScopedTimer timer(profile, Stage::kPressureSolve);
-  if (!work.taken.empty()) linalg::add_scaled(parallel, q, 1.0, work.taken);
+  if (work.takes) linalg::add_scaled(parallel, q, 1.0, work.taken);
   linalg::scale(parallel, q, -1.0 / dt);
   const system::DivergenceNorms after = work.pressure_system.norms(parallel, work.velocity, work.source);
   info.divergence_after = after.all;

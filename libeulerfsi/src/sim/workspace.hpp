@@ -28,7 +28,8 @@ struct Workspace {
   std::vector<Real> f_star, v_star;  // Eq. 8 on the unknowns
   std::vector<Real> momentum;        // M v + dt f on the unknowns [kg m/s]
   std::vector<Real> correction;      // G^-1 J^T q of Eq. 13 on the unknowns [m/s]
-  std::vector<Real> taken;           // q that acts on the velocity before the projection, padded cells [Pa s], or empty
+  std::vector<Real> taken;           // q that acts on the velocity before the projection, padded cells [Pa s];
+  bool takes = false;                // if this
   fluid::AdvectWorkspace advect;
   solid::AdvectWorkspace solid_advect;
   std::vector<solid::Momenta> first_momenta;  // of the solids, at the start of the step

@@ -130,13 +130,18 @@ class Claims {
 
 }  // namespace
 
-std::vector<std::size_t> find_copies(const Grid& g, const std::vector<std::vector<Holding>>& planes,
+std::vector<std::size_t> find_copies(const Parallel& parallel, const Grid& g,
+                                     const std::vector<std::vector<Holding>>& planes,
                                      const std::vector<std::uint8_t>& full, double stretch) {
   const Claims claims(g, planes, full, stretch);
+  std::vector<std::vector<std::size_t>> found(planes.size());
+  parallel.for_each(static_cast<std::int64_t>(planes.size()), [&](std::int64_t p) {
+    const auto plane = static_cast<std::size_t>(p);
+    for (const Holding& holding : planes[plane])
+      if (claims.is_copy(holding)) found[plane].push_back(g.cell(holding.cell[0], holding.cell[1], holding.cell[2]));
+  });
   std::vector<std::size_t> copies;
-  for (const auto& plane : planes)
-    for (const Holding& holding : plane)
-      if (claims.is_copy(holding)) copies.push_back(g.cell(holding.cell[0], holding.cell[1], holding.cell[2]));
+  for (const auto& plane : found) copies.insert(copies.end(), plane.begin(), plane.end());
   return copies;
 }
 

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "base/parallel.hpp"
 #include "grid/grid.hpp"
 
 namespace efsi::solid {
@@ -22,7 +23,8 @@ struct Holding {
 // than `stretch` between them, and have the weaker claim to it. The strongest have full cells of the largest part,
 // connected over faces, with known data, then those of it with others, then full cells of other parts. Cells that are
 // not full claim as the largest part does, and take nothing from others. full: per cell.
-std::vector<std::size_t> find_copies(const grid::Grid& g, const std::vector<std::vector<Holding>>& planes,
+std::vector<std::size_t> find_copies(const Parallel& parallel, const grid::Grid& g,
+                                     const std::vector<std::vector<Holding>>& planes,
                                      const std::vector<std::uint8_t>& full, double stretch);
 
 }  // namespace efsi::solid

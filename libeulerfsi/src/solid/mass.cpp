@@ -219,7 +219,7 @@ void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidSt
   const auto holdings = compute_fractions(parallel, rest, state, work);
   std::vector<std::uint8_t> full(g.cell_count());
   for (std::size_t c = 0; c < full.size(); ++c) full[c] = work.fraction[c] > least_fraction(state, c);
-  remove_cells(find_copies(g, holdings, full, kMostStretched), full, work);
+  remove_cells(find_copies(parallel, g, holdings, full, kMostStretched), full, work);
   remove_splinters(state, full, work);
   find_elements(g, full, work);
   lump_mass(parallel, rest, state, work);

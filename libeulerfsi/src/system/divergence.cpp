@@ -147,16 +147,17 @@ EFSI_KERNEL void inverse_sum_row(int n, const Real* a, const Real* b, const Real
   }
 }
 
-// x += weight d r along a row
-EFSI_KERNEL void relax_row(int n, Real weight, const Real* d, const Real* r, Real* x) {
+// x = weight d b along a row
+EFSI_KERNEL void scale_row(int n, Real weight, const Real* d, const Real* b, Real* x) {
 #pragma omp simd
-  for (int i = 0; i < n; ++i) x[i] += weight * d[i] * r[i];
+  for (int i = 0; i < n; ++i) x[i] = weight * d[i] * b[i];
 }
 
-// x += weight d (b + value) along a row
-EFSI_KERNEL void smooth_row(int n, Real weight, const Real* d, const Real* b, const Real* value, Real* x) {
+// out = x + weight d (b + value) along a row
+EFSI_KERNEL void relax_row(int n, Real weight, const Real* d, const Real* b, const Real* value, const Real* x,
+                           Real* out) {
 #pragma omp simd
-  for (int i = 0; i < n; ++i) x[i] += weight * d[i] * (b[i] + value[i]);
+  for (int i = 0; i < n; ++i) out[i] = x[i] + weight * d[i] * (b[i] + value[i]);
 }
 
 }  // namespace
@@ -206,7 +207,8 @@ void smooth_pressure(const Parallel& parallel, const PressureLevel& level, const
     sweep.carry = std::move(above[static_cast<std::size_t>(t)]);
     const auto smooth = [&](int j, int k, const Real* value) {
       const std::size_t cells = g.padded(0, j, k);
-      smooth_row(nx, weight, level.inverse_diagonal.data() + cells, b.data() + cells, value, x.data() + cells);
+      Real* out = x.data() + cells;
+      relax_row(nx, weight, level.inverse_diagonal.data() + cells, b.data() + cells, value, out, out);
     };
     for (int k = begin; k + 1 < end; ++k)
       sweep.plane(x.data(), k + 1, [&](int j, const Real* value) { smooth(j, k, value); });
@@ -219,33 +221,82 @@ void smooth_pressure(const Parallel& parallel, const PressureLevel& level, const
   });
 }
 
-void residual_in_boxes(const Parallel& parallel, const PressureLevel& level, const std::vector<CellBox>& boxes,
-                       const std::vector<Real>& b, const std::vector<Real>& x, std::vector<Real>& r) {
-  const Grid& g = level.grid;
-  parallel.for_each(static_cast<std::int64_t>(boxes.size()), [&](std::int64_t at) {
-    const auto& [begin, end] = boxes[static_cast<std::size_t>(at)];
-    const int nx = end[0] - begin[0];
-    Sweep sweep(level, {begin, end});
+namespace {
+
+// Calls body(box); each thread has about as many cells.
+template <class Body>
+void for_boxes(const Parallel& parallel, const std::vector<CellBox>& boxes, const Body& body) {
+  const auto cells = [](const CellBox& box) {
+    std::int64_t product = 1;
+    for (std::size_t a = 0; a < 3; ++a) product *= box.second[a] - box.first[a];
+    return product;
+  };
+  std::int64_t total = 0;
+  for (const CellBox& box : boxes) total += cells(box);
+  parallel.for_ranges(total, [&](std::int64_t begin, std::int64_t end) {
+    std::int64_t before = 0;
+    for (const CellBox& box : boxes) {
+      if (before >= begin && before < end) body(box);
+      before += cells(box);
+    }
+  });
+}
+
+// Calls body(first cell, cells, D g) for the rows of cells of boxes, g from x.
+template <class Body>
+void sweep_boxes(const Parallel& parallel, const PressureLevel& level, const std::vector<CellBox>& boxes,
+                 const std::vector<Real>& x, const Body& body) {
+  for_boxes(parallel, boxes, [&](const CellBox& box) {
+    const Vec3i &begin = box.first, &end = box.second;
+    Sweep sweep(level, box);
     sweep.plane(x.data(), begin[2], [](int, const Real*) {});
     for (int k = begin[2]; k < end[2]; ++k)
-      sweep.plane(x.data(), k + 1, [&, first = begin](int row, const Real* value) {
-        const std::size_t cells = g.padded(first[0], first[1] + row, k);
-        add_row(nx, b.data() + cells, Real(1), value, r.data() + cells);
-        if (level.active.empty()) return;
-        for (std::size_t c = cells; c < cells + static_cast<std::size_t>(nx); ++c)
-          if (!level.active[c]) r[c] = 0;
+      sweep.plane(x.data(), k + 1, [&](int row, const Real* value) {
+        body(level.grid.padded(begin[0], begin[1] + row, k), end[0] - begin[0], value);
       });
   });
 }
 
+}  // namespace
+
+void residual_in_boxes(const Parallel& parallel, const PressureLevel& level, const std::vector<CellBox>& boxes,
+                       const std::vector<Real>& b, const std::vector<Real>& x, std::vector<Real>& r) {
+  sweep_boxes(parallel, level, boxes, x, [&](std::size_t cells, int n, const Real* value) {
+    add_row(n, b.data() + cells, Real(1), value, r.data() + cells);
+    if (level.active.empty()) return;
+    for (std::size_t c = cells; c < cells + static_cast<std::size_t>(n); ++c)
+      if (!level.active[c]) r[c] = 0;
+  });
+}
+
 void relax_in_boxes(const Parallel& parallel, const PressureLevel& level, const std::vector<CellBox>& boxes,
-                    Real weight, const std::vector<Real>& r, std::vector<Real>& x) {
-  parallel.for_each(static_cast<std::int64_t>(boxes.size()), [&](std::int64_t at) {
-    const auto& [begin, end] = boxes[static_cast<std::size_t>(at)];
+                    const std::vector<Real>& b, Real weight, const std::vector<Real>& x, std::vector<Real>& out) {
+  sweep_boxes(parallel, level, boxes, x, [&](std::size_t cells, int n, const Real* value) {
+    relax_row(n, weight, level.inverse_diagonal.data() + cells, b.data() + cells, value, x.data() + cells,
+              out.data() + cells);
+  });
+}
+
+void relax_from_zero(const Parallel& parallel, const PressureLevel& level, const std::vector<CellBox>& boxes,
+                     const std::vector<Real>& b, Real weight, std::vector<Real>& x) {
+  for_boxes(parallel, boxes, [&](const CellBox& box) {
+    const auto& [begin, end] = box;
     for (int k = begin[2]; k < end[2]; ++k)
       for (int j = begin[1]; j < end[1]; ++j) {
         const std::size_t cells = level.grid.padded(begin[0], j, k);
-        relax_row(end[0] - begin[0], weight, level.inverse_diagonal.data() + cells, r.data() + cells, x.data() + cells);
+        scale_row(end[0] - begin[0], weight, level.inverse_diagonal.data() + cells, b.data() + cells, x.data() + cells);
+      }
+  });
+}
+
+void copy_in_boxes(const Parallel& parallel, const Grid& g, const std::vector<CellBox>& boxes,
+                   const std::vector<Real>& from, std::vector<Real>& to) {
+  for_boxes(parallel, boxes, [&](const CellBox& box) {
+    const auto& [begin, end] = box;
+    for (int k = begin[2]; k < end[2]; ++k)
+      for (int j = begin[1]; j < end[1]; ++j) {
+        const std::size_t cells = g.padded(begin[0], j, k);
+        std::copy_n(from.data() + cells, end[0] - begin[0], to.data() + cells);
       }
   });
 }

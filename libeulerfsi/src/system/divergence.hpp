@@ -47,9 +47,15 @@ using CellBox = std::pair<Vec3i, Vec3i>;
 // r = b - A x in boxes that do not overlap. Ghosts of x must be filled.
 void residual_in_boxes(const Parallel& parallel, const PressureLevel& level, const std::vector<CellBox>& boxes,
                        const std::vector<Real>& b, const std::vector<Real>& x, std::vector<Real>& r);
-// x += weight D^-1 r in boxes that do not overlap.
+// out = x + weight D^-1 (b - A x) in boxes that do not overlap; out is another field than x. Ghosts of x must be
+// filled.
 void relax_in_boxes(const Parallel& parallel, const PressureLevel& level, const std::vector<CellBox>& boxes,
-                    Real weight, const std::vector<Real>& r, std::vector<Real>& x);
+                    const std::vector<Real>& b, Real weight, const std::vector<Real>& x, std::vector<Real>& out);
+// The same for x = 0, in place.
+void relax_from_zero(const Parallel& parallel, const PressureLevel& level, const std::vector<CellBox>& boxes,
+                     const std::vector<Real>& b, Real weight, std::vector<Real>& x);
+void copy_in_boxes(const Parallel& parallel, const Grid& g, const std::vector<CellBox>& boxes,
+                   const std::vector<Real>& from, std::vector<Real>& to);
 
 // Diagonal of A -> inverse_diagonal.
 void compute_pressure_diagonal(const Parallel& parallel, PressureLevel& level);

@@ -121,7 +121,7 @@ void PressureMultigrid::build_coarse(const Parallel& parallel, const std::vector
   }
 }
 
-void PressureMultigrid::apply(const Parallel& parallel, std::vector<Real>& x, std::vector<Real>& y) const {
+void PressureMultigrid::apply(const Parallel& parallel, std::vector<Real>& x, std::vector<Real>& y) {
   grid::fill_ghosts(finest_.grid, x, Real(0));
   apply_pressure_operator(parallel, finest_, x, y);
   add_slip(parallel, x, Real(1), y);
@@ -135,25 +135,24 @@ void PressureMultigrid::smooth(const Parallel& parallel, const std::vector<Real>
                                std::size_t step) {
   grid::fill_periodic_ghosts(finest_.grid, x);
   const Real weight = weights()[step % weights().size()];
-  if (!focused_.empty()) {
-    residual_in_boxes(parallel, finest_, focused_, b, x, residual_);
-    add_slip(parallel, x, Real(-1), residual_);
-    relax_in_boxes(parallel, finest_, focused_, weight, residual_, x);
-    return;
+  if (slip_) slip_->excess(parallel, x, excess_);  // of x before the step
+  if (focused_.empty()) {
+    smooth_pressure(parallel, finest_, b, weight, x);
+  } else {
+    relax_in_boxes(parallel, finest_, focused_, b, weight, x, residual_);
+    std::swap(x, residual_);
   }
-  std::vector<Real> excess;  // of x before the step
-  if (slip_) excess = slip_->excess(parallel, x);
-  smooth_pressure(parallel, finest_, b, weight, x);
   if (slip_)
-    slip_->for_terms(parallel, excess,
+    slip_->for_terms(parallel, excess_,
                      [&](std::size_t c, Real value) { x[c] -= weight * finest_.inverse_diagonal[c] * value; });
 }
 
 void PressureMultigrid::add_slip(const Parallel& parallel, const std::vector<Real>& x, Real sign,
-                                 std::vector<Real>& y) const {
+                                 std::vector<Real>& y) {
   if (!slip_) return;
   const auto& active = finest_.active;
-  slip_->for_terms(parallel, slip_->excess(parallel, x), [&](std::size_t c, Real value) {
+  slip_->excess(parallel, x, excess_);
+  slip_->for_terms(parallel, excess_, [&](std::size_t c, Real value) {
     if (active.empty() || active[c]) y[c] += sign * value;
   });
 }
@@ -196,6 +195,12 @@ void PressureMultigrid::set_focus(grid::TileMask& mask) {
   const Grid& g = finest_.grid;
   widen();
   mask.dilate(g.periodic);
+  if (slip_)
+    for (const SlipNode& n : slip_->nodes())
+      for (const auto& c : grid::kCorner)
+        mask.set(
+            mask.at({(n.i - c[0]) / grid::kTileSize, (n.j - c[1]) / grid::kTileSize, (n.k - c[2]) / grid::kTileSize}),
+            true);
   if (static_cast<double>(mask.active_count()) > kMostFocused * static_cast<double>(mask.count())) return;
   focused_ = mask.boxes();
   mask.dilate(g.periodic);
@@ -207,10 +212,8 @@ void PressureMultigrid::smooth_from_zero(const Parallel& parallel, const std::ve
     linalg::multiply(parallel, x, finest_.inverse_diagonal, b, kEverywhere[0]);
     return;
   }
-  parallel.for_ranges(static_cast<std::int64_t>(x.size()), [&](std::int64_t begin, std::int64_t end) {
-    std::fill(x.begin() + begin, x.begin() + end, Real(0));
-  });
-  relax_in_boxes(parallel, finest_, focused_, kInFocus[0], b, x);
+  for (auto* field : {&x, &residual_}) linalg::fill(parallel, *field, b.size(), Real(0));
+  relax_from_zero(parallel, finest_, focused_, b, kInFocus[0], x);
 }
 
 void PressureMultigrid::leave_residual(const Parallel& parallel, const std::vector<Real>& b, std::vector<Real>& x) {
@@ -263,6 +266,7 @@ void PressureMultigrid::precondition(const Parallel& parallel, const std::vector
   restrict_residual(parallel, finest_, residual_, coarse_[0].op, coarse_[0].b);
   coarse_cycle(parallel, 0);
   prolong_and_add(parallel, coarse_[0].op, coarse_[0].x, finest_, z);
+  if (!focused_.empty()) copy_in_boxes(parallel, finest_.grid, reached_, z, residual_);  // outside the focus the same
   for (std::size_t i = weights().size(); i-- > 0;) smooth(parallel, r, z, i);
 }
 

@@ -24,7 +24,7 @@ class PressureMultigrid {
              const SlipNodes* slip = nullptr);
   const PressureLevel& finest() const { return finest_; }
   // y = A x; fills the ghosts of x.
-  void apply(const Parallel& parallel, std::vector<Real>& x, std::vector<Real>& y) const;
+  void apply(const Parallel& parallel, std::vector<Real>& x, std::vector<Real>& y);
   // From now on the finest level is smoothed only where it matters for a solve that begins with the residual r and ends
   // at `tolerance` of |b|: on the fewest tiles of 8^3 cells that leave less than that, and the tiles beside them.
   void focus(const Parallel& parallel, const std::vector<Real>& r, double b, double tolerance);
@@ -46,7 +46,8 @@ class PressureMultigrid {
   };
   void build_coarse(const Parallel& parallel, const std::vector<Real>& specific_volume);
   std::span<const Real> weights() const;  // of the finest level's smoothing steps
-  // Smoothing steps on the finest level, everywhere or in focus; x of the first one need not be set.
+  // Smoothing steps on the finest level, everywhere or in focus; x of the first one need not be set. In focus residual_
+  // holds the next x, and outside the focus the same as x.
   void smooth_from_zero(const Parallel& parallel, const std::vector<Real>& b, std::vector<Real>& x);
   void smooth(const Parallel& parallel, const std::vector<Real>& b, std::vector<Real>& x, std::size_t step);
   // residual_ = b - A x after smoothing from zero.
@@ -54,11 +55,12 @@ class PressureMultigrid {
   // x of a coarse level from its b.
   void coarse_cycle(const Parallel& parallel, std::size_t l);
   // y += sign (A - A_1) x on the finest level, A_1 without slip. Ghosts of x must be filled.
-  void add_slip(const Parallel& parallel, const std::vector<Real>& x, Real sign, std::vector<Real>& y) const;
+  void add_slip(const Parallel& parallel, const std::vector<Real>& x, Real sign, std::vector<Real>& y);
   // Smooths these tiles and those beside them, unless they are most of all.
   void set_focus(grid::TileMask& mask);
   PressureLevel finest_;
   std::vector<Real> residual_;  // padded cells
+  std::vector<Real> excess_;    // of slip nodes
   std::vector<CoarseLevel> coarse_;
   // Boxes that are smoothed, empty: everywhere; those that smoothing from zero reaches.
   std::vector<CellBox> focused_, reached_;

@@ -50,12 +50,17 @@ void PressureSystem::assemble(const Parallel& parallel, const Grid& g, const Wal
 
 bool PressureSystem::closed() const { return !walls_.any_open() && multigrid_.finest().active.empty(); }
 
-bool PressureSystem::last_helps(const Parallel& parallel, const linalg::Operator& apply, const std::vector<Real>& q) {
-  std::vector<Real>& left = pcg_.q;
+bool PressureSystem::keep_last(const Parallel& parallel, std::vector<Real>& q) {
+  std::vector<Real>& left = pcg_.r;
   left.resize(q.size());
-  apply(q, left);
+  multigrid_.apply(parallel, q, left);
   linalg::scale_add(parallel, left, -1.0, rhs_);
-  return linalg::norm(parallel, left) < kHelps * linalg::norm(parallel, rhs_);
+  const bool helps = linalg::norm(parallel, left) < kHelps * linalg::norm(parallel, rhs_);
+  if (!helps) {
+    linalg::fill(parallel, q, q.size(), Real(0));
+    linalg::copy(parallel, left, rhs_);
+  }
+  return helps;
 }
 
 void PressureSystem::compute_residual(const Parallel& parallel, const VectorField& velocity,
@@ -76,16 +81,18 @@ void PressureSystem::compute_residual(const Parallel& parallel, const VectorFiel
   });
 }
 
-void PressureSystem::set_right_side(const Parallel& parallel, const VectorField& velocity,
-                                    const std::vector<Real>& source) {
+DivergenceNorms PressureSystem::set_right_side(const Parallel& parallel, const VectorField& velocity,
+                                               const std::vector<Real>& source) {
   compute_residual(parallel, velocity, source, rhs_);
-  if (!closed()) return;
+  const DivergenceNorms norms = residual_norms(parallel, rhs_);
+  if (!closed()) return norms;
   // In a closed box it must sum to zero.
   const Real mean = static_cast<Real>(linalg::sum(parallel, rhs_) / static_cast<double>(grid_.cell_count()));
   parallel.for_each(grid_.cells[2], [&](std::int64_t k) {
     for (int j = 0; j < grid_.cells[1]; ++j)
       subtract_row(grid_.cells[0], mean, rhs_.data() + grid_.padded(0, j, static_cast<int>(k)));
   });
+  return norms;
 }
 
 double PressureSystem::solid_norm(const Parallel& parallel, const std::vector<Real>& r) const {
@@ -112,14 +119,8 @@ linalg::Operator PressureSystem::operator_of(const Parallel& parallel) {
   };
 }
 
-void PressureSystem::focus(const Parallel& parallel, const linalg::SolveOptions& options, bool from_last) {
-  const double b = linalg::norm(parallel, rhs_);
-  const double goal = options.reference > 0.0 ? options.reference : b;
-  multigrid_.focus(parallel, from_last ? pcg_.q : rhs_, goal, options.tolerance);
-}
-
 linalg::SolveStats PressureSystem::solve_multigrid(const Parallel& parallel, const linalg::SolveOptions& options,
-                                                   bool from_last, std::vector<Real>& q) {
+                                                   std::vector<Real>& q) {
   const linalg::Operator precondition = [&](const std::vector<Real>& r, std::vector<Real>& z) {
     multigrid_.precondition(parallel, r, z);
   };
@@ -129,7 +130,7 @@ linalg::SolveStats PressureSystem::solve_multigrid(const Parallel& parallel, con
   const auto gradients = [&](linalg::SolveOptions part, int iterations) {
     part.max_iterations = iterations;
     part.min_iterations = std::max(0, part.min_iterations - stats.iterations);
-    part.from_zero = !from_last && stats.iterations == 0;
+    part.residual_known = true;
     const int before = stats.iterations;
     stats = linalg::pcg(parallel, apply, precondition, rhs_, q, part, pcg_);
     stats.iterations += before;
@@ -138,7 +139,8 @@ linalg::SolveStats PressureSystem::solve_multigrid(const Parallel& parallel, con
   // Everything first; what the solids ask for beyond that is found by smoothing them alone.
   linalg::SolveOptions everything = options;
   everything.also = nullptr;
-  focus(parallel, options, from_last);
+  multigrid_.focus(parallel, pcg_.r, options.reference > 0.0 ? options.reference : linalg::norm(parallel, rhs_),
+                   options.tolerance);
   bool converged = gradients(everything, kMostGradients);
   if (converged && options.also && !options.also(pcg_.r)) {
     multigrid_.focus(solid_cells_);
@@ -156,10 +158,8 @@ linalg::SolveStats PressureSystem::solve_multigrid(const Parallel& parallel, con
   return residuals;
 }
 
-linalg::SolveStats PressureSystem::solve(const Parallel& parallel, PressureSolver solver, const VectorField& velocity,
-                                         const std::vector<Real>& source, double tolerance, std::vector<Real>& q,
-                                         const DivergenceNorms* before) {
-  set_right_side(parallel, velocity, source);
+linalg::SolveStats PressureSystem::solve(const Parallel& parallel, PressureSolver solver, double tolerance,
+                                         const DivergenceNorms& before, std::vector<Real>& q) {
   const auto& active = multigrid_.finest().active;
   q.resize(grid_.padded_count());
   if (!active.empty())  // a cell that the solid has left keeps no pressure
@@ -169,37 +169,30 @@ linalg::SolveStats PressureSystem::solve(const Parallel& parallel, PressureSolve
     });
   linalg::SolveOptions options;
   options.tolerance = tolerance;
-  const linalg::Operator apply = operator_of(parallel);
   if (solver == PressureSolver::kPcr) {
     options.max_iterations = kMaxPcrIterations;
-    return linalg::pcr(parallel, apply, linalg::jacobi(parallel, multigrid_.finest().inverse_diagonal), rhs_, q,
-                       options, pcr_);
+    return linalg::pcr(parallel, operator_of(parallel), linalg::jacobi(parallel, multigrid_.finest().inverse_diagonal),
+                       rhs_, q, options, pcr_);
   }
   const double volume = grid_.h * grid_.h * grid_.h;
-  const DivergenceNorms reference = before ? *before : residual_norms(parallel, rhs_);
-  options.reference = volume * reference.all;
+  options.reference = volume * before.all;
   options.max_iterations = kMaxMultigridIterations;
-  const bool from_last = last_helps(parallel, apply, q);
-  if (from_last)
-    options.min_iterations = 1;  // what a lasting load leaves falls from step to step
-  else
-    std::fill(q.begin(), q.end(), Real(0));
+  options.min_iterations = keep_last(parallel, q);  // what a lasting load leaves falls from step to step
   if (!solid_cells_.empty()) {
     // A solid that moves rigidly, as in the first step of most scenes, has nothing to be relative to.
-    const double limit = tolerance * volume * std::max(reference.solid, kSolidFloor * reference.all);
+    const double limit = tolerance * volume * std::max(before.solid, kSolidFloor * before.all);
     options.also = [this, &parallel, limit](const std::vector<Real>& r) { return solid_norm(parallel, r) <= limit; };
   }
-  return solve_multigrid(parallel, options, from_last, q);
+  return solve_multigrid(parallel, options, q);
 }
 
-linalg::SolveStats PressureSystem::estimate(const Parallel& parallel, const VectorField& velocity,
-                                            const std::vector<Real>& source, double tolerance, std::vector<Real>& q) {
-  set_right_side(parallel, velocity, source);
-  q.assign(grid_.padded_count(), 0);
+linalg::SolveStats PressureSystem::estimate(const Parallel& parallel, double tolerance, std::vector<Real>& q) {
+  linalg::fill(parallel, q, grid_.padded_count(), Real(0));
+  linalg::copy(parallel, pcg_.r, rhs_);
   linalg::SolveOptions options;
   options.tolerance = tolerance;
   options.max_iterations = kMaxMultigridIterations;
-  return solve_multigrid(parallel, options, false, q);
+  return solve_multigrid(parallel, options, q);
 }
 
 double PressureSystem::step_length(const Parallel& parallel, const VectorField& velocity,

@@ -27,42 +27,41 @@ class PressureSystem {
   void assemble(const Parallel& parallel, const Grid& g, const Walls& walls, const std::vector<std::uint8_t>& fixed,
                 const std::vector<Real>& specific_volume, std::vector<std::uint8_t> active,
                 std::vector<std::uint8_t> solid_cell, SlipNodes* slip = nullptr);
-  // Solves for q with J v - source on the right; source: wanted div v per padded cell [1/s], may be empty. q holds a
-  // guess, which multigrid takes only where it helps. tolerance: of the right-hand side; with multigrid of `before`
-  // where that is given.
-  linalg::SolveStats solve(const Parallel& parallel, PressureSolver solver, const VectorField& velocity,
-                           const std::vector<Real>& source, double tolerance, std::vector<Real>& q,
-                           const DivergenceNorms* before = nullptr);
-  // The same from zero and by multigrid, up to the part `tolerance` of r = J v - source, which stays in residual().
-  linalg::SolveStats estimate(const Parallel& parallel, const VectorField& velocity, const std::vector<Real>& source,
-                              double tolerance, std::vector<Real>& q);
-  const std::vector<Real>& residual() const { return rhs_; }  // padded cells [m^3/s]
+  // What the next solve has on the right: h^3 (J v - source), in a closed box less its mean. source: wanted div v per
+  // padded cell [1/s], may be empty.
+  DivergenceNorms set_right_side(const Parallel& parallel, const VectorField& velocity,
+                                 const std::vector<Real>& source);
+  const std::vector<Real>& right_side() const { return rhs_; }  // padded cells [m^3/s]
+  // Solves for q. It holds a guess, which multigrid takes only where it helps. tolerance: with multigrid of `before`,
+  // otherwise of the right-hand side.
+  linalg::SolveStats solve(const Parallel& parallel, PressureSolver solver, double tolerance,
+                           const DivergenceNorms& before, std::vector<Real>& q);
+  // The same from zero and by multigrid, up to the part `tolerance` of the right-hand side.
+  linalg::SolveStats estimate(const Parallel& parallel, double tolerance, std::vector<Real>& q);
   // How far along q to go, by conjugate gradients; velocity: where all of q led from that of the estimate.
   double step_length(const Parallel& parallel, const VectorField& velocity, const std::vector<Real>& source,
                      const std::vector<Real>& q);
   // v -= M^-1 J^T q
   void project(const Parallel& parallel, std::vector<Real>& q, VectorField& velocity);
   DivergenceNorms norms(const Parallel& parallel, const VectorField& velocity, const std::vector<Real>& source);
-  // Exchanges three arrays for three of its own, as large as the padded cells, whose values mean nothing between
-  // solves.
+  // One of its arrays for padded cells, whose values mean nothing between solves.
+  std::vector<Real>& scratch() { return pcg_.z; }
+  // Exchanges three arrays for three of these.
   void exchange_scratch(std::array<std::vector<Real>, 3>& arrays);
   std::size_t bytes() const;
 
  private:
   bool closed() const;
-  // rhs_ = r = h^3 (J v - source), in a closed box less its mean.
-  void set_right_side(const Parallel& parallel, const VectorField& velocity, const std::vector<Real>& source);
   void compute_residual(const Parallel& parallel, const VectorField& velocity, const std::vector<Real>& source,
                         std::vector<Real>& r);
   double solid_norm(const Parallel& parallel, const std::vector<Real>& r) const;  // of the solids' cells
   DivergenceNorms residual_norms(const Parallel& parallel, const std::vector<Real>& r) const;
   linalg::Operator operator_of(const Parallel& parallel);
-  // Where multigrid smooths in a solve that begins with zero, or with the last q, which leaves the residual in pcg_.q.
-  void focus(const Parallel& parallel, const linalg::SolveOptions& options, bool from_last);
-  linalg::SolveStats solve_multigrid(const Parallel& parallel, const linalg::SolveOptions& options, bool from_last,
+  // From q, which leaves pcg_.r.
+  linalg::SolveStats solve_multigrid(const Parallel& parallel, const linalg::SolveOptions& options,
                                      std::vector<Real>& q);
-  // Whether q leaves a smaller residual than zero does; pcg_.q becomes that.
-  bool last_helps(const Parallel& parallel, const linalg::Operator& apply, const std::vector<Real>& q);
+  // Keeps q where it leaves a smaller residual than zero does, which it becomes otherwise; pcg_.r: what is left.
+  bool keep_last(const Parallel& parallel, std::vector<Real>& q);
   Grid grid_;
   Walls walls_;
   std::vector<std::size_t> solid_cells_;  // padded, in order

@@ -37,7 +37,7 @@ class SlipNodes {
  public:
   SlipNodes() = default;
   // nodes: in ascending order of their planes k.
-  SlipNodes(const grid::Grid& g, std::vector<SlipNode> nodes);
+  SlipNodes(const Parallel& parallel, const grid::Grid& g, std::vector<SlipNode> nodes);
   bool empty() const { return nodes_.empty(); }
   const std::vector<SlipNode>& nodes() const { return nodes_; }
   // v_s; the fields below hold v_f at these nodes.
@@ -54,7 +54,7 @@ class SlipNodes {
 
   // A = J W J^T with two velocities here is A_1, with one velocity of mass m_s + m_f, and more: the terms of (A - A_1)
   // x that each node gives its 8 cells, corner by corner.
-  std::vector<Real> excess(const Parallel& parallel, const std::vector<Real>& x) const;
+  void excess(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& out) const;
   // Calls body(padded cell, term) for these terms, which add up.
   template <class Body>
   void for_terms(const Parallel& parallel, const std::vector<Real>& excess, const Body& body) const {
@@ -102,6 +102,9 @@ class SlipNodes {
     parallel.for_each(static_cast<std::int64_t>(nodes_.size()),
                       [&](std::int64_t t) { body(nodes_[static_cast<std::size_t>(t)], static_cast<std::size_t>(t)); });
   }
+  // (A - A_1) between the 8 cells of a node: what a value in each of them gives all of them.
+  using Terms = std::array<std::array<Real, 8>, 8>;
+  static Terms terms(const SlipNode& n, Real area);
   struct Pair {
     Vec3 solid, fluid;
   };
@@ -112,6 +115,7 @@ class SlipNodes {
   std::vector<SlipNode> nodes_;
   std::vector<std::size_t> plane_begin_;  // first node of each plane of nodes, and the end
   std::vector<Vec3> solid_velocity_;
+  std::vector<Terms> terms_;
   std::vector<std::size_t> cell_;      // padded cell of which the node is corner 0
   std::array<std::size_t, 8> back_{};  // from there to the cell of which it is another corner
 };

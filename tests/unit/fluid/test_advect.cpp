@@ -52,7 +52,7 @@ struct Box {
     for (std::size_t m = 0; m < fixed.size(); ++m)
       for (std::size_t a = 0; a < 3; ++a)
         if (fixed[m] & (1u << a)) v.c[a][m] = 0;
-    pressure.solve(parallel, system::PressureSolver::kMultigridPcg, v, {}, 1e-4, q);
+    pressure.solve(parallel, system::PressureSolver::kMultigridPcg, 1e-4, pressure.set_right_side(parallel, v, {}), q);
     pressure.project(parallel, q, v);
     advect_velocity(parallel, g, corrected, dt, v, specific_volume, Real(1), state, work);
   }

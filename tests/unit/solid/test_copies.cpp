@@ -26,7 +26,7 @@ struct Body {
     full[g.cell(cell[0], cell[1], cell[2])] = is_full;
   }
   bool has_copy(const Vec3i& cell) const {
-    const auto copies = solid::find_copies(g, planes, full, 5.0);
+    const auto copies = solid::find_copies(Parallel(2), g, planes, full, 5.0);
     CHECK(copies.size() <= 1);
     return copies == std::vector<std::size_t>{g.cell(cell[0], cell[1], cell[2])};
   }
@@ -44,10 +44,10 @@ bool is_copy(const Vec3i& cell, const Vec3d& material, bool known, bool full = t
 
 TEST_CASE("A body that holds everything once has no copies") {
   const Body body;
-  CHECK(solid::find_copies(body.g, body.planes, body.full, 5.0).empty());
-  CHECK(
-      solid::find_copies(body.g, {24, std::vector<solid::Holding>{}}, std::vector<std::uint8_t>(body.full.size()), 5.0)
-          .empty());
+  CHECK(solid::find_copies(Parallel(2), body.g, body.planes, body.full, 5.0).empty());
+  CHECK(solid::find_copies(Parallel(2), body.g, {24, std::vector<solid::Holding>{}},
+                           std::vector<std::uint8_t>(body.full.size()), 5.0)
+            .empty());
 }
 
 TEST_CASE("Of two cells that hold the same the one with the weaker claim is the copy") {

@@ -36,7 +36,7 @@ TEST_CASE("The matrix-free J W J^T is the assembled one, for every kind of wall"
     INFO(c.name);
     const reference::AssembledConstraint twin(c.g, c.walls, c.specific_volume);
     const Eigen::SparseMatrix<double> a = twin.matrix();
-    const system::PressureMultigrid multigrid = built(c);
+    system::PressureMultigrid multigrid = built(c);
     std::vector<Real> p = c.random_cells(31), y(p.size(), 0), b = c.random_cells(32), r(p.size(), 0);
     multigrid.apply(Parallel(1), p, y);
     const Eigen::VectorXd expected = a * to_vector(c, p);
@@ -53,15 +53,18 @@ TEST_CASE("Residual and relaxation in boxes are those of whole sweeps there and 
   for (const PressureCase& c : pressure_cases({13, 11, 10}, 50.0)) {
     INFO(c.name);
     const system::PressureMultigrid multigrid = built(c);
-    std::vector<Real> x = c.random_cells(31), everywhere(x.size(), 0), inside(x.size(), 7), moved = x;
-    const std::vector<Real> b = c.random_cells(32);
+    std::vector<Real> x = c.random_cells(31), everywhere(x.size(), 0), inside(x.size(), 7), moved = x,
+                      from_zero(x.size(), 7), copied(x.size(), 7);
+    const std::vector<Real> b = c.random_cells(32), start = x;
     grid::fill_ghosts(c.g, x, Real(0));
     system::apply_pressure_operator(Parallel(1), multigrid.finest(), x, everywhere, &b);
     grid::TileMask mask(c.g.cells);
     for (std::int64_t t = 0; t < mask.count(); ++t) mask.set(t, t % 3 != 1);
     const auto boxes = mask.boxes();
     system::residual_in_boxes(Parallel(3), multigrid.finest(), boxes, b, x, inside);
-    system::relax_in_boxes(Parallel(3), multigrid.finest(), boxes, Real(0.25), inside, moved);
+    system::relax_in_boxes(Parallel(3), multigrid.finest(), boxes, b, Real(0.25), x, moved);
+    system::relax_from_zero(Parallel(3), multigrid.finest(), boxes, b, Real(0.25), from_zero);
+    system::copy_in_boxes(Parallel(3), c.g, boxes, b, copied);
     std::vector<bool> in_box(x.size(), false);
     for (const auto& [begin, end] : boxes)
       for (int k = begin[2]; k < end[2]; ++k)
@@ -72,7 +75,9 @@ TEST_CASE("Residual and relaxation in boxes are those of whole sweeps there and 
       count += in_box[i];
       wrong += inside[i] != (in_box[i] ? everywhere[i] : Real(7));
       const Real d = multigrid.finest().inverse_diagonal[i];
-      if (in_box[i]) wrong += moved[i] != x[i] + Real(0.25) * d * inside[i];
+      wrong += moved[i] != (in_box[i] ? x[i] + Real(0.25) * d * inside[i] : start[i]);
+      wrong += from_zero[i] != (in_box[i] ? Real(0.25) * d * b[i] : Real(7));
+      wrong += copied[i] != (in_box[i] ? b[i] : Real(7));
     }
     CHECK(wrong == 0);
     CHECK(count > 0);

@@ -49,7 +49,8 @@ OneCell project_one_cell(const PressureCase& c, double tolerance) {
   made.velocity.assign(c.g.node_count());
   std::vector<Real> source(c.g.padded_count(), 0), q(c.g.padded_count(), 0);
   source[c.g.padded(5, 5, 6)] = 1;
-  made.stats = system.solve(parallel, PressureSolver::kMultigridPcg, made.velocity, source, tolerance, q);
+  made.stats = system.solve(parallel, PressureSolver::kMultigridPcg, tolerance,
+                            system.set_right_side(parallel, made.velocity, source), q);
   system.project(parallel, q, made.velocity);
   made.after = system.norms(parallel, made.velocity, source);
   return made;
@@ -132,7 +133,8 @@ TEST_CASE("Projection leaves a divergence within the tolerance and is idempotent
       const double energy_before = energy(c, v);
       std::vector<Real> q(c.g.padded_count(), 0);
       const double before = system.norms(parallel, v, {}).all;
-      const auto stats = system.solve(parallel, PressureSolver::kMultigridPcg, v, {}, tolerance, q);
+      const auto stats =
+          system.solve(parallel, PressureSolver::kMultigridPcg, tolerance, system.set_right_side(parallel, v, {}), q);
       CHECK(stats.converged);
       CHECK(stats.residual <= tolerance);
       system.project(parallel, q, v);
@@ -146,7 +148,7 @@ TEST_CASE("Projection leaves a divergence within the tolerance and is idempotent
       // Again: the velocity of a projection stays as it is.
       const grid::VectorField once = v;
       std::fill(q.begin(), q.end(), Real(0));
-      system.solve(parallel, PressureSolver::kMultigridPcg, v, {}, 0.1, q);
+      system.solve(parallel, PressureSolver::kMultigridPcg, 0.1, system.set_right_side(parallel, v, {}), q);
       system.project(parallel, q, v);
       grid::VectorField zero;
       zero.assign(v.size());
@@ -161,7 +163,7 @@ TEST_CASE("Multigrid starts from a guess that helps and drops one that does not"
     PressureSystem system = assembled(c);
     const grid::VectorField v = c.random_velocity(43);
     const auto solve = [&](std::vector<Real>& q) {
-      return system.solve(parallel, PressureSolver::kMultigridPcg, v, {}, 0.01, q);
+      return system.solve(parallel, PressureSolver::kMultigridPcg, 0.01, system.set_right_side(parallel, v, {}), q);
     };
     std::vector<Real> cold(c.g.padded_count(), 0);
     const auto first = solve(cold);
@@ -192,8 +194,9 @@ TEST_CASE("The tolerance may count from a divergence that was there before") {
     grid::VectorField v = c.random_velocity(43);
     const system::DivergenceNorms now = system.norms(parallel, v, {}), before{20.0 * now.all, 0.0};
     std::vector<Real> own(c.g.padded_count(), 0), less = own;
-    const auto all = system.solve(parallel, PressureSolver::kMultigridPcg, v, {}, 0.01, own);
-    const auto stats = system.solve(parallel, PressureSolver::kMultigridPcg, v, {}, 0.01, less, &before);
+    const auto all =
+        system.solve(parallel, PressureSolver::kMultigridPcg, 0.01, system.set_right_side(parallel, v, {}), own);
+    const auto stats = system.solve(parallel, PressureSolver::kMultigridPcg, 0.01, before, less);
     CHECK(stats.converged);
     CHECK(stats.iterations < all.iterations);
     system.project(parallel, less, v);
@@ -208,7 +211,8 @@ TEST_CASE("A step along an estimate goes as far as conjugate gradients do") {
     PressureSystem system = assembled(c);
     const grid::VectorField start = c.random_velocity(44);
     std::vector<Real> q;
-    CHECK(system.estimate(parallel, start, {}, 1e-3, q).converged);
+    system.set_right_side(parallel, start, {});
+    CHECK(system.estimate(parallel, 1e-3, q).converged);
     for (const double part : {0.25, 1.0, 3.0}) {
       std::vector<Real> longer = q;
       for (Real& value : longer) value *= static_cast<Real>(part);
@@ -231,7 +235,8 @@ TEST_CASE("Both pressure solvers give the same velocity") {
     grid::VectorField result[2] = {start, start};
     for (int s = 0; s < 2; ++s) {
       std::vector<Real> q(c.g.padded_count(), 0);
-      system.solve(parallel, s ? PressureSolver::kPcr : PressureSolver::kMultigridPcg, start, {}, tolerance, q);
+      system.solve(parallel, s ? PressureSolver::kPcr : PressureSolver::kMultigridPcg, tolerance,
+                   system.set_right_side(parallel, start, {}), q);
       system.project(parallel, q, result[s]);
     }
     CHECK(distance(result[0], result[1]) < 0.01 * distance(start, result[0]));
@@ -291,7 +296,8 @@ TEST_CASE("Cells without an equation have no pressure and are left alone") {
   std::vector<Real> q(c.g.padded_count(), 0), divergence;
   const double tolerance = kDouble ? 1e-8 : 1e-4;
   const system::DivergenceNorms before = system.norms(parallel, v, {});
-  CHECK(system.solve(parallel, PressureSolver::kMultigridPcg, v, {}, tolerance, q).converged);
+  CHECK(system.solve(parallel, PressureSolver::kMultigridPcg, tolerance, system.set_right_side(parallel, v, {}), q)
+            .converged);
   system.project(parallel, q, v);
   const system::DivergenceNorms after = system.norms(parallel, v, {});
   CHECK(after.solid < 2.0 * tolerance * before.solid);
@@ -303,7 +309,7 @@ TEST_CASE("Cells without an equation have no pressure and are left alone") {
   std::vector<Real> last = q;
   for (int i = 10; i < 14; ++i) last[c.g.padded(i, 6, 6)] = 5;
   grid::VectorField again = start;
-  system.solve(parallel, PressureSolver::kMultigridPcg, again, {}, tolerance, last);
+  system.solve(parallel, PressureSolver::kMultigridPcg, tolerance, system.set_right_side(parallel, again, {}), last);
   for (int i = 10; i < 14; ++i) CHECK(last[c.g.padded(i, 6, 6)] == 0);
 }
 
@@ -316,7 +322,8 @@ TEST_CASE("Multigrid needs few iterations whatever the density ratio") {
     PressureSystem system = assembled(c);
     const grid::VectorField v = c.random_velocity(44);
     std::vector<Real> q(c.g.padded_count(), 0);
-    const auto stats = system.solve(parallel, PressureSolver::kMultigridPcg, v, {}, 0.015, q);
+    const auto stats =
+        system.solve(parallel, PressureSolver::kMultigridPcg, 0.015, system.set_right_side(parallel, v, {}), q);
     INFO("density ratio " << contrast << ": " << stats.iterations);
     CHECK(stats.converged);
     CHECK(stats.iterations <= 20);
@@ -332,7 +339,7 @@ TEST_CASE("The pressure solve gives the same bits for 1, 2, 3 and 8 threads", "[
     PressureSystem system = assembled(c, threads);
     std::vector<Real> q(c.g.padded_count(), 0);
     grid::VectorField v = start;
-    system.solve(parallel, PressureSolver::kMultigridPcg, v, {}, 1e-3, q);
+    system.solve(parallel, PressureSolver::kMultigridPcg, 1e-3, system.set_right_side(parallel, v, {}), q);
     system.project(parallel, q, v);
     q.insert(q.end(), v.c[0].begin(), v.c[0].end());
     if (first.empty()) first = q;

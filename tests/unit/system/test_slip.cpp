@@ -44,7 +44,7 @@ struct SlipCase : PressureCase {
           n.fluid_mass = static_cast<Real>(eighth * (8 - inside));
           nodes.push_back(n);
         }
-    slip = system::SlipNodes(g, std::move(nodes));
+    slip = system::SlipNodes(Parallel(), g, std::move(nodes));
   }
 
   system::PressureSystem system(int threads = 1) {
@@ -163,7 +163,8 @@ TEST_CASE("The projection of solid and fluid takes energy, keeps what slips and 
     grid::VectorField v = c.random_velocities(11);
     const double start = c.kinetic_energy(v), before = system.norms(parallel, v, {}).all;
     std::vector<Real> q(c.g.padded_count(), 0);
-    const auto stats = system.solve(parallel, system::PressureSolver::kMultigridPcg, v, {}, 1e-3, q);
+    const auto stats =
+        system.solve(parallel, system::PressureSolver::kMultigridPcg, 1e-3, system.set_right_side(parallel, v, {}), q);
     CHECK(stats.converged);
     CHECK(stats.iterations < 30);
     system.project(parallel, q, v);
@@ -179,7 +180,7 @@ TEST_CASE("The projection of solid and fluid takes energy, keeps what slips and 
     CHECK(tied < 1e-5);
     CHECK(slip > 0.5);
     std::vector<Real> again(c.g.padded_count(), 0);
-    system.solve(parallel, system::PressureSolver::kMultigridPcg, v, {}, 1e-3, again);
+    system.solve(parallel, system::PressureSolver::kMultigridPcg, 1e-3, system.set_right_side(parallel, v, {}), again);
     system.project(parallel, again, v);
     CHECK(c.kinetic_energy(v) == Approx(once).epsilon(1e-4));
   }
