@@ -15,7 +15,8 @@ constexpr int kWidth = 2 * kRadius + 1;
 constexpr int kRows = kWidth * kWidth;
 constexpr int kMasks = 1 << kWidth;
 
-using Doubles = double __attribute__((vector_size(4 * sizeof(double))));  // half a row
+using Doubles = double __attribute__((vector_size(4 * sizeof(double))));
+using Lanes = double __attribute__((vector_size(8 * sizeof(double))));  // a row
 
 // The layers with a margin of kNoLayer around them, wide enough for the box.
 class PaddedLayers {
@@ -47,7 +48,7 @@ struct Row {
 struct Box {
   std::array<Row, kRows> rows;
   // By distance of the row and mask: 1/r^4 per lane that holds data; and the sums of w, w x, w x^2.
-  double lane_weight[2 * kRadius * kRadius + 1][kMasks][8] = {};
+  Lanes lane_weight[2 * kRadius * kRadius + 1][kMasks] = {};
   double moment[2 * kRadius * kRadius + 1][kMasks][3] = {};
 
   Box(const Grid& g, const PaddedLayers& layers) {
@@ -76,11 +77,7 @@ struct Box {
   }
 };
 
-template <class T>
-EFSI_INLINE Doubles load_doubles(const T* p) {
-  return Doubles{static_cast<double>(p[0]), static_cast<double>(p[1]), static_cast<double>(p[2]),
-                 static_cast<double>(p[3])};
-}
+EFSI_INLINE Lanes load_lanes(const Real* p) { return __builtin_convertvector(load_octet(p), Lanes); }
 
 // Lanes of a row whose layer is below l; reads 8 bytes.
 EFSI_INLINE unsigned data_mask(const std::uint8_t* row, int l) {
@@ -116,11 +113,11 @@ EFSI_INLINE void evaluation_row(const double s[10], double c[4]) {
 EFSI_KERNEL void extend_nodes(const Box& box, const Grid& g, const std::array<int, 3>* begin,
                               const std::array<int, 3>* end, int l, const PaddedLayers& layers,
                               std::span<Real* const> fields, Real* result) {
-  constexpr Doubles left = {-3, -2, -1, 0}, right = {1, 2, 3, 4};
+  constexpr Lanes along = {-3, -2, -1, 0, 1, 2, 3, 4};
   struct Live {
     const Row* row;
     unsigned mask;
-    Doubles left, right;  // weights
+    Lanes weights;
   };
   std::array<Live, kRows> live;
   const auto nodes = static_cast<std::ptrdiff_t>(g.node_count());
@@ -151,32 +148,23 @@ EFSI_KERNEL void extend_nodes(const Box& box, const Grid& g, const std::array<in
     for (std::size_t q = 0; q < count; ++q) {
       const Row& row = *live[q].row;
       const double base = c[0] + c[2] * row.linear[1] + c[3] * row.linear[2];
-      const double* w = box.lane_weight[row.distance][live[q].mask];
-      live[q].left = load_doubles(w) * (c[1] * left + base);
-      live[q].right = load_doubles(w + 4) * (c[1] * right + base);
+      live[q].weights = box.lane_weight[row.distance][live[q].mask] * (c[1] * along + base);
     }
     for (const Real* field : fields) {
       const Real* source = field + target;
-      Doubles sum_left = {0, 0, 0, 0}, sum_right = sum_left;
+      Lanes sums = {};
       if (whole_rows) {
         for (std::size_t q = 0; q < count; ++q) {
-          const Real* from = source + live[q].row->lead;
-          sum_left += live[q].left * load_doubles(from);
-          sum_right += live[q].right * load_doubles(from + 4);
+          sums += live[q].weights * load_lanes(source + live[q].row->lead);
         }
       } else {
         for (std::size_t q = 0; q < count; ++q)
           for (int lane = 0; lane < kWidth; ++lane)
-            if (live[q].mask >> lane & 1) {
-              const double value = static_cast<double>(source[live[q].row->lead + lane]);
-              if (lane < 4)
-                sum_left[lane] += live[q].left[lane] * value;
-              else
-                sum_right[lane - 4] += live[q].right[lane - 4] * value;
-            }
+            if (live[q].mask >> lane & 1)
+              sums[lane] += live[q].weights[lane] * static_cast<double>(source[live[q].row->lead + lane]);
       }
-      const Doubles sum = sum_left + sum_right;
-      *result++ = static_cast<Real>((sum[0] + sum[1]) + (sum[2] + sum[3]));
+      *result++ =
+          static_cast<Real>(((sums[0] + sums[4]) + (sums[1] + sums[5])) + ((sums[2] + sums[6]) + (sums[3] + sums[7])));
     }
   }
 }

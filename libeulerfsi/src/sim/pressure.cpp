@@ -123,9 +123,10 @@ void assemble_pressure_system(const Parallel& parallel, const Scene& scene, doub
                                   std::move(active), work.owned, &work.slip);
     work.uniform_ready = scene.solids.empty();
   }
-  work.source.clear();
   if (scene.params.numerics.volume_source && !scene.solids.empty())
     compute_volume_source(parallel, scene, state, dt, work);
+  else
+    work.source.clear();
 }
 
 // J^T q on the unknowns, where walls leave them free. Fills the ghosts of q.
