@@ -14,6 +14,7 @@ constexpr int kRadius = 3;
 constexpr int kWidth = 2 * kRadius + 1;
 constexpr int kRows = kWidth * kWidth;
 constexpr int kMasks = 1 << kWidth;
+constexpr std::size_t kAtOnce = 3;  // fields
 
 using Doubles = double __attribute__((vector_size(4 * sizeof(double))));
 using Lanes = double __attribute__((vector_size(8 * sizeof(double))));  // a row
@@ -150,21 +151,30 @@ EFSI_KERNEL void extend_nodes(const Box& box, const Grid& g, const std::array<in
       const double base = c[0] + c[2] * row.linear[1] + c[3] * row.linear[2];
       live[q].weights = box.lane_weight[row.distance][live[q].mask] * (c[1] * along + base);
     }
-    for (const Real* field : fields) {
-      const Real* source = field + target;
-      Lanes sums = {};
+    for (std::size_t first = 0; first < fields.size(); first += kAtOnce) {
+      const std::size_t some = std::min(kAtOnce, fields.size() - first);
+      const Real* source[kAtOnce];
+      for (std::size_t f = 0; f < kAtOnce; ++f) source[f] = fields[first + std::min(f, some - 1)] + target;
+      Lanes sums[kAtOnce] = {};
       if (whole_rows) {
         for (std::size_t q = 0; q < count; ++q) {
-          sums += live[q].weights * load_lanes(source + live[q].row->lead);
+          const Lanes weights = live[q].weights;
+          const std::ptrdiff_t lead = live[q].row->lead;
+#pragma GCC unroll 3
+          for (std::size_t f = 0; f < kAtOnce; ++f) sums[f] += weights * load_lanes(source[f] + lead);
         }
       } else {
         for (std::size_t q = 0; q < count; ++q)
           for (int lane = 0; lane < kWidth; ++lane)
             if (live[q].mask >> lane & 1)
-              sums[lane] += live[q].weights[lane] * static_cast<double>(source[live[q].row->lead + lane]);
+              for (std::size_t f = 0; f < some; ++f)
+                sums[f][lane] += live[q].weights[lane] * static_cast<double>(source[f][live[q].row->lead + lane]);
       }
-      *result++ =
-          static_cast<Real>(((sums[0] + sums[4]) + (sums[1] + sums[5])) + ((sums[2] + sums[6]) + (sums[3] + sums[7])));
+      for (std::size_t f = 0; f < some; ++f) {
+        const Lanes& sum = sums[f];
+        *result++ =
+            static_cast<Real>(((sum[0] + sum[4]) + (sum[1] + sum[5])) + ((sum[2] + sum[6]) + (sum[3] + sum[7])));
+      }
     }
   }
 }
