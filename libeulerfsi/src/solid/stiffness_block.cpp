@@ -105,6 +105,80 @@ EFSI_KERNEL void add_hourglass(const PointBlock& p, const Lanes* x, Lanes* out) 
   }
 }
 
+// out += the diagonal of the above for one corner: E = e_i b^T, b = U^T grad N / h.
+EFSI_KERNEL void add_diagonal(const PointBlock& p, const Real* grad, Real inverse_h, Lanes* out) {
+  Lanes b[3];
+  clear(b[0], 3);
+  for (int m = 0; m < 3; ++m)
+    for (int j = 0; j < 3; ++j) add_scaled(grad[j] * inverse_h, p.axes[j + 3 * m], b[m]);
+  constexpr int kFirst[3] = {1, 2, 0}, kSecond[3] = {2, 0, 1};
+  for (int i = 0; i < 3; ++i) {
+    const Real *u0 = p.axes[i], *u1 = p.axes[i + 3], *u2 = p.axes[i + 6];
+#pragma omp simd
+    for (int l = 0; l < kLanes; ++l) {
+      const Real e0 = u0[l] * b[0][l], e1 = u1[l] * b[1][l], e2 = u2[l] * b[2][l];
+      out[i][l] += (p.normal[0][l] * e0 * e0 + p.normal[1][l] * e1 * e1 + p.normal[2][l] * e2 * e2) +
+                   2 * (p.normal[3][l] * e1 * e2 + p.normal[4][l] * e2 * e0 + p.normal[5][l] * e0 * e1);
+    }
+    for (int q = 0; q < 3; ++q) {
+      const Real *first = p.axes[i + 3 * kFirst[q]], *second = p.axes[i + 3 * kSecond[q]];
+      const Real *b_first = b[kFirst[q]], *b_second = b[kSecond[q]];
+#pragma omp simd
+      for (int l = 0; l < kLanes; ++l) {
+        const Real ij = first[l] * b_second[l], ji = second[l] * b_first[l];
+        out[i][l] += p.pair[3 * q][l] * ij * ij + 2 * p.pair[3 * q + 1][l] * ij * ji + p.pair[3 * q + 2][l] * ji * ji;
+      }
+    }
+  }
+}
+
+// The same of the hourglass modes: U diag(k / s^2) U^T.
+EFSI_KERNEL void set_hourglass_diagonal(const PointBlock& p, Lanes* out) {
+  clear(out[0], 24);
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      const Real *u = p.axes[i + 3 * j], *k = p.hourglass[j + 1];
+#pragma omp simd
+      for (int l = 0; l < kLanes; ++l)
+        out[i][l] += static_cast<Real>(4 * kHourglassNorm * kHourglassNorm) * u[l] * k[l] * u[l];
+    }
+    for (int a = 1; a < 8; ++a) std::copy(out[i], out[i] + kLanes, out[3 * a + i]);
+  }
+}
+
+// out -= tau grad N / h at the corners
+EFSI_KERNEL void subtract_stress(const PointBlock& p, const Real (*grad)[3], Real inverse_h, Lanes* out) {
+  constexpr int kStress[3][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}};
+  for (int a = 0; a < 8; ++a)
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j) add_scaled(-inverse_h * grad[a][j], p.stress[kStress[i][j]], out[3 * a + i]);
+}
+
+// out += k F^-T u on the hourglass modes, F^-1 = 1 - grad u
+EFSI_KERNEL void add_hourglass_force(const PointBlock& p, const Real (*grad)[3], Real inverse_h, const Lanes* u,
+                                     Lanes* out) {
+  Lanes inverse_f[9];  // (i, j) at i + 3 j
+  for (int q = 0; q < 9; ++q) std::fill(inverse_f[q], inverse_f[q] + kLanes, Real(q % 4 == 0));
+  for (int a = 0; a < 8; ++a)
+    for (int j = 0; j < 3; ++j)
+      for (int i = 0; i < 3; ++i) add_scaled(-inverse_h * grad[a][j], u[3 * a + i], inverse_f[i + 3 * j]);
+  for (const auto& sign : kHourglassSign) {
+    Lanes amplitude[3], force[3];
+    clear(amplitude[0], 3);
+    clear(force[0], 3);
+    for (int a = 0; a < 8; ++a)
+      for (int i = 0; i < 3; ++i)
+        add_scaled(static_cast<Real>(sign[a] * kHourglassNorm * kHourglassNorm), u[3 * a + i], amplitude[i]);
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j) add_product(inverse_f[j + 3 * i], amplitude[j], force[i]);
+    for (int i = 0; i < 3; ++i)
+#pragma omp simd
+      for (int l = 0; l < kLanes; ++l) force[i][l] *= -p.hourglass[0][l];  // X = -u on these modes
+    for (int a = 0; a < 8; ++a)
+      for (int i = 0; i < 3; ++i) add_scaled(static_cast<Real>(sign[a]), force[i], out[3 * a + i]);
+  }
+}
+
 EFSI_KERNEL void scale(Real factor, Real* out) {
 #pragma omp simd
   for (int i = 0; i < 24 * kLanes; ++i) out[i] *= factor;
@@ -122,6 +196,40 @@ void block_stiffness(const SolidWork& work, std::size_t block, double h, Real fa
     add_point(work.point[block * points + q], table.g[q], static_cast<Real>(1.0 / h), x, rows);
   if (points == 1) add_hourglass(work.point[block], x, rows);
   scale(factor, out);
+}
+
+void block_stiffness_diagonal(const SolidWork& work, std::size_t block, double h, Real factor, Real* out) {
+  auto* rows = reinterpret_cast<Lanes*>(out);
+  const Gradients& table = gradients_of(work.points_per_element);
+  const auto points = static_cast<std::size_t>(work.points_per_element);
+  if (points == 1)
+    set_hourglass_diagonal(work.point[block], rows);
+  else
+    std::fill(out, out + 24 * kBlock, Real(0));
+  for (std::size_t q = 0; q < points; ++q)
+    for (int a = 0; a < 8; ++a)
+      add_diagonal(work.point[block * points + q], table.g[q][a], static_cast<Real>(1.0 / h), rows + 3 * a);
+  scale(factor, out);
+}
+
+void block_force(const SolidState& state, const SolidWork& work, std::size_t block, Real* out) {
+  auto* rows = reinterpret_cast<Lanes*>(out);
+  std::fill(out, out + 24 * kBlock, Real(0));
+  const Grid& g = state.band.grid;
+  const Real inverse_h = static_cast<Real>(1.0 / g.h);
+  const Gradients& table = gradients_of(work.points_per_element);
+  const auto points = static_cast<std::size_t>(work.points_per_element);
+  for (std::size_t q = 0; q < points; ++q) subtract_stress(work.point[block * points + q], table.g[q], inverse_h, rows);
+  if (points != 1) return;
+  const auto corner = grid::corner_offsets(g);
+  Lanes u[24];
+  for (std::size_t lane = 0; lane < kBlock; ++lane) {
+    const std::size_t e = std::min(block * kBlock + lane, work.element_corner.size() - 1);  // a free lane: k = 0
+    const auto n = static_cast<std::size_t>(work.element_corner[e]);
+    for (std::size_t a = 0; a < 8; ++a)
+      for (std::size_t i = 0; i < 3; ++i) u[3 * a + i][lane] = state.u.c[i][n + corner[a]];
+  }
+  add_hourglass_force(work.point[block], table.g[0], inverse_h, u, rows);
 }
 
 }  // namespace efsi::solid

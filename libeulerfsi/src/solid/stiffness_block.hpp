@@ -1,13 +1,17 @@
-// Purpose: the stiffness of kBlock elements at once, one element per lane; element_stiffness is its slow twin.
-// Paper: Sec. 4.2; Eq. 8.
+// Purpose: forces and stiffness of kBlock elements at once, one element per lane; material_force.hpp has the slow
+// twins. In and out: corner a, component i of each element at row 3 a + i. Paper: Sec. 4.2; Eq. 8.
 #pragma once
 
 #include "solid/solid.hpp"
 
 namespace efsi::solid {
 
-// out = factor K x for one block; x, out: corner a, component i of each element at row 3 a + i.
+// out = factor K x
 void block_stiffness(const SolidWork& work, std::size_t block, double h, Real factor, const Real (&x)[24][kBlock],
                      Real* out);
+// out = factor diag K
+void block_stiffness_diagonal(const SolidWork& work, std::size_t block, double h, Real factor, Real* out);
+// out: forces on the corners [N]
+void block_force(const SolidState& state, const SolidWork& work, std::size_t block, Real* out);
 
 }  // namespace efsi::solid

@@ -4,7 +4,6 @@
 
 #include "linalg/jacobi.hpp"
 #include "linalg/reduce.hpp"
-#include "solid/material_force.hpp"
 #include "solid/stiffness_block.hpp"
 
 namespace efsi::system {
@@ -38,7 +37,6 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
   }
   node_.clear();
   free_.clear();
-  element_begin_.assign(1, 0);
   stiffness_factor_.clear();
   past_factor_.clear();
   unknown_begin_.assign(1, 0);
@@ -72,7 +70,6 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
               dt * s.rest->rayleigh_alpha * static_cast<double>(s.work->mass[local]);
         }
     unknown_begin_.push_back(node_.size());
-    element_begin_.push_back(element_begin_.back() + static_cast<std::int32_t>(s.work->element_cell.size()));
   }
   for (std::size_t l = 0; l < solids_.size(); ++l) {
     const StiffnessShares& shares = touches(l) ? solids_[l].held : solids_[l].loose;
@@ -131,11 +128,10 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
 
   // Jacobi preconditioner.
   std::vector<Real> diagonal;
-  sum_elements(
+  sum_blocks(
       parallel,
-      [&](std::size_t l, std::size_t e, Real* out) {
-        solid::element_stiffness_diagonal(*solids_[l].work, h_, e, out);
-        for (int i = 0; i < 24; ++i) out[i] *= stiffness_factor_[l];
+      [&](std::size_t l, std::size_t block, Real* out) {
+        solid::block_stiffness_diagonal(*solids_[l].work, block, h_, stiffness_factor_[l], out);
       },
       diagonal);
   inverse_diagonal_.resize(diagonal.size());
@@ -160,16 +156,13 @@ void VelocitySystem::gather_elements(const Parallel& parallel, std::vector<Real>
   });
 }
 
-// out = sum over elements of body(solid, element of the solid, 24 values).
-template <class ElementBody>
-void VelocitySystem::sum_elements(const Parallel& parallel, const ElementBody& body, std::vector<Real>& out) {
+// out = sum over elements; body(solid, block of the solid, its rows).
+template <class BlockBody>
+void VelocitySystem::sum_blocks(const Parallel& parallel, const BlockBody& body, std::vector<Real>& out) {
   for (std::size_t l = 0; l < solids_.size(); ++l)
-    parallel.for_each(element_begin_[l + 1] - element_begin_[l], [&](std::int64_t element) {
-      const auto e = static_cast<std::size_t>(element);
-      Real values[24];
-      body(l, e, values);
-      Real* lane = element_out_.data() + (block_begin_[l] + e / kLanes) * 24 * kLanes + e % kLanes;
-      for (std::size_t i = 0; i < 24; ++i) lane[i * kLanes] = values[i];
+    parallel.for_each(static_cast<std::int64_t>(solids_[l].work->blocks()), [&](std::int64_t local) {
+      const auto block = static_cast<std::size_t>(local);
+      body(l, block, element_out_.data() + (block_begin_[l] + block) * 24 * kLanes);
     });
   gather_elements(parallel, out);
 }
@@ -178,19 +171,19 @@ void VelocitySystem::multiply_stiffness(const Parallel& parallel, const std::vec
                                         const std::vector<Real>& x, std::vector<Real>& y) {
   masked_.resize(x.size());
   linalg::multiply(parallel, masked_, free_, x);
-  for (std::size_t l = 0; l < solids_.size(); ++l)
-    parallel.for_each(static_cast<std::int64_t>(solids_[l].work->blocks()), [&](std::int64_t local) {
-      const std::size_t block = block_begin_[l] + static_cast<std::size_t>(local);
-      Real in[24][kLanes];
-      for (std::size_t a = 0; a < 8; ++a)
-        for (std::size_t lane = 0; lane < kLanes; ++lane) {
-          const Real* value = &masked_[3 * static_cast<std::size_t>(corner_[(block * 8 + a) * kLanes + lane])];
-          for (std::size_t i = 0; i < 3; ++i) in[3 * a + i][lane] = value[i];
-        }
-      solid::block_stiffness(*solids_[l].work, static_cast<std::size_t>(local), h_, factor[l], in,
-                             element_out_.data() + block * 24 * kLanes);
-    });
-  gather_elements(parallel, y);
+  sum_blocks(
+      parallel,
+      [&](std::size_t l, std::size_t block, Real* out) {
+        const std::int32_t* corners = &corner_[(block_begin_[l] + block) * 8 * kLanes];
+        Real in[24][kLanes];
+        for (std::size_t a = 0; a < 8; ++a)
+          for (std::size_t lane = 0; lane < kLanes; ++lane) {
+            const Real* value = &masked_[3 * static_cast<std::size_t>(corners[a * kLanes + lane])];
+            for (std::size_t i = 0; i < 3; ++i) in[3 * a + i][lane] = value[i];
+          }
+        solid::block_stiffness(*solids_[l].work, block, h_, factor[l], in, out);
+      },
+      y);
 }
 
 void VelocitySystem::add_past_stiffness(const Parallel& parallel, const std::vector<Real>& v, std::vector<Real>& f) {
@@ -230,10 +223,10 @@ void VelocitySystem::multiply_mass(const Parallel& parallel, const std::vector<R
 }
 
 void VelocitySystem::internal_force(const Parallel& parallel, std::vector<Real>& force) {
-  sum_elements(
+  sum_blocks(
       parallel,
-      [&](std::size_t l, std::size_t e, Real* out) {
-        solid::element_force(*solids_[l].state, *solids_[l].work, e, out);
+      [&](std::size_t l, std::size_t block, Real* out) {
+        solid::block_force(*solids_[l].state, *solids_[l].work, block, out);
       },
       force);
 }

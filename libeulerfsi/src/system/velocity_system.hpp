@@ -88,11 +88,10 @@ class VelocitySystem {
   // y = factor K x, one factor per solid.
   void multiply_stiffness(const Parallel& parallel, const std::vector<Real>& factor, const std::vector<Real>& x,
                           std::vector<Real>& y);
-  template <class ElementBody>
-  void sum_elements(const Parallel& parallel, const ElementBody& body, std::vector<Real>& out);
+  template <class BlockBody>
+  void sum_blocks(const Parallel& parallel, const BlockBody& body, std::vector<Real>& out);
 
   std::vector<SolidRef> solids_;
-  std::vector<std::int32_t> element_begin_;          // first element of each solid, and the end
   std::vector<std::int32_t> unknown_of_node_;        // global node -> unknown, -1
   std::vector<std::size_t> unknown_begin_;           // first unknown of each solid, and the end
   std::vector<std::uint8_t> held_;                   // per solid: bit a: a wall fixes axis a; 7: shares a node
