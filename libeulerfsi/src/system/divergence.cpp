@@ -331,9 +331,11 @@ void compute_pressure_diagonal(const Parallel& parallel, PressureLevel& level) {
 
 namespace {
 
-// Divergence of a row of cells from the four rows of nodes around it; o: steps to the corners of a cell.
-EFSI_KERNEL void cell_divergence_row(int n, Real scale, const std::size_t* o, const Real* x, const Real* y,
-                                     const Real* z, Real* out) {
+// Flux out of a row of cells through the four rows of nodes around it, less what the source wants; o: steps to the
+// corners of a cell.
+template <bool has_source>
+EFSI_INLINE void flux_row(int n, Real area, const std::size_t* o, const Real* x, const Real* y, const Real* z,
+                          Real volume, const Real* source, Real* out) {
   const std::size_t o2 = o[2], o3 = o[3], o4 = o[4], o5 = o[5], o6 = o[6], o7 = o[7];
 #pragma omp simd
   for (int i = 0; i < n; ++i) {
@@ -341,23 +343,30 @@ EFSI_KERNEL void cell_divergence_row(int n, Real scale, const std::size_t* o, co
     const Real dx = ((xi[1] - xi[0]) + (xi[o3] - xi[o2])) + ((xi[o5] - xi[o4]) + (xi[o7] - xi[o6]));
     const Real dy = ((yi[o2] - yi[0]) + (yi[o3] - yi[1])) + ((yi[o6] - yi[o4]) + (yi[o7] - yi[o5]));
     const Real dz = ((zi[o4] - zi[0]) + (zi[o5] - zi[1])) + ((zi[o6] - zi[o2]) + (zi[o7] - zi[o3]));
-    out[i] = scale * (dx + dy + dz);
+    out[i] = area * (dx + dy + dz) - (has_source ? volume * source[i] : Real(0));
   }
+}
+EFSI_KERNEL void flux_row(int n, Real area, const std::size_t* o, const Real* x, const Real* y, const Real* z,
+                          Real volume, const Real* source, Real* out) {
+  if (source)
+    flux_row<true>(n, area, o, x, y, z, volume, source, out);
+  else
+    flux_row<false>(n, area, o, x, y, z, volume, source, out);
 }
 
 }  // namespace
 
-void compute_divergence(const Parallel& parallel, const Grid& g, const VectorField& velocity,
-                        std::vector<Real>& divergence) {
+void compute_flux(const Parallel& parallel, const Grid& g, const VectorField& velocity, const std::vector<Real>& source,
+                  std::vector<Real>& flux) {
   const auto o = grid::corner_offsets(g);
-  const Real scale = static_cast<Real>(0.25 / g.h);
-  divergence.resize(g.padded_count());
+  const Real area = static_cast<Real>(0.25 * g.h * g.h), volume = static_cast<Real>(g.h * g.h * g.h);
+  flux.resize(g.padded_count());
   parallel.for_each(g.cells[2], [&](std::int64_t kk) {
     const int k = static_cast<int>(kk);
     for (int j = 0; j < g.cells[1]; ++j) {
-      const std::size_t n = g.node(0, j, k);
-      cell_divergence_row(g.cells[0], scale, o.data(), velocity.c[0].data() + n, velocity.c[1].data() + n,
-                          velocity.c[2].data() + n, divergence.data() + g.padded(0, j, k));
+      const std::size_t n = g.node(0, j, k), cells = g.padded(0, j, k);
+      flux_row(g.cells[0], area, o.data(), velocity.c[0].data() + n, velocity.c[1].data() + n, velocity.c[2].data() + n,
+               volume, source.empty() ? nullptr : source.data() + cells, flux.data() + cells);
     }
   });
 }

@@ -60,9 +60,9 @@ void copy_in_boxes(const Parallel& parallel, const Grid& g, const std::vector<Ce
 // Diagonal of A -> inverse_diagonal.
 void compute_pressure_diagonal(const Parallel& parallel, PressureLevel& level);
 
-// divergence[padded cell] = J v / h^3 [1/s].
-void compute_divergence(const Parallel& parallel, const Grid& g, const VectorField& velocity,
-                        std::vector<Real>& divergence);
+// flux[padded cell] = J v - h^3 source [m^3/s]; source: wanted div v [1/s], may be empty.
+void compute_flux(const Parallel& parallel, const Grid& g, const VectorField& velocity, const std::vector<Real>& source,
+                  std::vector<Real>& flux);
 
 // v -= W J^T q, q [Pa s].
 void subtract_pressure_gradient(const Parallel& parallel, const PressureLevel& level, const std::vector<Real>& q,

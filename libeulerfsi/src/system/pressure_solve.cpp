@@ -18,17 +18,6 @@ constexpr int kMostGradients = 10;    // iterations of conjugate gradients befor
 constexpr double kHelps = 0.5;        // the last pressure is the start where it leaves less than this residual
 constexpr double kSolidFloor = 1e-3;  // of the whole right-hand side: less divergence in the solids counts as this
 
-// r = volume (r - source); source may be null.
-EFSI_KERNEL void flux_row(int n, Real volume, const Real* source, Real* r) {
-  if (!source) {
-#pragma omp simd
-    for (int i = 0; i < n; ++i) r[i] = volume * r[i];
-    return;
-  }
-#pragma omp simd
-  for (int i = 0; i < n; ++i) r[i] = volume * (r[i] - source[i]);
-}
-
 EFSI_KERNEL void subtract_row(int n, Real value, Real* r) {
 #pragma omp simd
   for (int i = 0; i < n; ++i) r[i] -= value;
@@ -65,16 +54,13 @@ bool PressureSystem::keep_last(const Parallel& parallel, std::vector<Real>& q) {
 
 void PressureSystem::compute_residual(const Parallel& parallel, const VectorField& velocity,
                                       const std::vector<Real>& source, std::vector<Real>& r) {
-  r.resize(grid_.padded_count());
-  compute_divergence(parallel, grid_, velocity, r);
-  if (slip_) slip_->correct_divergence(parallel, velocity, r);
-  const Real volume = static_cast<Real>(grid_.h * grid_.h * grid_.h);
+  compute_flux(parallel, grid_, velocity, source, r);
+  if (slip_) slip_->correct_flux(parallel, velocity, r);
   const auto& active = multigrid_.finest().active;
+  if (active.empty()) return;
   parallel.for_each(grid_.cells[2], [&](std::int64_t k) {
     for (int j = 0; j < grid_.cells[1]; ++j) {
       const std::size_t row = grid_.padded(0, j, static_cast<int>(k));
-      flux_row(grid_.cells[0], volume, source.empty() ? nullptr : source.data() + row, r.data() + row);
-      if (active.empty()) continue;
       for (std::size_t c = row; c < row + static_cast<std::size_t>(grid_.cells[0]); ++c)
         if (!active[c]) r[c] = 0;
     }

@@ -72,12 +72,11 @@ void SlipNodes::follow_solid(const Parallel& parallel, grid::VectorField& veloci
   });
 }
 
-void SlipNodes::correct_divergence(const Parallel& parallel, const grid::VectorField& velocity,
-                                   std::vector<Real>& divergence) const {
-  const Real scale = static_cast<Real>(0.25 / grid_.h);
+void SlipNodes::correct_flux(const Parallel& parallel, const grid::VectorField& velocity,
+                             std::vector<Real>& flux) const {
   for_cells(parallel, [&](std::size_t t, std::size_t corner, std::size_t cell) {
     if (!in_solid(nodes_[t], corner)) return;
-    divergence[cell] += scale * side_of(corner).dot(solid_velocity_[t] - velocity.at(nodes_[t].node));
+    flux[cell] += area() * side_of(corner).dot(solid_velocity_[t] - velocity.at(nodes_[t].node));
   });
 }
 

@@ -48,9 +48,8 @@ class SlipNodes {
   void share_normal(const Parallel& parallel, grid::VectorField& velocity);
   // Gives v_f the component of v_s along n.
   void follow_solid(const Parallel& parallel, grid::VectorField& velocity) const;
-  // div v_f [1/s] at padded cells -> of the velocity that each cell sees.
-  void correct_divergence(const Parallel& parallel, const grid::VectorField& velocity,
-                          std::vector<Real>& divergence) const;
+  // Flux out of padded cells by v_f [m^3/s] -> by the velocity that each cell sees.
+  void correct_flux(const Parallel& parallel, const grid::VectorField& velocity, std::vector<Real>& flux) const;
 
   // A = J W J^T with two velocities here is A_1, with one velocity of mass m_s + m_f, and more: the terms of (A - A_1)
   // x that each node gives its 8 cells, corner by corner.

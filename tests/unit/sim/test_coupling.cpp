@@ -118,14 +118,14 @@ struct SqueezedBall : OneSolid {
     Eigen::MatrixXd j(m, n);
     grid::VectorField v;
     v.assign(g.node_count());
-    std::vector<Real> divergence;
+    std::vector<Real> flux;
+    const double h3 = g.h * g.h * g.h;
     for (Eigen::Index c = 0; c < n; ++c) {
       Real& value = v.c[static_cast<std::size_t>(c % 3)][nodes[static_cast<std::size_t>(c / 3)]];
       value = 1;
-      system::compute_divergence(Parallel(1), g, v, divergence);
+      system::compute_flux(Parallel(1), g, v, {}, flux);
       value = 0;
-      for (Eigen::Index r = 0; r < m; ++r)
-        j(r, c) = static_cast<double>(divergence[cells[static_cast<std::size_t>(r)]]);
+      for (Eigen::Index r = 0; r < m; ++r) j(r, c) = static_cast<double>(flux[cells[static_cast<std::size_t>(r)]]) / h3;
     }
     const Eigen::LDLT<Eigen::MatrixXd> inverse(stiffness);
     const Eigen::MatrixXd reached = j * inverse.solve(Eigen::MatrixXd(j.transpose()));
