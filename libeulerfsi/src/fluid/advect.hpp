@@ -20,6 +20,8 @@ struct AdvectWorkspace {
   std::vector<std::uint8_t> solid_cells;   // cells that are more than half solid before the transport; or empty
   std::array<ScalarBudget, 2> budgets;     // of smoke and temperature
 
+  // What may live in arrays of others during a transport.
+  std::array<std::vector<Real>*, 3> storage() { return {&first.c[0], &first.c[1], &first.c[2]}; }
   std::size_t bytes() const {
     return (3 * first.c[0].capacity() + scalar_source.capacity() + scalar_first.capacity()) * sizeof(Real) +
            scalar_tiles.capacity() + solid_cells.capacity() + budgets[0].bytes() + budgets[1].bytes();

@@ -43,7 +43,11 @@ EFSI_INLINE Quad clamp(const Quad& v, const Quad& low, const Quad& high) {
 // Four values per node.
 class PackedField {
  public:
-  void resize(std::size_t nodes) { values_.resize(4 * nodes); }
+  // For at least so many nodes.
+  void reserve(std::size_t nodes) {
+    if (values_.size() < 4 * nodes) values_.resize(4 * nodes);
+  }
+  std::vector<Real>& storage() { return values_; }
   const Real* at(std::size_t n) const { return values_.data() + 4 * n; }
   Real* at(std::size_t n) { return values_.data() + 4 * n; }
   std::size_t bytes() const { return values_.capacity() * sizeof(Real); }

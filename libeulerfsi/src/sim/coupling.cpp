@@ -76,18 +76,17 @@ void combine_masses(const Parallel& parallel, const Scene& scene, const State& s
   const bool solids = !scene.solids.empty();
   if (!solids && work.uniform_ready) return;
   find_fixed_components(parallel, scene, state, work);
+  if (!solids) return;  // the density says it all
   const double h3 = g.h * g.h * g.h;
   const Real fluid_density = scene.params.fluid.present ? static_cast<Real>(scene.params.fluid.density) : Real(0);
 
   // The fluid fills what the solids leave free.
-  if (solids) {
-    linalg::fill(parallel, work.cell_fraction, g.cell_count(), Real(0));
-    for (std::size_t l = 0; l < scene.solids.size(); ++l)
-      for_band_cells(parallel, state.solids[l].band, [&](std::size_t c, int i, int j, int k) {
-        Real& fraction = work.cell_fraction[g.cell(i, j, k)];
-        fraction = std::min(Real(1), fraction + work.solids[l].fraction[c]);
-      });
-  }
+  linalg::fill(parallel, work.cell_fraction, g.cell_count(), Real(0));
+  for (std::size_t l = 0; l < scene.solids.size(); ++l)
+    for_band_cells(parallel, state.solids[l].band, [&](std::size_t c, int i, int j, int k) {
+      Real& fraction = work.cell_fraction[g.cell(i, j, k)];
+      fraction = std::min(Real(1), fraction + work.solids[l].fraction[c]);
+    });
   work.mass.resize(g.node_count());
   const auto full_mass = [&](int i, int j, int k) {
     return static_cast<Real>(static_cast<double>(fluid_density) * h3 / 8.0 * adjacent_cells(g, i, j, k));
@@ -101,32 +100,30 @@ void combine_masses(const Parallel& parallel, const Scene& scene, const State& s
       row[last] = full_mass(last, j, k);
     }
   });
-  if (solids) {
-    // Around the solids: the fluid's share of each of the 8 cells.
-    const auto cell_at = [&](int i, int j, int k) -> std::int64_t {
-      int q[3] = {i, j, k};
-      for (std::size_t a = 0; a < 3; ++a) {
-        const int n = g.cells[a];
-        if (g.periodic[a]) q[a] = (q[a] + n) % n;
-        if (q[a] < 0 || q[a] >= n) return -1;
+  // Around the solids: the fluid's share of each of the 8 cells.
+  const auto cell_at = [&](int i, int j, int k) -> std::int64_t {
+    int q[3] = {i, j, k};
+    for (std::size_t a = 0; a < 3; ++a) {
+      const int n = g.cells[a];
+      if (g.periodic[a]) q[a] = (q[a] + n) % n;
+      if (q[a] < 0 || q[a] >= n) return -1;
+    }
+    return static_cast<std::int64_t>(g.cell(q[0], q[1], q[2]));
+  };
+  for (std::size_t l = 0; l < scene.solids.size(); ++l)
+    for_band_nodes(parallel, state.solids[l].band, [&](std::size_t, int i, int j, int k) {
+      double share = 0.0;
+      bool any = false;
+      for (const auto& corner : grid::kCorner) {
+        const std::int64_t c = cell_at(i - corner[0], j - corner[1], k - corner[2]);
+        if (c < 0) continue;
+        const double fraction = static_cast<double>(work.cell_fraction[static_cast<std::size_t>(c)]);
+        any = any || fraction > 0.0;
+        share += 1.0 - fraction;
       }
-      return static_cast<std::int64_t>(g.cell(q[0], q[1], q[2]));
-    };
-    for (std::size_t l = 0; l < scene.solids.size(); ++l)
-      for_band_nodes(parallel, state.solids[l].band, [&](std::size_t, int i, int j, int k) {
-        double share = 0.0;
-        bool any = false;
-        for (const auto& corner : grid::kCorner) {
-          const std::int64_t c = cell_at(i - corner[0], j - corner[1], k - corner[2]);
-          if (c < 0) continue;
-          const double fraction = static_cast<double>(work.cell_fraction[static_cast<std::size_t>(c)]);
-          any = any || fraction > 0.0;
-          share += 1.0 - fraction;
-        }
-        if (any) work.mass[g.node(i, j, k)] = static_cast<Real>(static_cast<double>(fluid_density) * h3 / 8.0 * share);
-      });
-    timer.visited(g.node_count(), 2 * sizeof(Real));
-  }
+      if (any) work.mass[g.node(i, j, k)] = static_cast<Real>(static_cast<double>(fluid_density) * h3 / 8.0 * share);
+    });
+  timer.visited(g.node_count(), 2 * sizeof(Real));
 }
 
 // The nodes at the surfaces of solids along which the fluid slips: not at walls, nor where solids meet, nor at gaps of
@@ -436,7 +433,7 @@ void advect_fluid(const Parallel& parallel, const Scene& scene, double dt, State
   if (!scene.params.fluid.present) return;
   const bool corrected = scene.params.numerics.corrected_fluid_advection;
   still_inflow(parallel, scene, work.velocity);
-  work.pressure_system.exchange_scratch(work.advect.first.c);
+  work.pressure_system.exchange_scratch(work.advect.storage());
   {
     ScopedTimer timer(profile, Stage::kSmoke);
     const std::uint64_t tiles = fluid::advect_smoke(parallel, scene.grid, corrected, dt, work.velocity,
@@ -450,7 +447,7 @@ void advect_fluid(const Parallel& parallel, const Scene& scene, double dt, State
       fluid::advect_velocity(parallel, scene.grid, corrected, dt, work.velocity, work.specific_volume,
                              static_cast<Real>(1.0 / scene.params.fluid.density), state.fluid, work.advect);
   timer.visited(512 * tiles, 12 * sizeof(Real));
-  work.pressure_system.exchange_scratch(work.advect.first.c);
+  work.pressure_system.exchange_scratch(work.advect.storage());
 }
 
 void measure_first_momenta(const Parallel& parallel, const State& state, Workspace& work) {

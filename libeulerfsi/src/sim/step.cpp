@@ -46,6 +46,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
 
   if (numerics.conserve_momentum) measure_momentum(parallel, scene, state, work);
 
+  work.pressure_system.exchange_scratch(work.solid_advect.storage());
   for (std::size_t l = 0; l < solids; ++l) {  // lines 12-21
     {
       ScopedTimer timer(profile, Stage::kSolidAdvection);
@@ -71,6 +72,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
     remember_elements(scene, work, l, dt, state);
     solid::follow_solid(g, scene.solids[l], state.solids[l]);
   }
+  work.pressure_system.exchange_scratch(work.solid_advect.storage());
   advect_fluid(parallel, scene, dt, state, work, profile);  // Alg. 1 line 22
   work.masses_ready = false;
   if (numerics.repair_map || numerics.conserve_momentum) compute_masses(parallel, scene, state, work, profile);

@@ -210,7 +210,7 @@ void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const R
   const Real step = static_cast<Real>(dt / g.h);
   const bool paper = scheme == AdvectionScheme::kPaper;
   const FrameMotion motion(g, paper ? RigidStep{} : frame, dt);
-  packed.resize(g.node_count());
+  packed.reserve(g.node_count());
   state.valid.resize(g.node_count());
   const auto for_rows = [&](const auto& body) {
     parallel.for_each(g.cells[2] + 1, [&](std::int64_t k) {

@@ -30,9 +30,11 @@ struct AdvectWorkspace {
   static constexpr std::array kFields = {
       &AdvectWorkspace::u,       &AdvectWorkspace::v,       &AdvectWorkspace::from,   &AdvectWorkspace::first_u,
       &AdvectWorkspace::first_v, &AdvectWorkspace::error_u, &AdvectWorkspace::error_v};
-  void resize(std::size_t nodes) {
-    for (const auto field : kFields) (this->*field).resize(nodes);
+  void reserve(std::size_t nodes) {
+    for (const auto field : kFields) (this->*field).reserve(nodes);
   }
+  // Three that may live in arrays of others from advect() to predict_surface().
+  std::array<std::vector<Real>*, 3> storage() { return {&first_u.storage(), &first_v.storage(), &from.storage()}; }
   std::size_t bytes() const {
     std::size_t sum = 0;
     for (const auto field : kFields) sum += (this->*field).bytes();

@@ -202,10 +202,10 @@ DivergenceNorms PressureSystem::norms(const Parallel& parallel, const VectorFiel
   return residual_norms(parallel, pcg_.r);
 }
 
-void PressureSystem::exchange_scratch(std::array<std::vector<Real>, 3>& arrays) {
-  arrays[0].swap(pcg_.z);
-  arrays[1].swap(pcg_.d);
-  arrays[2].swap(multigrid_.scratch());
+void PressureSystem::exchange_scratch(const std::array<std::vector<Real>*, 3>& arrays) {
+  arrays[0]->swap(pcg_.z);
+  arrays[1]->swap(pcg_.d);
+  arrays[2]->swap(multigrid_.scratch());
 }
 
 std::size_t PressureSystem::bytes() const {

@@ -47,7 +47,7 @@ class PressureSystem {
   // One of its arrays for padded cells, whose values mean nothing between solves.
   std::vector<Real>& scratch() { return pcg_.z; }
   // Exchanges three arrays for three of these.
-  void exchange_scratch(std::array<std::vector<Real>, 3>& arrays);
+  void exchange_scratch(const std::array<std::vector<Real>*, 3>& arrays);
   std::size_t bytes() const;
 
  private:

@@ -18,7 +18,7 @@ struct Fields {
     g.cells = {6, 5, 7};
     g.periodic = {periodic, false, periodic};
     plain.assign(g.node_count());
-    packed.resize(g.node_count());
+    packed.reserve(g.node_count());
     std::mt19937 random(11);
     std::uniform_real_distribution<double> unit(-1.0, 1.0);
     for (std::size_t n = 0; n < g.node_count(); ++n) {
