@@ -109,14 +109,51 @@ void add_confinement(const Parallel& parallel, const Grid& g, double epsilon, do
   });
 }
 
-Real mean_of_cells(const Grid& g, const std::vector<Real>& cells, int i, int j, int k) {
-  Real sum = 0;
-  for (const auto& corner : grid::kCorner) {
-    const int ci = std::clamp(i - corner[0], 0, g.cells[0] - 1), cj = std::clamp(j - corner[1], 0, g.cells[1] - 1),
-              ck = std::clamp(k - corner[2], 0, g.cells[2] - 1);
-    sum += cells[g.cell(ci, cj, ck)];
-  }
-  return sum / 8;
+// out += factor times the mean of the 8 cells around each node of a row; rows: the 4 rows of n cells around it.
+EFSI_KERNEL void add_mean_of_cells(int n, const Real* const* rows, Real factor, Real* out) {
+  const Real *a = rows[0], *b = rows[1], *c = rows[2], *d = rows[3];
+  const Real part = factor / 8;
+  const auto sum = [&](int i) EFSI_INLINE_LAMBDA { return (a[i] + b[i]) + (c[i] + d[i]); };
+  out[0] += 2 * part * sum(0);
+#pragma omp simd
+  for (int i = 1; i < n; ++i) out[i] += part * (sum(i - 1) + sum(i));
+  out[n] += 2 * part * sum(n - 1);
+}
+
+// v += lift in fluid, along a row of nodes.
+EFSI_KERNEL void lift_row(int nodes, const Real* lift, Real share, const Real* specific_volume, Real fluid_volume,
+                          Real* v) {
+#pragma omp simd
+  for (int i = 0; i < nodes; ++i) v[i] += specific_volume[i] == fluid_volume ? share * lift[i] : Real(0);
+}
+
+// Boussinesq: smoke weighs, heat lifts. Beyond the faces the cells are like those inside.
+void add_buoyancy(const Parallel& parallel, const Grid& g, const FluidParams& params, const FluidState& state,
+                  const Vec3d& kick, const std::vector<Real>& specific_volume, Real fluid_volume,
+                  VectorField& velocity) {
+  const std::pair<const std::vector<Real>*, Real> causes[2] = {
+      {&state.smoke, static_cast<Real>(params.smoke_buoyancy)},
+      {&state.temperature, static_cast<Real>(-params.temperature_buoyancy)}};
+  const int n = g.cells[0];
+  parallel.for_each(g.cells[2] + 1, [&](std::int64_t kk) {
+    const int k = static_cast<int>(kk);
+    std::vector<Real> lift(static_cast<std::size_t>(n + 1));
+    for (int j = 0; j <= g.cells[1]; ++j) {
+      std::fill(lift.begin(), lift.end(), Real(0));
+      for (const auto& [cells, factor] : causes) {
+        if (factor == 0 || cells->empty()) continue;
+        const Real* rows[4];
+        for (int r = 0; r < 4; ++r)
+          rows[r] = cells->data() +
+                    g.cell(0, std::clamp(j - (r & 1), 0, g.cells[1] - 1), std::clamp(k - (r >> 1), 0, g.cells[2] - 1));
+        add_mean_of_cells(n, rows, factor, lift.data());
+      }
+      const std::size_t row = g.node(0, j, k);
+      for (std::size_t a = 0; a < 3; ++a)
+        if (const Real share = static_cast<Real>(kick[static_cast<Eigen::Index>(a)]); share != 0)
+          lift_row(n + 1, lift.data(), share, specific_volume.data() + row, fluid_volume, velocity.c[a].data() + row);
+    }
+  });
 }
 
 }  // namespace
@@ -137,20 +174,7 @@ std::uint64_t add_body_forces(const Parallel& parallel, const Grid& g, const Flu
   const bool by_smoke = params.smoke_buoyancy != 0.0 && !state.smoke.empty();
   const bool by_heat = params.temperature_buoyancy != 0.0 && !state.temperature.empty();
   if ((by_smoke || by_heat) && gravity.norm() > 0.0) {
-    const Vec3d down = gravity.normalized();
-    parallel.for_each(g.cells[2] + 1, [&](std::int64_t kk) {
-      const int k = static_cast<int>(kk);
-      for (int j = 0; j <= g.cells[1]; ++j)
-        for (int i = 0; i <= g.cells[0]; ++i) {
-          const std::size_t n = g.node(i, j, k);
-          if (specific_volume[n] != fluid_volume) continue;
-          double a = 0.0;
-          if (by_smoke) a += params.smoke_buoyancy * static_cast<double>(mean_of_cells(g, state.smoke, i, j, k));
-          if (by_heat)
-            a -= params.temperature_buoyancy * static_cast<double>(mean_of_cells(g, state.temperature, i, j, k));
-          if (a != 0.0) velocity.set(n, velocity.at(n) + (dt * a * down).cast<Real>());
-        }
-    });
+    add_buoyancy(parallel, g, params, state, dt * gravity.normalized(), specific_volume, fluid_volume, velocity);
     visited += g.node_count();
   }
   return visited;
