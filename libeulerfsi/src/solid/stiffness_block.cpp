@@ -42,13 +42,9 @@ EFSI_INLINE void clear(Real* out, int rows) {
   for (int i = 0; i < rows * kLanes; ++i) out[i] = 0;
 }
 
-// out += B^T (U T(U^T (B x) U) U^T), B = grad N / h, at one quadrature point.
-EFSI_KERNEL void add_point(const PointBlock& p, const Real (*grad)[3], Real inverse_h, const Lanes* x, Lanes* out) {
-  Lanes e[9], half[9], t[9];  // (i, j) at i + 3 j
-  clear(e[0], 9);
-  for (int a = 0; a < 8; ++a)
-    for (int j = 0; j < 3; ++j)
-      for (int i = 0; i < 3; ++i) add_scaled(grad[a][j] * inverse_h, x[3 * a + i], e[i + 3 * j]);
+// e -> U T(U^T e U) U^T, matrices (i, j) at i + 3 j.
+EFSI_INLINE void respond(const PointBlock& p, Lanes* e) {
+  Lanes half[9], t[9];
   // e -> U^T e U
   clear(half[0], 9);
   for (int j = 0; j < 3; ++j)
@@ -70,39 +66,83 @@ EFSI_KERNEL void add_point(const PointBlock& p, const Real (*grad)[3], Real inve
     add_product(p.pair[3 * q + 1], e[ij], t[ji]);
     add_product(p.pair[3 * q + 2], e[ji], t[ji]);
   }
-  // t -> U t U^T
+  // e = U t U^T
   clear(half[0], 9);
   for (int j = 0; j < 3; ++j)
     for (int m = 0; m < 3; ++m)
       for (int i = 0; i < 3; ++i) add_product(t[i + 3 * m], p.axes[j + 3 * m], half[i + 3 * j]);
-  clear(t[0], 9);
+  clear(e[0], 9);
   for (int j = 0; j < 3; ++j)
     for (int m = 0; m < 3; ++m)
-      for (int i = 0; i < 3; ++i) add_product(p.axes[i + 3 * m], half[m + 3 * j], t[i + 3 * j]);
-  for (int a = 0; a < 8; ++a)
-    for (int j = 0; j < 3; ++j)
-      for (int i = 0; i < 3; ++i) add_scaled(grad[a][j] * inverse_h, t[i + 3 * j], out[3 * a + i]);
+      for (int i = 0; i < 3; ++i) add_product(p.axes[i + 3 * m], half[m + 3 * j], e[i + 3 * j]);
 }
 
-// out += U diag(k / s^2) U^T x on the hourglass modes
-EFSI_KERNEL void add_hourglass(const PointBlock& p, const Lanes* x, Lanes* out) {
-  for (const auto& sign : kHourglassSign) {
-    Lanes amplitude[3], along[3], weighted[3];
-    clear(amplitude[0], 3);
-    clear(along[0], 3);
-    clear(weighted[0], 3);
-    for (int a = 0; a < 8; ++a)
-      for (int i = 0; i < 3; ++i)
-        add_scaled(static_cast<Real>(sign[a] * kHourglassNorm * kHourglassNorm), x[3 * a + i], amplitude[i]);
+// out += B^T U T(U^T (B x) U) U^T, B = grad N / h, at one quadrature point.
+EFSI_KERNEL void add_point(const PointBlock& p, const Real (*grad)[3], Real inverse_h, const Lanes* x, Lanes* out) {
+  Lanes e[9];
+  clear(e[0], 9);
+  for (int a = 0; a < 8; ++a)
     for (int j = 0; j < 3; ++j)
-      for (int i = 0; i < 3; ++i) add_product(p.axes[i + 3 * j], amplitude[i], along[j]);
-    for (int j = 0; j < 3; ++j) add_product(p.hourglass[j + 1], along[j], weighted[j]);
-    clear(amplitude[0], 3);
+      for (int i = 0; i < 3; ++i) add_scaled(grad[a][j] * inverse_h, x[3 * a + i], e[i + 3 * j]);
+  respond(p, e);
+  for (int a = 0; a < 8; ++a)
     for (int j = 0; j < 3; ++j)
-      for (int i = 0; i < 3; ++i) add_product(p.axes[i + 3 * j], weighted[j], amplitude[i]);
-    for (int a = 0; a < 8; ++a)
-      for (int i = 0; i < 3; ++i) add_scaled(static_cast<Real>(sign[a]), amplitude[i], out[3 * a + i]);
+      for (int i = 0; i < 3; ++i) add_scaled(grad[a][j] * inverse_h, e[i + 3 * j], out[3 * a + i]);
+}
+
+// Corner values, at 3 a + i, become sums of them with signs, at 3 m + i: where bit j of m is set the sign is that of
+// the corner's side along axis j. m = 1, 2, 4 is what the gradient at the centre sees; 3, 5, 6, 7 are the hourglass
+// modes. `back`: its transpose.
+template <bool back>
+EFSI_INLINE void exchange_modes(Lanes* v) {
+#pragma GCC unroll 3
+  for (int bit = 1; bit < 8; bit *= 2)
+#pragma GCC unroll 8
+    for (int low = 0; low < 8; ++low) {
+      if (low & bit) continue;
+      for (int i = 0; i < 3; ++i) {
+        Real *a = v[3 * low + i], *b = v[3 * (low + bit) + i];
+#pragma omp simd
+        for (int l = 0; l < kLanes; ++l) {
+          const Real first = a[l], second = b[l];
+          a[l] = back ? first - second : second + first;
+          b[l] = back ? first + second : second - first;
+        }
+      }
+    }
+}
+
+// out = factor K x with the only quadrature point at the centre, and hourglass stiffness U diag(k / s^2) U^T.
+EFSI_KERNEL void multiply_one_point(const PointBlock& p, Real inverse_h, Real factor, const Lanes* x, Lanes* out) {
+  constexpr int kGradient[3] = {1, 2, 4}, kHourglass[4] = {3, 5, 6, 7};
+  const Real strain = Real(0.25) * inverse_h;
+  const Real share = static_cast<Real>(kHourglassNorm * kHourglassNorm) * factor;
+  Lanes v[24], e[9];
+  std::copy(x[0], x[0] + 24 * kLanes, v[0]);
+  exchange_modes<false>(v);
+  clear(e[0], 9);
+  for (int j = 0; j < 3; ++j)
+    for (int i = 0; i < 3; ++i) add_scaled(strain, v[3 * kGradient[j] + i], e[i + 3 * j]);
+  respond(p, e);
+  clear(v[0], 3);  // nothing from what all corners share
+  for (int j = 0; j < 3; ++j) {
+    clear(v[3 * kGradient[j]], 3);
+    for (int i = 0; i < 3; ++i) add_scaled(strain * factor, e[i + 3 * j], v[3 * kGradient[j] + i]);
   }
+  for (const int m : kHourglass) {
+    Lanes along[3];
+    clear(along[0], 3);
+    for (int j = 0; j < 3; ++j)
+      for (int i = 0; i < 3; ++i) add_product(p.axes[i + 3 * j], v[3 * m + i], along[j]);
+    for (int j = 0; j < 3; ++j)
+#pragma omp simd
+      for (int l = 0; l < kLanes; ++l) along[j][l] *= share * p.hourglass[j + 1][l];
+    clear(v[3 * m], 3);
+    for (int j = 0; j < 3; ++j)
+      for (int i = 0; i < 3; ++i) add_product(p.axes[i + 3 * j], along[j], v[3 * m + i]);
+  }
+  exchange_modes<true>(v);
+  std::copy(v[0], v[0] + 24 * kLanes, out[0]);
 }
 
 // out += the diagonal of the above for one corner: E = e_i b^T, b = U^T grad N / h.
@@ -189,12 +229,15 @@ EFSI_KERNEL void scale(Real factor, Real* out) {
 void block_stiffness(const SolidWork& work, std::size_t block, double h, Real factor, const Real (&x)[24][kBlock],
                      Real* out) {
   auto* rows = reinterpret_cast<Lanes*>(out);
+  const Real inverse_h = static_cast<Real>(1.0 / h);
+  const auto points = static_cast<std::size_t>(work.points_per_element);
+  if (points == 1) {
+    multiply_one_point(work.point[block], inverse_h, factor, x, rows);
+    return;
+  }
   std::fill(out, out + 24 * kBlock, Real(0));
   const Gradients& table = gradients_of(work.points_per_element);
-  const auto points = static_cast<std::size_t>(work.points_per_element);
-  for (std::size_t q = 0; q < points; ++q)
-    add_point(work.point[block * points + q], table.g[q], static_cast<Real>(1.0 / h), x, rows);
-  if (points == 1) add_hourglass(work.point[block], x, rows);
+  for (std::size_t q = 0; q < points; ++q) add_point(work.point[block * points + q], table.g[q], inverse_h, x, rows);
   scale(factor, out);
 }
 

@@ -15,6 +15,8 @@ constexpr double kLivelyPace = 1.25, kLivelyStrain = 0.1, kLivelyGrowth = 1.25; 
 constexpr double kDampedAhead = 0.6, kAheadOfPace = 0.4;
 constexpr std::uint8_t kAllAxes = 7;
 
+constexpr auto kAsItIs = [](std::size_t, const Vec3& sum) -> Vec3 { return sum; };
+
 }  // namespace
 
 StiffnessShares stiffness_shares(double pace, double strain, double growth) {
@@ -133,7 +135,7 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
       [&](std::size_t l, std::size_t block, Real* out) {
         solid::block_stiffness_diagonal(*solids_[l].work, block, h_, stiffness_factor_[l], out);
       },
-      diagonal);
+      kAsItIs, diagonal);
   inverse_diagonal_.resize(diagonal.size());
   for (std::size_t i = 0; i < diagonal.size(); ++i) {
     const Real along = sliding_[i / 3] > 0 ? normal_[i / 3][static_cast<Eigen::Index>(i % 3)] : Real(0);
@@ -142,33 +144,38 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
   }
 }
 
-// element_out_ -> sums per unknown, in the order of the elements.
-void VelocitySystem::gather_elements(const Parallel& parallel, std::vector<Real>& out) {
+// element_out_ -> sums per unknown, in the order of the elements; out = finish(unknown, sum).
+template <class Finish>
+void VelocitySystem::gather_elements(const Parallel& parallel, const Finish& finish, std::vector<Real>& out) {
   out.resize(node_.size() * 3);
   parallel.for_each(unknowns(), [&](std::int64_t u) {
     const auto i = static_cast<std::size_t>(u);
-    Real sum[3] = {0, 0, 0};
+    Vec3 sum = Vec3::Zero();
     for (std::int32_t t = gather_begin_[i]; t < gather_begin_[i + 1]; ++t) {
       const Real* entry = element_out_.data() + gather_[static_cast<std::size_t>(t)];
-      for (std::size_t a = 0; a < 3; ++a) sum[a] += entry[a * kLanes];
+      sum += Vec3(entry[0], entry[kLanes], entry[2 * kLanes]);
     }
-    for (std::size_t a = 0; a < 3; ++a) out[3 * i + a] = sum[a];
+    sum = finish(i, sum);
+    for (std::size_t a = 0; a < 3; ++a) out[3 * i + a] = sum[static_cast<Eigen::Index>(a)];
   });
 }
 
-// out = sum over elements; body(solid, block of the solid, its rows).
-template <class BlockBody>
-void VelocitySystem::sum_blocks(const Parallel& parallel, const BlockBody& body, std::vector<Real>& out) {
+// out = finish(unknown, sum over elements); body(solid, block of the solid, its rows).
+template <class BlockBody, class Finish>
+void VelocitySystem::sum_blocks(const Parallel& parallel, const BlockBody& body, const Finish& finish,
+                                std::vector<Real>& out) {
   for (std::size_t l = 0; l < solids_.size(); ++l)
     parallel.for_each(static_cast<std::int64_t>(solids_[l].work->blocks()), [&](std::int64_t local) {
       const auto block = static_cast<std::size_t>(local);
       body(l, block, element_out_.data() + (block_begin_[l] + block) * 24 * kLanes);
     });
-  gather_elements(parallel, out);
+  gather_elements(parallel, finish, out);
 }
 
+// y = finish(unknown, factor K x)
+template <class Finish>
 void VelocitySystem::multiply_stiffness(const Parallel& parallel, const std::vector<Real>& factor,
-                                        const std::vector<Real>& x, std::vector<Real>& y) {
+                                        const std::vector<Real>& x, const Finish& finish, std::vector<Real>& y) {
   masked_.resize(x.size());
   linalg::multiply(parallel, masked_, free_, x);
   sum_blocks(
@@ -183,27 +190,31 @@ void VelocitySystem::multiply_stiffness(const Parallel& parallel, const std::vec
           }
         solid::block_stiffness(*solids_[l].work, block, h_, factor[l], in, out);
       },
-      y);
+      finish, y);
 }
 
 void VelocitySystem::add_past_stiffness(const Parallel& parallel, const std::vector<Real>& v, std::vector<Real>& f) {
   if (std::all_of(past_factor_.begin(), past_factor_.end(), [](Real factor) { return factor == 0; })) return;
-  multiply_stiffness(parallel, past_factor_, v, past_);
-  parallel.for_each(unknowns(), [&](std::int64_t u) {
-    for (std::size_t i = 3 * static_cast<std::size_t>(u); i < 3 * static_cast<std::size_t>(u) + 3; ++i)
-      f[i] += free_[i] * past_[i];
-  });
+  multiply_stiffness(
+      parallel, past_factor_, v,
+      [&](std::size_t u, const Vec3& past) -> Vec3 {
+        return Vec3(f[3 * u], f[3 * u + 1], f[3 * u + 2]) +
+               Vec3(free_[3 * u], free_[3 * u + 1], free_[3 * u + 2]).cwiseProduct(past);
+      },
+      f);
 }
 
 void VelocitySystem::apply(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y) {
-  multiply_stiffness(parallel, stiffness_factor_, x, y);
-  parallel.for_each(unknowns(), [&](std::int64_t u) {
-    const Vec3 slide = sliding_momentum(static_cast<std::size_t>(u), x);
-    for (std::size_t i = 3 * static_cast<std::size_t>(u); i < 3 * static_cast<std::size_t>(u) + 3; ++i)
-      y[i] = free_[i] > 0
-                 ? y[i] + inertia_[static_cast<std::size_t>(u)] * x[i] - slide[static_cast<Eigen::Index>(i % 3)]
-                 : x[i];
-  });
+  multiply_stiffness(
+      parallel, stiffness_factor_, x,
+      [&](std::size_t u, const Vec3& stiffness) -> Vec3 {
+        const Vec3 v(x[3 * u], x[3 * u + 1], x[3 * u + 2]);
+        const Vec3 all = stiffness + inertia_[u] * v - sliding_momentum(u, x);
+        Vec3 out;
+        for (Eigen::Index a = 0; a < 3; ++a) out[a] = free_[3 * u + static_cast<std::size_t>(a)] > 0 ? all[a] : v[a];
+        return out;
+      },
+      y);
 }
 
 Vec3 VelocitySystem::sliding_momentum(std::size_t u, const std::vector<Real>& x) const {
@@ -228,7 +239,7 @@ void VelocitySystem::internal_force(const Parallel& parallel, std::vector<Real>&
       [&](std::size_t l, std::size_t block, Real* out) {
         solid::block_force(*solids_[l].state, *solids_[l].work, block, out);
       },
-      force);
+      kAsItIs, force);
 }
 
 linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolver solver, const std::vector<Real>& b,
@@ -307,7 +318,7 @@ void VelocitySystem::scatter(const Parallel& parallel, const std::vector<Real>& 
 
 std::size_t VelocitySystem::bytes() const {
   return (inertia_.size() + node_mass_.size() + free_.size() + inverse_diagonal_.size() + element_out_.size() +
-          masked_.size() + past_.size() + sliding_.size() + 3 * normal_.size()) *
+          masked_.size() + sliding_.size() + 3 * normal_.size()) *
              sizeof(Real) +
          (unknown_of_node_.size() + corner_.size() + gather_begin_.size() + gather_.size()) * sizeof(std::int32_t) +
          node_.size() * sizeof(std::size_t) + pcg_.bytes() + pcr_.bytes();

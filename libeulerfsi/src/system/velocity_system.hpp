@@ -84,12 +84,15 @@ class VelocitySystem {
   Vec3d place(std::size_t u) const;  // of an unknown's node [m]
   solid::RigidMotion missing_motion(const Parallel& parallel, std::size_t solid, const std::vector<Real>& b,
                                     const std::vector<Real>& x) const;
-  void gather_elements(const Parallel& parallel, std::vector<Real>& out);
-  // y = factor K x, one factor per solid.
+  // Each calls finish(unknown, sum over its elements) for the values of `out`.
+  template <class Finish>
+  void gather_elements(const Parallel& parallel, const Finish& finish, std::vector<Real>& out);
+  template <class BlockBody, class Finish>
+  void sum_blocks(const Parallel& parallel, const BlockBody& body, const Finish& finish, std::vector<Real>& out);
+  // The sum is factor K x, one factor per solid.
+  template <class Finish>
   void multiply_stiffness(const Parallel& parallel, const std::vector<Real>& factor, const std::vector<Real>& x,
-                          std::vector<Real>& y);
-  template <class BlockBody>
-  void sum_blocks(const Parallel& parallel, const BlockBody& body, std::vector<Real>& out);
+                          const Finish& finish, std::vector<Real>& out);
 
   std::vector<SolidRef> solids_;
   std::vector<std::int32_t> unknown_of_node_;        // global node -> unknown, -1
@@ -108,7 +111,7 @@ class VelocitySystem {
   std::vector<Real> past_factor_;       // behind dt^2 per solid
   std::vector<Real> inverse_diagonal_;
   std::vector<Real> element_out_;  // block, 24 values, lane
-  std::vector<Real> masked_, past_;
+  std::vector<Real> masked_;
   Grid global_;
   double h_ = 1.0;
   linalg::PcgWorkspace pcg_;
