@@ -11,6 +11,11 @@ Elastic from_youngs_modulus(Law law, double youngs_modulus, double poissons_rati
   return {law, E / (2.0 * (1.0 + nu)), E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))};
 }
 
+Elastic beside_pressure(Elastic elastic) {
+  elastic.lambda = std::min(elastic.lambda, elastic.mu);
+  return elastic;
+}
+
 namespace {
 
 // psi = mu sum (s_i - 1)^2 + lambda/2 (sum s_i - 3)^2

@@ -18,6 +18,11 @@ struct Elastic {
 // mu = E / (2 (1 + nu)), lambda = E nu / ((1 + nu)(1 - 2 nu)).
 Elastic from_youngs_modulus(Law law, double youngs_modulus, double poissons_ratio);
 
+// The elastic law of a solid whose volume the pressure keeps: lambda at most mu. A lambda of its own would do the
+// pressure's work a second time, against the noise of det F; without any, cells that a soft impact crushes would resist
+// too little.
+Elastic beside_pressure(Elastic elastic);
+
 // Energy, first and second derivatives. For an increment D = U^T dF V the change of stress Q = U^T dP V is
 //   Q_ii = sum_j hessian(i,j) D_jj
 //   Q_ij = symmetric_ij (D_ij + D_ji)/2 + skew_ij (D_ij - D_ji)/2        (i != j)

@@ -22,6 +22,7 @@ Numerics numerics_of(Preset preset) {
     n.stiffness_by_pace = false;
     n.resolve_impacts = false;
     n.repair_map = false;
+    n.volume_by_pressure = false;
     n.volume_source = false;
     n.conserve_momentum = false;
     n.fluid_slips = false;

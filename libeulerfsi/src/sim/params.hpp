@@ -30,11 +30,12 @@ struct Numerics {
   bool coupling_step = true;
   // How much of the stiffness is implicit follows what a step does to the solid; false: all of it (Eq. 8).
   bool stiffness_by_pace = true;
-  bool resolve_impacts = true;    // at walls, steps that shear waves cross in less than a cell
-  bool repair_map = true;         // broken cells are put back in shape
-  bool volume_source = true;      // b of Eq. 11 pulls det F back to 1
-  bool fluid_slips = true;        // beside a solid the fluid has a velocity of its own
-  bool conserve_momentum = true;  // transport keeps linear and angular momentum
+  bool resolve_impacts = true;     // at walls, steps that shear waves cross in less than a cell
+  bool repair_map = true;          // broken cells are put back in shape
+  bool volume_by_pressure = true;  // alone: an incompressible solid's lambda is bounded
+  bool volume_source = true;       // b of Eq. 11 pulls det F back to 1
+  bool fluid_slips = true;         // beside a solid the fluid has a velocity of its own
+  bool conserve_momentum = true;   // transport keeps linear and angular momentum
 };
 
 struct Params {

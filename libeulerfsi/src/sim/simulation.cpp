@@ -115,6 +115,7 @@ std::size_t Simulation::add_solid(const SolidDesc& desc, geometry::MeshReport& r
   validate(desc);
   solid::SolidRest rest;
   rest.elastic = material::from_youngs_modulus(desc.law, desc.youngs_modulus, desc.poissons_ratio);
+  if (params_.numerics.volume_by_pressure && !desc.compressible) rest.elastic = material::beside_pressure(rest.elastic);
   rest.density = desc.density;
   rest.rayleigh_alpha = desc.rayleigh_alpha;
   rest.rayleigh_beta = desc.rayleigh_beta;
