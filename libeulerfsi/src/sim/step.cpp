@@ -51,7 +51,8 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
     {
       ScopedTimer timer(profile, Stage::kSolidAdvection);
       const system::SolidView view(parallel, work.slip, work.velocity);
-      solid::update_velocity(parallel, g, work.velocity, state.solids[l], work.solids[l]);  // Alg. 1 lines 13, 18
+      solid::update_velocity(parallel, work.common.grid, work.velocity, state.solids[l],
+                             work.solids[l]);  // Alg. 1 lines 13, 18
       timer.visited(work.solids[l].layer.size(), 12 * sizeof(Real));
     }
     const solid::RigidStep frame = transport_frame(scene, work, l, dt);
@@ -80,7 +81,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   if (numerics.conserve_momentum) restore_momentum(parallel, scene, state, work, profile);
   {
     ScopedTimer timer(profile, Stage::kSmoke);
-    fluid::settle_smoke(parallel, g, params.walls, work.cell_fraction, state.fluid, work.advect);
+    fluid::settle_smoke(parallel, work.common.grid, work.common.walls, work.cell_fraction, state.fluid, work.advect);
   }
 
   state.time += dt;
