@@ -5,7 +5,6 @@
 #include <sstream>
 
 #include "base/error.hpp"
-#include "grid/tiles.hpp"
 #include "sim/window.hpp"
 
 namespace efsi::sim {
@@ -98,7 +97,7 @@ double estimate_memory(const Params& p, double solid_volume) {
   const auto around_solids = [&](double margin) {  // cells of a box with that many more on each side
     return solid_volume > 0.0 ? std::pow(std::cbrt(solid_volume) / p.voxel_size + 2.0 * margin, 3) : 0.0;
   };
-  if (!p.fluid.present) cells = std::min(cells, around_solids(kWindowMargin + 0.25 * grid::kTileSize));
+  if (!p.fluid.present) cells = std::min(cells, around_solids(kWindowMargin + 0.25 * kWindowStep));
   return kBytesPerCell * cells + kBytesPerBandCell * around_solids(solid::kBandMargin);
 }
 

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "grid/tiles.hpp"
-
 namespace efsi::sim {
 
 using grid::Grid;
@@ -46,9 +44,9 @@ Window choose_window(const Params& params, const Grid& box, const std::vector<so
     if (box.periodic[a]) continue;
     const int lo = std::max(0, std::min(begin[a], end[a]) - kWindowMargin);
     const int wanted = std::max(1, end[a] + kWindowMargin - lo);
-    const int tiles = (wanted + grid::kTileSize - 1) / grid::kTileSize;
+    const int rounded = (wanted + kWindowStep - 1) / kWindowStep * kWindowStep;
     window.lo[a] = lo;
-    window.cells[a] = std::min(tiles * grid::kTileSize, box.cells[a] - lo);
+    window.cells[a] = std::min(rounded, box.cells[a] - lo);
   }
   return window;
 }

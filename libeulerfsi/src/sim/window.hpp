@@ -10,7 +10,8 @@
 
 namespace efsi::sim {
 
-inline constexpr int kWindowMargin = 2;  // cells between an element and a face of the window that is none of the box
+inline constexpr int kWindowMargin = 1;  // cells between an element and a face of the window that is none of the box
+inline constexpr int kWindowStep = 4;    // its sizes are multiples of so many cells: few steps change them
 
 // Cells [lo, lo + cells) of the box.
 struct Window {
@@ -25,7 +26,7 @@ struct CommonGrid {
 };
 
 // All of the box with fluid or along a periodic axis; elsewhere what is within kWindowMargin of the solids' elements,
-// rounded up to whole tiles, so that few steps change its size. work: the solids' elements in this state.
+// rounded up to multiples of kWindowStep. work: the solids' elements in this state.
 Window choose_window(const Params& params, const grid::Grid& box, const std::vector<solid::SolidState>& solids,
                      const std::vector<solid::SolidWork>& work);
 CommonGrid cut(const Params& params, const grid::Grid& box, const Window& window);

@@ -61,22 +61,17 @@ std::uint64_t tiles(const sim::Simulation& s) {
   return sum;
 }
 
-void tighten(sim::Params& p) {
-  p.numerics.velocity_tolerance = 1e-6;
-  p.numerics.pressure_tolerance = 1e-5;
-}
-
 }  // namespace
 
-TEST_CASE("The window is what is near elements, in whole tiles, cut at the box") {
+TEST_CASE("The window is what is near elements, in steps of four cells, cut at the box") {
   Elements e;
-  CHECK(e.window() == Window{{0, 0, 0}, {8, 8, 8}});  // no solid
+  CHECK(e.window() == Window{{0, 0, 0}, {4, 4, 4}});  // no solid
   e.add({10, 8, 0}, {20, 18, 10}, {{12, 10, 1}, {14, 11, 4}});
-  CHECK(e.window() == Window{{10, 8, 0}, {8, 8, 8}});  // 7 x 6 x 7 cells with the margin of 2
-  e.add({30, 20, 10}, {36, 28, 18}, {{34, 27, 12}});
-  CHECK(e.window() == Window{{10, 8, 0}, {30, 22, 16}});  // 27 x 22 x 15: 32 and 24 do not fit
+  CHECK(e.window() == Window{{11, 9, 0}, {8, 4, 8}});  // 5 x 4 x 6 cells with the margin of 1
+  e.add({30, 20, 10}, {39, 28, 18}, {{38, 27, 12}});
+  CHECK(e.window() == Window{{11, 9, 0}, {29, 20, 16}});  // 29 x 20 x 14; 32 do not fit
   e.params.walls.face[2] = e.params.walls.face[3] = Wall::kPeriodic;
-  CHECK(e.window() == Window{{10, 0, 0}, {30, 30, 16}});
+  CHECK(e.window() == Window{{11, 0, 0}, {29, 30, 16}});
   e.params.fluid.present = true;
   CHECK(e.window() == Window{{0, 0, 0}, {40, 30, 20}});
 }
@@ -148,25 +143,28 @@ TEST_CASE("Without fluid the size of the box changes neither the motion nor the 
 }
 
 TEST_CASE("A step on the window leaves what a step on the whole box does", "[law]") {
-  // The slow twin: along periodic axes the window is the whole box. A ball bounces off the floor.
+  // The slow twin: along periodic axes the window is the whole box. A ball bounces off the floor. The coupling step
+  // follows a rough estimate, which depends on how the preconditioner coarsens the grid.
   std::unique_ptr<sim::Simulation> runs[2];
   for (int whole = 0; whole < 2; ++whole) {
     sim::Params p = box_params({0.5, 0.5, 0.5}, 0.025);
     p.fluid.present = false;
-    tighten(p);
+    p.numerics.coupling_step = false;
+    p.numerics.velocity_tolerance = 1e-6;
+    p.numerics.pressure_tolerance = 1e-5;
     for (const std::size_t face : {0, 1, 4, 5}) p.walls.face[face] = whole ? Wall::kPeriodic : Wall::kOpen;
     sim::SolidDesc d = ball_desc({0.25, 0.14, 0.25});
     d.velocity = {0.3, -1.5, 0.2};
     runs[whole] = make_simulation(p, {d});
     for (int n = 0; n < 12; ++n) runs[whole]->step(0.01);
   }
-  CHECK(runs[0]->state().window.cells[0] == 16);
+  CHECK(runs[0]->state().window.cells[0] <= 12);
   CHECK(runs[1]->state().window.cells[0] == 20);
   const auto now = runs[0]->diagnose_solid(0);
   CHECK(now.extent_min[1] < 0.01);
   CHECK(now.elastic_energy > 0.01);
   INFO("vertices apart by " << farthest(*runs[0], *runs[1]) << " m");
-  CHECK(farthest(*runs[0], *runs[1]) < 1e-4 * 0.2);
+  CHECK(farthest(*runs[0], *runs[1]) < 1e-6 * 0.2);
 }
 
 TEST_CASE("While the window moves, any number of threads and a checkpoint give the same bits", "[determinism]") {
