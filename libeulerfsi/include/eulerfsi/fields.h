@@ -10,7 +10,7 @@ extern "C" {
 
 struct EfsiSim;
 
-#define EFSI_FIELD_VELOCITY 0           /* v, nodes, 3 components [m/s] */
+#define EFSI_FIELD_VELOCITY 0           /* v of the fluid, 0 without, nodes, 3 components [m/s] */
 #define EFSI_FIELD_PRESSURE 1           /* p less what is hydrostatic in the fluid, cells [Pa] */
 #define EFSI_FIELD_SMOKE_DENSITY 2      /* cells */
 #define EFSI_FIELD_SMOKE_TEMPERATURE 3  /* cells [K] */
@@ -35,7 +35,7 @@ typedef struct EfsiFieldView {
 EFSI_API EfsiStatus efsi_field_get_view(struct EfsiSim* sim, int32_t field, uint32_t solid, EfsiFieldView* view);
 /* Replaces a whole field (initial conditions, tests). values: components * size[0]*size[1]*size[2] floats, component by
  * component, in view order without padding. VELOCITY, SMOKE_DENSITY, SMOKE_TEMPERATURE, SOLID_DISPLACEMENT and
- * SOLID_VELOCITY can be set. */
+ * SOLID_VELOCITY can be set, those of the fluid only where there is ambient fluid. */
 EFSI_API EfsiStatus efsi_field_set(struct EfsiSim* sim, int32_t field, uint32_t solid, const float* values,
                                    uint64_t count);
 

@@ -54,7 +54,8 @@ typedef int32_t (*EfsiProgressCallback)(void* user, double fraction, const EfsiS
 
 EFSI_API EfsiStatus efsi_simulation_def_init(EfsiSimulationDef* def);
 /* Bytes that a simulation with this box will need, and the smallest voxel size that fits `memory_limit`
- * (0 when no limit is set). solid_volume: sum of the solids' bounding-box volumes [m^3]. */
+ * (0 when no limit is set). solid_volume: sum of the solids' bounding-box volumes [m^3]. Without ambient fluid that of
+ * solids close together: what lies between solids that are apart takes memory, too. */
 EFSI_API EfsiStatus efsi_simulation_estimate_memory(const EfsiSimulationDef* def, double solid_volume, uint64_t* bytes,
                                                     double* fitting_voxel_size, EfsiError* error);
 /* Creates a simulation at time 0. error may be NULL. */

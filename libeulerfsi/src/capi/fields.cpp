@@ -98,10 +98,10 @@ EfsiStatus efsi_field_get_view(EfsiSim* sim, int32_t field, uint32_t solid, Efsi
     const efsi::sim::State& state = simulation.state();
     switch (field) {
       case EFSI_FIELD_VELOCITY:
-        *view = view_nodes(grid, state.fluid.velocity);
+        *view = view_nodes(grid, simulation.fluid_velocity());
         break;
       case EFSI_FIELD_PRESSURE:
-        *view = view_padded(grid, state.fluid.pressure);
+        *view = view_padded(grid, simulation.pressure());
         break;
       case EFSI_FIELD_SMOKE_DENSITY:
         *view = view_cells(grid, state.fluid.smoke);
@@ -133,9 +133,9 @@ EfsiStatus efsi_field_set(EfsiSim* sim, int32_t field, uint32_t solid, const flo
     if (!smoke && field != EFSI_FIELD_VELOCITY && !of_one_solid(field))
       throw Error(ErrorCode::kArgument, "efsi_field_set: field = " + std::to_string(field) +
                                             ": pressure and solid fraction are results and cannot be set");
-    if (smoke && !simulation.params().fluid.present)
+    if ((smoke || field == EFSI_FIELD_VELOCITY) && !simulation.params().fluid.present)
       throw Error(ErrorCode::kArgument, "efsi_field_set: field = " + std::to_string(field) +
-                                            ": smoke needs EfsiSimulationDef.ambient_fluid = 1");
+                                            ": a field of the fluid needs EfsiSimulationDef.ambient_fluid = 1");
 
     const Grid& grid = of_one_solid(field) ? simulation.state().solids[index].band.grid : simulation.grid();
     const uint64_t expected = smoke ? count_of(1, grid.cells) : count_of(3, grid.nodes());

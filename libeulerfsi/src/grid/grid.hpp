@@ -15,6 +15,7 @@ struct Grid {
   double h = 1.0;
   Vec3d origin = Vec3d::Zero();
   std::array<bool, 3> periodic{false, false, false};
+  Vec3i lo{0, 0, 0};  // node (0,0,0) in the grid of the box, of which this may be a part
 
   Vec3i nodes() const { return {cells[0] + 1, cells[1] + 1, cells[2] + 1}; }
   std::size_t node_count() const { return product(nodes()); }
@@ -55,6 +56,11 @@ struct Grid {
     return static_cast<std::size_t>(n[0]) * static_cast<std::size_t>(n[1]) * static_cast<std::size_t>(n[2]);
   }
 };
+
+// Where node (0,0,0) of one part of the box lies in another.
+inline Vec3i offset(const Grid& part, const Grid& other) {
+  return {part.lo[0] - other.lo[0], part.lo[1] - other.lo[1], part.lo[2] - other.lo[2]};
+}
 
 // The 8 corners of a cell: corner a lies at (kCorner[a][0], kCorner[a][1], kCorner[a][2]).
 inline constexpr int kCorner[8][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0},

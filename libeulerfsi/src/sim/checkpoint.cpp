@@ -11,7 +11,7 @@
 namespace efsi::sim {
 namespace {
 
-constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', '6'};
+constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', '7'};
 
 // One walk over the state serves writing, reading and hashing.
 template <class S, class Archive>
@@ -21,13 +21,14 @@ void walk(S& state, Archive& archive) {
   archive.value(state.fluid_speed);
   for (auto& c : state.fluid.velocity.c) archive.array(c);
   archive.array(state.fluid.pressure);
+  if (state.fluid.velocity.size() == 0) archive.value(state.window);  // with fluid the whole box
   archive.array(state.fluid.smoke);
   archive.array(state.fluid.temperature);
   for (auto& s : state.solids) {
     archive.value(s.band.grid.cells);
     archive.value(s.band.grid.h);
     for (int a = 0; a < 3; ++a) archive.value(s.band.grid.origin[a]);
-    archive.value(s.band.lo);
+    archive.value(s.band.grid.lo);
     for (auto& c : s.u.c) archive.array(c);
     for (auto& c : s.v.c) archive.array(c);
     archive.array(s.valid);

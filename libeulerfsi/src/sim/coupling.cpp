@@ -37,25 +37,26 @@ int adjacent_cells(const Grid& g, int i, int j, int k) {
 }
 
 void find_owned_cells(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work) {
-  work.owned.assign(scene.solids.empty() ? 0 : scene.grid.padded_count(), 0);
+  work.owned.assign(scene.solids.empty() ? 0 : work.common.grid.padded_count(), 0);
   for (std::size_t l = 0; l < scene.solids.size(); ++l)
-    for_owned_cells(parallel, scene, state, work, l, [&](std::size_t c) { work.owned[c] = 1; });
+    for_owned_cells(parallel, state, work, l, [&](std::size_t c) { work.owned[c] = 1; });
 }
 
 // Which components walls fix: by the faces, less where a solid slides.
 void find_fixed_components(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work) {
-  const Grid& g = scene.grid;
+  const auto& [g, walls] = work.common;
   work.fixed.resize(g.node_count(), 0);
   for_face_nodes(parallel, g, [&](std::size_t n, int i, int j, int k) {
-    work.fixed[n] = static_cast<std::uint8_t>(grid::fixed_components(g, scene.params.walls, i, j, k));
+    work.fixed[n] = static_cast<std::uint8_t>(grid::fixed_components(g, walls, i, j, k));
   });
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
-    const solid::Band& band = state.solids[l].band;
-    for_face_nodes(parallel, band.grid, [&](std::size_t local, int i, int j, int k) {
-      const int gi = i + band.lo[0], gj = j + band.lo[1], gk = k + band.lo[2];
+    const Grid& band = state.solids[l].band.grid;
+    const Vec3i lo = grid::offset(band, g);
+    for_face_nodes(parallel, band, [&](std::size_t local, int i, int j, int k) {
+      if (!work.solids[l].carries[local]) return;
+      const int gi = i + lo[0], gj = j + lo[1], gk = k + lo[2];
       const std::size_t n = g.node(gi, gj, gk);
-      if (work.fixed[n] && work.solids[l].carries[local])
-        work.fixed[n] = grid::fixed_for_solid(g, scene.params.walls, gi, gj, gk);
+      if (work.fixed[n]) work.fixed[n] = grid::fixed_for_solid(g, walls, gi, gj, gk);
     });
   }
 }
@@ -72,7 +73,7 @@ void enforce_walls(const Parallel& parallel, const Grid& g, const std::vector<st
 // What the fluid weighs at the nodes, and what depends on where the solids are.
 void combine_masses(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work,
                     ScopedTimer& timer) {
-  const Grid& g = scene.grid;
+  const Grid& g = work.common.grid;
   const bool solids = !scene.solids.empty();
   if (!solids && work.uniform_ready) return;
   find_fixed_components(parallel, scene, state, work);
@@ -83,7 +84,7 @@ void combine_masses(const Parallel& parallel, const Scene& scene, const State& s
   // The fluid fills what the solids leave free.
   linalg::fill(parallel, work.cell_fraction, g.cell_count(), Real(0));
   for (std::size_t l = 0; l < scene.solids.size(); ++l)
-    for_band_cells(parallel, state.solids[l].band, [&](std::size_t c, int i, int j, int k) {
+    for_band_cells(parallel, g, state.solids[l].band, [&](std::size_t c, int i, int j, int k) {
       Real& fraction = work.cell_fraction[g.cell(i, j, k)];
       fraction = std::min(Real(1), fraction + work.solids[l].fraction[c]);
     });
@@ -111,7 +112,7 @@ void combine_masses(const Parallel& parallel, const Scene& scene, const State& s
     return static_cast<std::int64_t>(g.cell(q[0], q[1], q[2]));
   };
   for (std::size_t l = 0; l < scene.solids.size(); ++l)
-    for_band_nodes(parallel, state.solids[l].band, [&](std::size_t, int i, int j, int k) {
+    for_band_nodes(parallel, g, state.solids[l].band, [&](std::size_t, int i, int j, int k) {
       double share = 0.0;
       bool any = false;
       for (const auto& corner : grid::kCorner) {
@@ -131,10 +132,10 @@ void combine_masses(const Parallel& parallel, const Scene& scene, const State& s
 void find_slip_nodes(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work) {
   work.slip = {};
   if (!scene.params.numerics.fluid_slips || !scene.params.fluid.present || scene.solids.empty()) return;
-  const Grid& g = scene.grid;
+  const Grid& g = work.common.grid;
   std::vector<std::uint8_t> carriers(g.node_count(), 0);
   for (std::size_t l = 0; l < scene.solids.size(); ++l)
-    for_band_nodes(parallel, state.solids[l].band, [&](std::size_t local, int i, int j, int k) {
+    for_band_nodes(parallel, g, state.solids[l].band, [&](std::size_t local, int i, int j, int k) {
       if (work.solids[l].carries[local]) ++carriers[g.node(i, j, k)];
     });
   const auto is_gap = [&](int i, int j, int k) {
@@ -143,7 +144,7 @@ void find_slip_nodes(const Parallel& parallel, const Scene& scene, const State& 
   };
   std::vector<std::vector<system::SlipNode>> planes(static_cast<std::size_t>(g.cells[2] + 1));
   for (std::size_t l = 0; l < scene.solids.size(); ++l)
-    for_band_nodes(parallel, state.solids[l].band, [&](std::size_t local, int i, int j, int k) {
+    for_band_nodes(parallel, g, state.solids[l].band, [&](std::size_t local, int i, int j, int k) {
       const std::size_t n = g.node(i, j, k);
       const bool face = i == 0 || j == 0 || k == 0 || i == g.cells[0] || j == g.cells[1] || k == g.cells[2];
       const Real solid_mass = work.solids[l].mass[local], fluid_mass = work.mass[n];
@@ -203,9 +204,21 @@ FluidSums sum_fluid(const Parallel& parallel, const Grid& g, const std::vector<R
   return total;
 }
 
+// The common grid follows the solids, and with it what is kept of it.
+void follow_solids(const Scene& scene, State& state, Workspace& work) {
+  const Window window = choose_window(scene.params, scene.grid, state.solids, work.solids);
+  const CommonGrid common = cut(scene.params, scene.grid, window);
+  if (common.grid.cells != work.common.grid.cells) work.fixed.clear();
+  work.common = common;
+  if (window == state.window) return;
+  state.fluid.pressure = move_cells(state.fluid.pressure, state.window, window);
+  state.window = window;
+}
+
 // What the masses of all solids make of the grid they share.
-void share_nodes(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work, Profile& profile) {
+void share_nodes(const Parallel& parallel, const Scene& scene, State& state, Workspace& work, Profile& profile) {
   ScopedTimer timer(profile, Stage::kFluidForces);
+  follow_solids(scene, state, work);
   combine_masses(parallel, scene, state, work, timer);
   find_owned_cells(parallel, scene, state, work);
   find_slip_nodes(parallel, scene, state, work);
@@ -213,8 +226,7 @@ void share_nodes(const Parallel& parallel, const Scene& scene, const State& stat
 
 }  // namespace
 
-void compute_masses(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work,
-                    Profile& profile) {
+void compute_masses(const Parallel& parallel, const Scene& scene, State& state, Workspace& work, Profile& profile) {
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     ScopedTimer timer(profile, Stage::kSolidMass);
     solid::compute_mass(parallel, scene.solids[l], state.solids[l], work.solids[l]);
@@ -268,7 +280,7 @@ Weight weight_in_step(const Scene& scene, double dt, const Workspace& work) {
 }  // namespace
 
 void combine_velocities(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work) {
-  const Grid& g = scene.grid;
+  const Grid& g = work.common.grid;
   const Weight weight = weight_in_step(scene, dt, work);
   if (scene.params.fluid.present)
     std::swap(work.velocity.c, state.fluid.velocity.c);  // the advection gives it back
@@ -285,7 +297,7 @@ void combine_velocities(const Parallel& parallel, const Scene& scene, double dt,
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     const solid::SolidState& solid = state.solids[l];
     const Real* push = weight.solids[l].data();
-    for_band_nodes(parallel, solid.band, [&](std::size_t local, int i, int j, int k) {
+    for_band_nodes(parallel, g, solid.band, [&](std::size_t local, int i, int j, int k) {
       const Real m = work.solids[l].mass[local];
       if (!(m > 0)) return;
       const std::size_t n = g.node(i, j, k);
@@ -298,7 +310,7 @@ void combine_velocities(const Parallel& parallel, const Scene& scene, double dt,
   for (std::size_t t = 0; t < fluid_velocity.size(); ++t) {
     const system::SlipNode& n = work.slip.nodes()[t];
     const solid::SolidState& solid = state.solids[n.solid];
-    const Vec3i& lo = solid.band.lo;
+    const Vec3i lo = grid::offset(solid.band.grid, g);
     work.slip.solid_velocity()[t] =
         weight.solids[n.solid] + solid.v.at(solid.band.grid.node(n.i - lo[0], n.j - lo[1], n.k - lo[2]));
     work.velocity.set(n.node, fluid_velocity[t]);
@@ -308,7 +320,7 @@ void combine_velocities(const Parallel& parallel, const Scene& scene, double dt,
   const Real fluid_volume = scene.params.fluid.present ? static_cast<Real>(1.0 / scene.params.fluid.density) : Real(0);
   linalg::fill(parallel, work.specific_volume, g.node_count(), fluid_volume);
   for (std::size_t l = 0; l < scene.solids.size(); ++l)
-    for_band_nodes(parallel, state.solids[l].band, [&](std::size_t, int i, int j, int k) {
+    for_band_nodes(parallel, g, state.solids[l].band, [&](std::size_t, int i, int j, int k) {
       const std::size_t n = g.node(i, j, k);
       const double full = h3 / 8.0 * adjacent_cells(g, i, j, k);
       const double m = static_cast<double>(work.mass[n]);
@@ -321,7 +333,7 @@ void combine_velocities(const Parallel& parallel, const Scene& scene, double dt,
 
 void add_external_forces(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
                          ScopedTimer& timer) {
-  const Grid& g = scene.grid;
+  const Grid& g = work.common.grid;
   if (scene.params.fluid.present)
     fluid::apply_emitters(parallel, g, scene.emitters, state.time, state.fluid, work.velocity);
   const std::uint64_t visited = fluid::add_body_forces(parallel, g, scene.params.fluid, state.fluid,
@@ -348,7 +360,7 @@ void assemble_velocity_system(const Parallel& parallel, const Scene& scene, doub
     }
     refs.push_back(ref);
   }
-  work.velocity_system.assemble(parallel, scene.grid, work.fixed, refs, work.mass, work.slip, dt);
+  work.velocity_system.assemble(parallel, work.common.grid, work.fixed, refs, work.mass, work.slip, dt);
   // momentum = M (v + dt f_ext / m) + dt f_int, f* = momentum + what stands for K v^n
   {
     const system::SolidView view(parallel, work.slip, work.velocity);
@@ -436,7 +448,7 @@ void advect_fluid(const Parallel& parallel, const Scene& scene, double dt, State
   work.pressure_system.exchange_scratch(work.advect.storage());
   {
     ScopedTimer timer(profile, Stage::kSmoke);
-    const std::uint64_t tiles = fluid::advect_smoke(parallel, scene.grid, corrected, dt, work.velocity,
+    const std::uint64_t tiles = fluid::advect_smoke(parallel, work.common.grid, corrected, dt, work.velocity,
                                                     work.cell_fraction, state.fluid, work.advect);
     timer.visited(512 * tiles, 6 * sizeof(Real));
   }
@@ -444,7 +456,7 @@ void advect_fluid(const Parallel& parallel, const Scene& scene, double dt, State
     work.specific_volume[n.node] = static_cast<Real>(1.0 / scene.params.fluid.density);
   ScopedTimer timer(profile, Stage::kFluidAdvection);
   const std::uint64_t tiles =
-      fluid::advect_velocity(parallel, scene.grid, corrected, dt, work.velocity, work.specific_volume,
+      fluid::advect_velocity(parallel, work.common.grid, corrected, dt, work.velocity, work.specific_volume,
                              static_cast<Real>(1.0 / scene.params.fluid.density), state.fluid, work.advect);
   timer.visited(512 * tiles, 12 * sizeof(Real));
   work.pressure_system.exchange_scratch(work.advect.storage());
@@ -460,7 +472,7 @@ void measure_first_momenta(const Parallel& parallel, const State& state, Workspa
 }
 
 void measure_momentum(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work) {
-  const Grid& g = scene.grid;
+  const Grid& g = work.common.grid;
   work.solid_momenta.clear();
   {
     const system::SolidView view(parallel, work.slip, work.velocity);
@@ -475,7 +487,7 @@ void measure_momentum(const Parallel& parallel, const Scene& scene, const State&
 }
 
 void restore_momentum(const Parallel& parallel, const Scene& scene, State& state, Workspace& work, Profile& profile) {
-  const Grid& g = scene.grid;
+  const Grid& g = work.common.grid;
   {
     ScopedTimer timer(profile, Stage::kSolidAdvection);
     for (std::size_t l = 0; l < scene.solids.size(); ++l)

@@ -7,10 +7,9 @@
 
 namespace efsi::sim {
 
-// Lines 3 and 7: the solids' masses; the fluid's where they leave room, part of the cells that is solid, fixed
-// components.
-void compute_masses(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work,
-                    Profile& profile);
+// Lines 3 and 7: the solids' masses; where the common grid then lies; the fluid's where they leave room, part of the
+// cells that is solid, fixed components.
+void compute_masses(const Parallel& parallel, const Scene& scene, State& state, Workspace& work, Profile& profile);
 // Puts broken cells back in shape after the transport; where there are any, computes the masses anew.
 void repair_maps(const Parallel& parallel, const Scene& scene, State& state, Workspace& work, Profile& profile,
                  StepInfo& info);

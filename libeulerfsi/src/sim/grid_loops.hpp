@@ -1,41 +1,56 @@
 // Purpose: loops over the parts of the common grid that solids or walls hold; planes in parallel.
 #pragma once
 
+#include <algorithm>
+
 #include "sim/workspace.hpp"
 
 namespace efsi::sim {
 
-// Calls body(band cell or node index, i, j, k of the global grid) for a solid's band.
+// Calls body(i, j, k) for the places of `common`, up to `end` beyond its last cell, that a solid's band has too; planes
+// in parallel.
 template <class Body>
-void for_band_nodes(const Parallel& parallel, const solid::Band& band, const Body& body) {
-  const grid::Grid& g = band.grid;
-  parallel.for_each(g.cells[2] + 1, [&](std::int64_t kk) {
-    const int k = static_cast<int>(kk);
-    for (int j = 0; j <= g.cells[1]; ++j)
-      for (int i = 0; i <= g.cells[0]; ++i) body(g.node(i, j, k), i + band.lo[0], j + band.lo[1], k + band.lo[2]);
+void for_shared_places(const Parallel& parallel, const grid::Grid& common, const grid::Grid& band, int end,
+                       const Body& body) {
+  const Vec3i lo = grid::offset(band, common);
+  Vec3i first, last;
+  for (std::size_t a = 0; a < 3; ++a) {
+    first[a] = std::max(0, lo[a]);
+    last[a] = std::min(common.cells[a], lo[a] + band.cells[a]) + end;
+  }
+  parallel.for_each(std::max(0, last[2] - first[2]), [&](std::int64_t plane) {
+    const int k = first[2] + static_cast<int>(plane);
+    for (int j = first[1]; j < last[1]; ++j)
+      for (int i = first[0]; i < last[0]; ++i) body(i, j, k);
   });
 }
 
+// Calls body(band cell or node index, i, j, k of the common grid) for what both have.
 template <class Body>
-void for_band_cells(const Parallel& parallel, const solid::Band& band, const Body& body) {
-  const grid::Grid& g = band.grid;
-  parallel.for_each(g.cells[2], [&](std::int64_t kk) {
-    const int k = static_cast<int>(kk);
-    for (int j = 0; j < g.cells[1]; ++j)
-      for (int i = 0; i < g.cells[0]; ++i) body(g.cell(i, j, k), i + band.lo[0], j + band.lo[1], k + band.lo[2]);
-  });
+void for_band_nodes(const Parallel& parallel, const grid::Grid& common, const solid::Band& band, const Body& body) {
+  const Vec3i lo = grid::offset(band.grid, common);
+  for_shared_places(parallel, common, band.grid, 1,
+                    [&](int i, int j, int k) { body(band.grid.node(i - lo[0], j - lo[1], k - lo[2]), i, j, k); });
+}
+
+template <class Body>
+void for_band_cells(const Parallel& parallel, const grid::Grid& common, const solid::Band& band, const Body& body) {
+  const Vec3i lo = grid::offset(band.grid, common);
+  for_shared_places(parallel, common, band.grid, 0,
+                    [&](int i, int j, int k) { body(band.grid.cell(i - lo[0], j - lo[1], k - lo[2]), i, j, k); });
 }
 
 // Calls body(padded cell) for the cells that a solid owns.
 template <class Body>
-void for_owned_cells(const Parallel& parallel, const Scene& scene, const State& state, const Workspace& work,
-                     std::size_t l, const Body& body) {
-  for_band_cells(parallel, state.solids[l].band, [&](std::size_t c, int i, int j, int k) {
-    if (work.solids[l].element[c] >= 0) body(scene.grid.padded(i, j, k));
+void for_owned_cells(const Parallel& parallel, const State& state, const Workspace& work, std::size_t l,
+                     const Body& body) {
+  const grid::Grid& g = work.common.grid;
+  for_band_cells(parallel, g, state.solids[l].band, [&](std::size_t c, int i, int j, int k) {
+    if (work.solids[l].element[c] >= 0) body(g.padded(i, j, k));
   });
 }
 
-// Calls body(node, i, j, k) for the nodes on the faces of the box.
+// Calls body(node, i, j, k) for the nodes on the faces of a grid.
 template <class Body>
 void for_face_nodes(const Parallel& parallel, const grid::Grid& g, const Body& body) {
   parallel.for_each(g.cells[2] + 1, [&](std::int64_t kk) {

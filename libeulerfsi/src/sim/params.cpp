@@ -1,9 +1,11 @@
 #include "sim/params.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <sstream>
 
 #include "base/error.hpp"
+#include "sim/window.hpp"
 
 namespace efsi::sim {
 
@@ -93,9 +95,11 @@ double estimate_memory(const Params& p, double solid_volume) {
   constexpr double kBytesPerCell = 150.0, kBytesPerBandCell = 520.0;
   double cells = 1.0;
   for (int a = 0; a < 3; ++a) cells *= std::ceil(p.domain_size[a] / p.voxel_size) + 1.0;
-  const double band_edge = std::cbrt(std::max(0.0, solid_volume)) / p.voxel_size + 2.0 * solid::kBandMargin;
-  const double band = solid_volume > 0.0 ? band_edge * band_edge * band_edge : 0.0;
-  return kBytesPerCell * cells + kBytesPerBandCell * band;
+  const auto around_solids = [&](double margin) {  // cells of a box with that many more on each side
+    return solid_volume > 0.0 ? std::pow(std::cbrt(solid_volume) / p.voxel_size + 2.0 * margin, 3) : 0.0;
+  };
+  if (!p.fluid.present) cells = std::min(cells, around_solids(kWindowMargin + 0.25 * kWindowStep));
+  return kBytesPerCell * cells + kBytesPerBandCell * around_solids(solid::kBandMargin);
 }
 
 }  // namespace efsi::sim

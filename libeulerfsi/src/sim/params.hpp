@@ -57,7 +57,8 @@ Numerics numerics_of(Preset preset);
 // Throws Error(kArgument) that names the field, its value and the limit.
 void validate(const Params& params);
 grid::Grid make_grid(const Params& params);
-// Bytes of a simulation on this grid; solid_volume: of the solids' boxes [m^3].
+// Bytes of a simulation on this grid; solid_volume: of the solids' boxes [m^3]. Without fluid for solids close
+// together: apart, up to what it is with fluid.
 double estimate_memory(const Params& params, double solid_volume);
 
 }  // namespace efsi::sim

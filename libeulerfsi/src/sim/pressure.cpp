@@ -30,8 +30,8 @@ std::vector<std::uint8_t> pressure_cells(const Parallel& parallel, const Scene& 
   if (!scene.params.fluid.present) active = work.owned;
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     if (!scene.solids[l].compressible) continue;
-    if (active.empty()) active.assign(scene.grid.padded_count(), 1);
-    for_owned_cells(parallel, scene, state, work, l, [&](std::size_t c) { active[c] = 0; });
+    if (active.empty()) active.assign(work.common.grid.padded_count(), 1);
+    for_owned_cells(parallel, state, work, l, [&](std::size_t c) { active[c] = 0; });
   }
   return active;
 }
@@ -57,7 +57,7 @@ double asked_volume(const Scene& scene, const State& state, const Workspace& wor
 // box loses, so that the sum vanishes.
 void compute_volume_source(const Parallel& parallel, const Scene& scene, const State& state, double dt,
                            Workspace& work) {
-  const Grid& g = scene.grid;
+  const Grid& g = work.common.grid;
   linalg::fill(parallel, work.source, g.padded_count(), Real(0));
   const double tau = std::max(4.0 * dt, 1.0 / 24.0), limit = 0.1 / dt;
   double fluid_cells = static_cast<double>(g.cell_count());
@@ -73,7 +73,7 @@ void compute_volume_source(const Parallel& parallel, const Scene& scene, const S
       solid.next_volume = volume + asked;
       growth = asked / dt;
     }
-    for_band_cells(parallel, state.solids[l].band, [&](std::size_t c, int i, int j, int k) {
+    for_band_cells(parallel, g, state.solids[l].band, [&](std::size_t c, int i, int j, int k) {
       if (solid.element[c] < 0) return;
       const double det = static_cast<double>(solid.volume_ratio[c]);
       const double rate = growth + std::clamp((1.0 - det) / (det * tau), -limit, limit);
@@ -119,7 +119,7 @@ void assemble_pressure_system(const Parallel& parallel, const Scene& scene, doub
   if (!work.uniform_ready) {
     std::vector<std::uint8_t> active;
     if (!scene.solids.empty()) active = pressure_cells(parallel, scene, state, work);
-    work.pressure_system.assemble(parallel, scene.grid, scene.params.walls, work.fixed, work.specific_volume,
+    work.pressure_system.assemble(parallel, work.common.grid, work.common.walls, work.fixed, work.specific_volume,
                                   std::move(active), work.owned, &work.slip);
     work.uniform_ready = scene.solids.empty();
   }
@@ -130,16 +130,17 @@ void assemble_pressure_system(const Parallel& parallel, const Scene& scene, doub
 }
 
 // J^T q on the unknowns, where walls leave them free. Fills the ghosts of q.
-void compute_impulses(const Parallel& parallel, const Scene& scene, const Workspace& work, std::vector<Real>& q,
+void compute_impulses(const Parallel& parallel, const Workspace& work, std::vector<Real>& q,
                       std::vector<Real>& impulse) {
   const auto& system = work.velocity_system;
-  grid::fill_ghosts(scene.grid, q, Real(0));
+  const Grid& grid = work.common.grid;
+  grid::fill_ghosts(grid, q, Real(0));
   const std::vector<Vec3> slides = work.slip.sliding_impulse(parallel, q);
   const auto& nodes = system.nodes();
   impulse.resize(3 * nodes.size());
   parallel.for_each(system.unknowns(), [&](std::int64_t u) {
-    const auto [x, y, z] = scene.grid.node_place(nodes[static_cast<std::size_t>(u)]);
-    const Vec3 g = system::pressure_impulse(scene.grid, q, x, y, z);
+    const auto [x, y, z] = grid.node_place(nodes[static_cast<std::size_t>(u)]);
+    const Vec3 g = system::pressure_impulse(grid, q, x, y, z);
     for (std::size_t a = 0; a < 3; ++a) {
       const std::size_t i = 3 * static_cast<std::size_t>(u) + a;
       impulse[i] = system.free()[i] * g[static_cast<Eigen::Index>(a)];
@@ -195,16 +196,16 @@ void prepare_pressure(const Parallel& parallel, const Scene& scene, double dt, c
   const std::vector<Real>& p = state.fluid.pressure;
   if (!scene.params.numerics.coupling_step || scene.solids.empty() || p.empty()) return;
   // Within the solids, over the fluid's level; the fluid's own pressure would feed what it moves.
-  const double level = fluid_level(parallel, scene.grid, work.owned, p);
+  const double level = scene.params.fluid.present ? fluid_level(parallel, work.common.grid, work.owned, p) : 0.0;
   std::vector<Real>& q = work.pressure_system.scratch();
   linalg::fill(parallel, q, p.size(), Real(0));
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     if (scene.solids[l].compressible) continue;
-    for_owned_cells(parallel, scene, state, work, l,
+    for_owned_cells(parallel, state, work, l,
                     [&](std::size_t c) { q[c] = static_cast<Real>(-dt * (static_cast<double>(p[c]) - level)); });
   }
   std::vector<Real>& impulse = work.correction;
-  compute_impulses(parallel, scene, work, q, impulse);
+  compute_impulses(parallel, work, q, impulse);
   double with = 0.0, without = 0.0;
   for (std::size_t i = 0; i < impulse.size(); ++i) {
     const double f = static_cast<double>(work.velocity_system.free()[i]) * static_cast<double>(work.f_star[i]);
@@ -231,7 +232,7 @@ void solve_correction(const Parallel& parallel, const Scene& scene, std::vector<
   const Numerics& numerics = scene.params.numerics;
   auto& system = work.velocity_system;
   std::vector<Real>& impulse = work.f_star;
-  compute_impulses(parallel, scene, work, q, impulse);
+  compute_impulses(parallel, work, q, impulse);
   work.correction.assign(impulse.size(), 0);
   const linalg::SolveStats stats =
       system.solve(parallel, numerics.velocity_solver, impulse, work.correction, numerics.velocity_tolerance);
@@ -274,7 +275,7 @@ void couple_pressure(const Parallel& parallel, const Scene& scene, const State& 
       const double modulus = work.solids[l].element_weight * (2.0 * solid.elastic.mu + solid.elastic.lambda);
       const Real share =
           static_cast<Real>(static_cast<double>(work.velocity_system.stiffness_factor(l)) * modulus / volume);
-      for_owned_cells(parallel, scene, state, work, l,
+      for_owned_cells(parallel, state, work, l,
                       [&](std::size_t c) { q[c] += share * work.pressure_system.right_side()[c]; });
     }
   }
@@ -309,7 +310,7 @@ void solve_pressure(const Parallel& parallel, const Scene& scene, double dt, Sta
   // Holds the pressure between steps and the multiplier of J during one: J^T is minus the gradient, so q = -dt p. The
   // coupling step's part is added after the projection.
   std::vector<Real>& q = state.fluid.pressure;
-  q.resize(scene.grid.padded_count(), 0);
+  q.resize(work.common.grid.padded_count(), 0);
   linalg::scale(parallel, q, -dt);
   if (work.takes) linalg::add_scaled(parallel, q, -1.0, work.taken);
   const linalg::SolveStats stats =
@@ -317,7 +318,7 @@ void solve_pressure(const Parallel& parallel, const Scene& scene, double dt, Sta
   info.pressure_iterations += static_cast<std::uint64_t>(stats.iterations);
   info.pressure_residual = stats.residual;
   info.unconverged += !stats.converged;
-  timer.visited(scene.grid.cell_count(), 12 * sizeof(Real));
+  timer.visited(work.common.grid.cell_count(), 12 * sizeof(Real));
 }
 
 void project_velocity(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,

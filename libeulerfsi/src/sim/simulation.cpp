@@ -208,9 +208,10 @@ std::size_t Simulation::add_emitter(const fluid::Emitter& emitter) {
 void Simulation::prepare() {
   if (prepared_) return;
   prepared_ = true;
+  if (!params_.fluid.present) return;
+  state_.window = {{0, 0, 0}, grid_.cells};
   if (state_.fluid.velocity.size() != grid_.node_count()) state_.fluid.velocity.assign(grid_.node_count());
   if (state_.fluid.pressure.size() != grid_.padded_count()) state_.fluid.pressure.assign(grid_.padded_count(), 0);
-  if (!params_.fluid.present) return;
   bool smoke = false, temperature = false;
   for (const fluid::Emitter& e : emitters_) {
     smoke = smoke || e.density > 0.0;
@@ -271,12 +272,14 @@ void Simulation::keep_backup() {
   work_.backup.time = state_.time;
   work_.backup.steps = state_.steps;
   work_.backup.fluid_speed = state_.fluid_speed;
+  work_.backup.window = state_.window;
   work_.backup.solids = state_.solids;
 }
 
 // A step whose result is looked at: a bad one is rolled back and repeated with half the size.
 StepInfo Simulation::checked_step(double remaining) {
   const auto begin = std::chrono::steady_clock::now();
+  box_ = {};
   {
     ScopedTimer timer(profile_, Stage::kCheck);
     keep_backup();
@@ -441,20 +444,32 @@ std::vector<Vec3d> Simulation::surface_velocity(std::size_t index) const {
 }
 
 const std::vector<Real>& Simulation::solid_fraction() {
-  work_.cell_fraction.clear();
-  if (solids_.empty()) return work_.cell_fraction;
-  work_.cell_fraction.assign(grid_.cell_count(), 0);
+  std::vector<Real>& fraction = fills_box() ? work_.cell_fraction : box_.fraction;
+  fraction.clear();
+  if (solids_.empty()) return fraction;
+  fraction.assign(grid_.cell_count(), 0);
   for (std::size_t l = 0; l < solids_.size(); ++l) {
     solid::compute_mass(parallel_, solids_[l], state_.solids[l], work_.solids[l]);
-    const solid::Band& band = state_.solids[l].band;
-    for (int k = 0; k < band.grid.cells[2]; ++k)
-      for (int j = 0; j < band.grid.cells[1]; ++j)
-        for (int i = 0; i < band.grid.cells[0]; ++i) {
-          Real& f = work_.cell_fraction[grid_.cell(i + band.lo[0], j + band.lo[1], k + band.lo[2])];
-          f = std::min(Real(1), f + work_.solids[l].fraction[band.grid.cell(i, j, k)]);
+    const grid::Grid& band = state_.solids[l].band.grid;
+    for (int k = 0; k < band.cells[2]; ++k)
+      for (int j = 0; j < band.cells[1]; ++j)
+        for (int i = 0; i < band.cells[0]; ++i) {
+          Real& f = fraction[grid_.cell(i + band.lo[0], j + band.lo[1], k + band.lo[2])];
+          f = std::min(Real(1), f + work_.solids[l].fraction[band.cell(i, j, k)]);
         }
   }
-  return work_.cell_fraction;
+  return fraction;
+}
+
+const std::vector<Real>& Simulation::pressure() {
+  if (fills_box()) return state_.fluid.pressure;
+  return box_.pressure = move_cells(state_.fluid.pressure, state_.window, {{0, 0, 0}, grid_.cells});
+}
+
+const grid::VectorField& Simulation::fluid_velocity() {
+  if (fills_box()) return state_.fluid.velocity;
+  box_.velocity.assign(grid_.node_count());
+  return box_.velocity;
 }
 
 std::uint64_t Simulation::memory_bytes() const {
@@ -470,6 +485,7 @@ std::uint64_t Simulation::memory_bytes() const {
                       work_.owned.capacity() + reals(work_.f_star) + reals(work_.momentum) + reals(work_.v_star) +
                       work_.slip.bytes() + reals(work_.source) + reals(work_.taken) + work_.velocity_system.bytes() +
                       work_.pressure_system.bytes();
+  sum += reals(box_.fraction) + reals(box_.pressure) + 3 * box_.velocity.size() * sizeof(Real);
   for (const auto& solid : work_.solids) sum += solid.bytes();
   return sum + work_.advect.bytes() + work_.solid_advect.bytes();
 }
@@ -509,6 +525,7 @@ void Simulation::set_solid_field(std::size_t index, bool velocity, const float* 
 
 void Simulation::set_state(State state) {
   prepare();
+  if (fills_box()) state.window = state_.window;
   state_ = std::move(state);
   work_.uniform_ready = work_.masses_ready = false;
 }

@@ -82,8 +82,10 @@ class Simulation {
   SolidDiagnostics diagnose_solid(std::size_t index);
   FluidDiagnostics diagnose_fluid();
   std::vector<Vec3d> surface_velocity(std::size_t index) const;
-  // Part of each cell that solids fill, cells; empty without solids.
+  // Fields of the whole box, until the next step. Part of each cell that solids fill, cells; empty without solids.
   const std::vector<Real>& solid_fraction();
+  const std::vector<Real>& pressure();        // padded cells [Pa]
+  const grid::VectorField& fluid_velocity();  // nodes [m/s]
   std::uint64_t memory_bytes() const;
 
   // Fields for initial conditions and tests; values by component in view order.
@@ -101,6 +103,7 @@ class Simulation {
  private:
   StepInfo checked_step(double remaining);
   void keep_backup();
+  bool fills_box() const { return params_.fluid.present; }  // the common grid
   std::string lost_shape() const;
   std::string crosses_periodic_face() const;
 
@@ -112,6 +115,10 @@ class Simulation {
   std::vector<fluid::Emitter> emitters_;
   State state_;
   Workspace work_;
+  struct {
+    std::vector<Real> fraction, pressure;
+    grid::VectorField velocity;
+  } box_;  // what was asked for where the common grid is not the box
   Profile profile_;
   bool prepared_ = false;
 };

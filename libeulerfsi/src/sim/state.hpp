@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "fluid/fluid.hpp"
-#include "solid/solid.hpp"
+#include "sim/window.hpp"
 
 namespace efsi::sim {
 
@@ -14,6 +14,7 @@ struct State {
   std::uint64_t steps = 0;
   double fluid_speed = 0.0;  // largest component [m/s]; for the next time step
   fluid::FluidState fluid;
+  Window window;  // on which its pressure is known, 0 elsewhere
   std::vector<solid::SolidState> solids;
 };
 

@@ -16,7 +16,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
               Workspace& work, Profile& profile) {
   const Params& params = scene.params;
   const Numerics& numerics = params.numerics;
-  const grid::Grid& g = scene.grid;
+  const grid::Grid &box = scene.grid, &common = work.common.grid;
   const std::size_t solids = scene.solids.size();
   StepInfo info;
 
@@ -51,7 +51,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
     {
       ScopedTimer timer(profile, Stage::kSolidAdvection);
       const system::SolidView view(parallel, work.slip, work.velocity);
-      solid::update_velocity(parallel, g, work.velocity, state.solids[l], work.solids[l]);  // Alg. 1 lines 13, 18
+      solid::update_velocity(parallel, common, work.velocity, state.solids[l], work.solids[l]);  // Alg. 1 lines 13, 18
       timer.visited(work.solids[l].layer.size(), 12 * sizeof(Real));
     }
     const solid::RigidStep frame = transport_frame(scene, work, l, dt);
@@ -65,12 +65,12 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
       solid::predict_surface(parallel, dt, frame, work.solid_advect, state.solids[l]);
       solid::correct_surface(parallel, scene.solids[l], state.solids[l]);
       solid::measure_leak(scene.solids[l], work.solids[l], state.solids[l]);
-      state.solids[l].whole = solid::is_whole(g, params.walls, state.solids[l]);
+      state.solids[l].whole = solid::is_whole(box, params.walls, state.solids[l]);
       timer.visited(state.solids[l].surface.size(), sizeof(Vec3d));
     }
     ScopedTimer timer(profile, Stage::kSolidAdvection);
     remember_elements(scene, work, l, dt, state);
-    solid::follow_solid(g, scene.solids[l], state.solids[l]);
+    solid::follow_solid(box, scene.solids[l], state.solids[l]);
   }
   work.pressure_system.exchange_scratch(work.solid_advect.storage());
   advect_fluid(parallel, scene, dt, state, work, profile);  // Alg. 1 line 22
@@ -80,7 +80,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   if (numerics.conserve_momentum) restore_momentum(parallel, scene, state, work, profile);
   {
     ScopedTimer timer(profile, Stage::kSmoke);
-    fluid::settle_smoke(parallel, g, params.walls, work.cell_fraction, state.fluid, work.advect);
+    fluid::settle_smoke(parallel, common, work.common.walls, work.cell_fraction, state.fluid, work.advect);
   }
 
   state.time += dt;

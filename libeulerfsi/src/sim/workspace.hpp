@@ -14,6 +14,7 @@
 namespace efsi::sim {
 
 struct Workspace {
+  CommonGrid common;                  // of the stages that join solids and fluid; nodes and cells below are its
   grid::VectorField velocity;         // the velocity of Eq. 11 at the nodes, at slip nodes the fluid's [m/s]
   system::SlipNodes slip;             // nodes where the fluid slips along a solid
   std::vector<std::uint8_t> fixed;    // per node: bit a: component a is fixed by a wall

@@ -15,7 +15,7 @@ using grid::Quad;
 void update_velocity(const Parallel& parallel, const Grid& global, const VectorField& velocity, SolidState& state,
                      SolidWork& work) {
   const Grid& g = state.band.grid;
-  const Vec3i& lo = state.band.lo;
+  const Vec3i lo = grid::offset(g, global);
   work.layer.assign(g.node_count(), grid::kNoLayer);
   work.max_speed = parallel.max(g.cells[2] + 1, 0.0, [&](std::int64_t kk) {
     const int k = static_cast<int>(kk);
@@ -299,13 +299,13 @@ void follow_solid(const Grid& global, const SolidRest& rest, SolidState& state) 
       any = true;
       const int low[3] = {first, j, k}, high[3] = {last, j, k};
       for (std::size_t a = 0; a < 3; ++a) {
-        lo[a] = std::min(lo[a], low[a] + state.band.lo[a]);
-        hi[a] = std::max(hi[a], high[a] + state.band.lo[a]);
+        lo[a] = std::min(lo[a], low[a] + g.lo[a]);
+        hi[a] = std::max(hi[a], high[a] + g.lo[a]);
       }
     }
   if (!any) return;
   const Band band = make_band(global, lo, hi);
-  if (band.lo != state.band.lo || band.grid.cells != state.band.grid.cells) move_band(state, band);
+  if (band.grid.lo != g.lo || band.grid.cells != g.cells) move_band(state, band);
 }
 
 }  // namespace efsi::solid

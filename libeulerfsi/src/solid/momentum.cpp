@@ -101,7 +101,7 @@ RigidMotion missing_motion(const Momenta& target, const Momenta& now) {
 Momenta measure_momenta(const Parallel& parallel, const Band& band, const SolidWork& work, const Grid& nodes,
                         const VectorField& velocity) {
   const Grid& g = band.grid;
-  const Vec3i lo = &nodes == &g ? Vec3i{0, 0, 0} : band.lo;
+  const Vec3i lo = grid::offset(g, nodes);
   // Moments about the middle of the band: far from the origin nothing cancels.
   const Vec3d middle = 0.5 * (g.node_position(0, 0, 0) + g.node_position(g.cells[0], g.cells[1], g.cells[2]));
   std::vector<MomentSums> planes(static_cast<std::size_t>(g.cells[2] + 1));

@@ -52,7 +52,7 @@ Band make_band(const Grid& global, Vec3i lo, Vec3i hi) {
     hi[a] = std::clamp(hi[a] + kBandMargin, lo[a] + 1, global.cells[a]);
     band.grid.cells[a] = hi[a] - lo[a];
   }
-  band.lo = lo;
+  band.grid.lo = lo;
   band.grid.origin = global.node_position(lo[0], lo[1], lo[2]);
   return band;
 }
@@ -60,21 +60,21 @@ Band make_band(const Grid& global, Vec3i lo, Vec3i hi) {
 void move_band(SolidState& state, const Band& band) {
   const std::size_t n = band.grid.node_count();
   const Band& old = state.band;
+  const Vec3i &new_lo = band.grid.lo, &old_lo = old.grid.lo;
   VectorField u, v;
   u.assign(n);
   v.assign(n);
   std::vector<std::uint8_t> valid(n, 0), stiff(state.stiff.empty() ? 0 : band.grid.cell_count(), 0);
   int begin[3], end[3];  // nodes that both bands have: begin .. end
   for (std::size_t a = 0; a < 3; ++a) {
-    begin[a] = std::max(band.lo[a], old.lo[a]);
-    end[a] = std::min(band.lo[a] + band.grid.cells[a], old.lo[a] + old.grid.cells[a]);
+    begin[a] = std::max(new_lo[a], old_lo[a]);
+    end[a] = std::min(new_lo[a] + band.grid.cells[a], old_lo[a] + old.grid.cells[a]);
   }
   const auto for_box = [&](int last, const auto& body) {  // body(indices in the old band, in the new one)
     for (int k = begin[2]; k <= end[2] - last; ++k)
       for (int j = begin[1]; j <= end[1] - last; ++j)
         for (int i = begin[0]; i <= end[0] - last; ++i)
-          body(Vec3i{i - old.lo[0], j - old.lo[1], k - old.lo[2]},
-               Vec3i{i - band.lo[0], j - band.lo[1], k - band.lo[2]});
+          body(Vec3i{i - old_lo[0], j - old_lo[1], k - old_lo[2]}, Vec3i{i - new_lo[0], j - new_lo[1], k - new_lo[2]});
   };
   if (!state.valid.empty())
     for_box(0, [&](const Vec3i& f, const Vec3i& t) {

@@ -29,10 +29,9 @@ struct SolidRest {
   double area = 0.0;                  // of the surface at rest [m^2]
 };
 
-// A box of the global grid. Its grid has the global spacing; node (0,0,0) is global node `lo`.
+// The part of the box's grid around a solid.
 struct Band {
   Grid grid;
-  Vec3i lo{0, 0, 0};
 };
 
 // What a node of the band holds: nothing; u and v as given, or that came from among the nodes that carried the solid;

@@ -87,6 +87,10 @@ void PressureMultigrid::build(const Parallel& parallel, const Grid& g, const Wal
                               const std::vector<std::uint8_t>& fixed, const std::vector<Real>& specific_volume,
                               std::vector<std::uint8_t> active, const SlipNodes* slip) {
   slip_ = slip;
+  if (g.cells != finest_.grid.cells) {  // ghosts lie elsewhere, and those that nobody writes must be zero
+    finest_.inverse_diagonal.clear();
+    coarse_.clear();
+  }
   finest_.grid = g;
   finest_.walls = walls;
   finest_.fixed = fixed;

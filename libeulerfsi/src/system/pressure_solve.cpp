@@ -29,6 +29,11 @@ void PressureSystem::assemble(const Parallel& parallel, const Grid& g, const Wal
                               const std::vector<std::uint8_t>& fixed, const std::vector<Real>& specific_volume,
                               std::vector<std::uint8_t> active, std::vector<std::uint8_t> solid_cell, SlipNodes* slip) {
   slip_ = slip;
+  if (g.cells != grid_.cells) {  // ghosts lie elsewhere, and those that nobody writes must be zero
+    rhs_.clear();
+    pcg_ = {};
+    pcr_ = {};
+  }
   grid_ = g;
   walls_ = walls;
   solid_cells_.clear();

@@ -49,7 +49,7 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
   for (std::size_t l = 0; l < solids_.size(); ++l) {
     const SolidRef& s = solids_[l];
     const Grid& g = s.state->band.grid;
-    const Vec3i& lo = s.state->band.lo;
+    const Vec3i lo = grid::offset(g, global);
     for (int k = 0; k <= g.cells[2]; ++k)
       for (int j = 0; j <= g.cells[1]; ++j)
         for (int i = 0; i <= g.cells[0]; ++i) {
@@ -100,7 +100,7 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
   for (std::size_t l = 0; l < solids_.size(); ++l) {
     const SolidRef& s = solids_[l];
     const Grid& g = s.state->band.grid;
-    const Vec3i& lo = s.state->band.lo;
+    const Vec3i lo = grid::offset(g, global);
     parallel.for_each(static_cast<std::int64_t>(s.work->element_cell.size()), [&](std::int64_t e) {
       const auto c = static_cast<int>(s.work->element_cell[static_cast<std::size_t>(e)]);
       const int i = c % g.cells[0], j = c / g.cells[0] % g.cells[1], k = c / (g.cells[0] * g.cells[1]);

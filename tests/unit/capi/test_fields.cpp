@@ -92,6 +92,31 @@ TEST_CASE("A field that the scene does not use has size 0 until it is set") {
   CHECK_THAT(last_error(vacuum), Contains("ambient_fluid"));
 }
 
+TEST_CASE("Without ambient fluid the fields of the box are seen whole, and a velocity of the fluid is refused") {
+  EfsiSimulationDef def = box();
+  def.ambient_fluid = 0;
+  def.gravity = {0.0, -100.0, 0.0};
+  const Sim sim = create(def);
+  const EfsiSolidDef solid = cube_def();
+  REQUIRE(efsi_solid_add(sim.get(), &solid, nullptr, nullptr) == EFSI_OK);
+  for (int n = 0; n < 10; ++n) REQUIRE(efsi_simulation_step(sim.get(), 0.02, nullptr) == EFSI_OK);  // onto the floor
+  for (int32_t field : {EFSI_FIELD_VELOCITY, EFSI_FIELD_PRESSURE, EFSI_FIELD_SOLID_FRACTION}) {
+    const EfsiFieldView view = view_of(sim, field);
+    for (int a = 0; a < 3; ++a) CHECK(view.size[a] == (field == EFSI_FIELD_VELOCITY ? 13 : 12));
+    double largest = 0.0;
+    for (int c = 0; c < view.components; ++c)
+      for (int k = 0; k < view.size[2]; ++k)
+        for (int j = 0; j < view.size[1]; ++j)
+          for (int i = 0; i < view.size[0]; ++i)
+            largest = std::max(largest, static_cast<double>(std::abs(value(view, c, i, j, k))));
+    INFO("field " << field);
+    CHECK((largest > 0.0) == (field != EFSI_FIELD_VELOCITY));
+  }
+  const std::vector<float> still(3 * 13 * 13 * 13, 0.0f);
+  CHECK(efsi_field_set(sim.get(), EFSI_FIELD_VELOCITY, 0, still.data(), still.size()) == EFSI_ERROR_ARGUMENT);
+  CHECK_THAT(last_error(sim), Contains("field = 0") && Contains("EfsiSimulationDef.ambient_fluid = 1"));
+}
+
 TEST_CASE("Diagnostics agree with each other and with the fields") {
   const Sim sim = scene();
   const EfsiFieldView fraction = view_of(sim, EFSI_FIELD_SOLID_FRACTION);

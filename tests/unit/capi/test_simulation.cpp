@@ -176,8 +176,20 @@ TEST_CASE("The memory estimate names the smallest voxel size that fits") {
   CHECK(efsi_simulation_estimate_memory(&def, 0.008, nullptr, &fitting, &error) == EFSI_ERROR_MEMORY);
 
   def = box();
-  def.memory_limit = 1000;
+  def.ambient_fluid = 0;  // a larger box then costs nothing
+  REQUIRE(efsi_simulation_estimate_memory(&def, 0.001, &bytes, nullptr, &error) == EFSI_OK);
+  for (double* edge : {&def.domain_size.x, &def.domain_size.y, &def.domain_size.z}) *edge *= 20;
+  REQUIRE(efsi_simulation_estimate_memory(&def, 0.001, &at_fitting, nullptr, &error) == EFSI_OK);
+  CHECK(at_fitting == bytes);
   EfsiSim* sim = nullptr;
+  def.memory_limit = bytes;
+  REQUIRE(efsi_simulation_create(&def, &sim, &error) == EFSI_OK);
+  efsi_simulation_destroy(sim);
+  def.ambient_fluid = 1;
+  CHECK(efsi_simulation_create(&def, &sim, &error) == EFSI_ERROR_MEMORY);
+
+  def = box();
+  def.memory_limit = 1000;
   CHECK(efsi_simulation_create(&def, &sim, &error) == EFSI_ERROR_MEMORY);
   CHECK_THAT(error.message, Contains("voxel_size"));
 }

@@ -116,14 +116,15 @@ struct SqueezedBall : OneSolid {
       if (work.owned[c]) cells.push_back(c);
     const auto n = stiffness.rows(), m = static_cast<Eigen::Index>(cells.size());
     Eigen::MatrixXd j(m, n);
+    const grid::Grid& common = work.common.grid;
     grid::VectorField v;
-    v.assign(g.node_count());
+    v.assign(common.node_count());
     std::vector<Real> flux;
     const double h3 = g.h * g.h * g.h;
     for (Eigen::Index c = 0; c < n; ++c) {
       Real& value = v.c[static_cast<std::size_t>(c % 3)][nodes[static_cast<std::size_t>(c / 3)]];
       value = 1;
-      system::compute_flux(Parallel(1), g, v, {}, flux);
+      system::compute_flux(Parallel(1), common, v, {}, flux);
       value = 0;
       for (Eigen::Index r = 0; r < m; ++r) j(r, c) = static_cast<double>(flux[cells[static_cast<std::size_t>(r)]]) / h3;
     }

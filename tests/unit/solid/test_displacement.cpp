@@ -74,7 +74,7 @@ TEST_CASE("Rigid translation is exact over many steps, and the band follows", "[
       move(
           s, [&](const Vec3d&) { return velocity; }, 0.03, scheme);
     const Vec3d travelled = 0.03 * kSteps * velocity;
-    CHECK(s.state.band.lo[0] == 14);  // node 25 less 5 for the radius and the margin
+    CHECK(s.state.band.grid.lo[0] == 14);  // node 25 less 5 for the radius and the margin
     solid::compute_mass(Parallel(1), s.rest, s.state, s.work);
     double worst = 0.0;
     for (std::size_t n = 0; n < s.work.carries.size(); ++n)

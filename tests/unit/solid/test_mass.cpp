@@ -233,9 +233,9 @@ TEST_CASE("A splinter that has changed its volume is taken away, one that has no
 TEST_CASE("A band surrounds its solid, stays in the grid and takes its data along when it moves") {
   const grid::Grid g = cube_grid(40, 0.1);
   const solid::Band band = solid::make_band(g, {10, 2, 30}, {15, 8, 39});
-  CHECK(band.lo == Vec3i{10 - solid::kBandMargin, 0, 30 - solid::kBandMargin});
+  CHECK(band.grid.lo == Vec3i{10 - solid::kBandMargin, 0, 30 - solid::kBandMargin});
   CHECK(band.grid.cells == Vec3i{5 + 2 * solid::kBandMargin, 8 + solid::kBandMargin, 10 + solid::kBandMargin});
-  CHECK((band.grid.origin - g.node_position(band.lo[0], band.lo[1], band.lo[2])).norm() < 1e-12);
+  CHECK((band.grid.origin - g.node_position(band.grid.lo[0], band.grid.lo[1], band.grid.lo[2])).norm() < 1e-12);
   solid::SolidState state;
   solid::move_band(state, band);
   CHECK(std::count(state.valid.begin(), state.valid.end(), 1) == 0);
@@ -246,10 +246,11 @@ TEST_CASE("A band surrounds its solid, stays in the grid and takes its data alon
   const solid::Band next = solid::make_band(g, {12, 2, 28}, {17, 8, 37});
   solid::move_band(state, next);
   CHECK(std::count(state.valid.begin(), state.valid.end(), 1) == 1);
-  const std::size_t n = next.grid.node(6 + band.lo[0] - next.lo[0], 3, 4 + band.lo[2] - next.lo[2]);
+  const std::size_t n = next.grid.node(6 + band.grid.lo[0] - next.grid.lo[0], 3, 4 + band.grid.lo[2] - next.grid.lo[2]);
   CHECK(state.valid[n] == 1);
   CHECK(state.u.at(n) == Vec3(1, 2, 3));
   CHECK(state.stiff.size() == next.grid.cell_count());
   CHECK(std::count(state.stiff.begin(), state.stiff.end(), 1) == 1);
-  CHECK(state.stiff[next.grid.cell(6 + band.lo[0] - next.lo[0], 3, 4 + band.lo[2] - next.lo[2])] == 1);
+  CHECK(state.stiff[next.grid.cell(6 + band.grid.lo[0] - next.grid.lo[0], 3, 4 + band.grid.lo[2] - next.grid.lo[2])] ==
+        1);
 }

@@ -366,3 +366,22 @@ TEST_CASE("The pressure solve gives the same bits for 1, 2, 3 and 8 threads", "[
     CHECK(q == first);
   }
 }
+
+TEST_CASE("A grid of another size is solved as by a system that never saw the first") {
+  const Parallel parallel(2);
+  PressureSystem used;
+  for (const Vec3i& cells : {Vec3i{24, 20, 16}, Vec3i{20, 16, 24}, Vec3i{16, 24, 16}}) {
+    const PressureCase c = pressure_cases(cells, 1000.0).front();
+    const auto solved = [&](PressureSystem& system) {
+      system.assemble(parallel, c.g, c.walls, c.fixed, c.specific_volume, {}, {});
+      grid::VectorField v = c.random_velocity(7);
+      std::vector<Real> q(c.g.padded_count(), 0);
+      const system::DivergenceNorms before = system.set_right_side(parallel, v, {});
+      CHECK(system.solve(parallel, PressureSolver::kMultigridPcg, 1e-3, before, q).converged);
+      return q;
+    };
+    PressureSystem fresh;
+    INFO(c.name << " " << cells[0] << " " << cells[1] << " " << cells[2]);
+    CHECK(solved(used) == solved(fresh));
+  }
+}
