@@ -21,7 +21,7 @@ using grid::VectorField;
 
 // What stands for K v* in Eq. 8: ahead K v* - behind K v^n. {1, 0} is backward Euler, {1/4, 1/4} the trapezoidal rule.
 // A linear material is stable from ahead + behind = 1/2 on; a mode of frequency omega loses (ahead - behind) (omega
-// dt)^2 of its energy in a step (docs/numerics-choices.md).
+// dt)^2 of its energy in a step (docs/numerics/stiffness-shares.md).
 struct StiffnessShares {
   double ahead = 1.0, behind = 0.0;
 };
