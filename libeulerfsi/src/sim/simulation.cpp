@@ -325,7 +325,7 @@ StepInfo Simulation::checked_step(double remaining) {
     }
     shrink = std::min(0.5 * info.dt / remaining, 0.5 * shrink);
     state_ = work_.backup;
-    work_.uniform_ready = work_.masses_ready = false;
+    work_.forget();
   }
   throw Error(ErrorCode::kDiverged,
               diverged(state_.time, reason + " after " + std::to_string(kMaxRetries) + " retries with smaller steps"));
@@ -444,7 +444,7 @@ std::vector<Vec3d> Simulation::surface_velocity(std::size_t index) const {
 }
 
 const std::vector<Real>& Simulation::solid_fraction() {
-  std::vector<Real>& fraction = fills_box() ? work_.cell_fraction : box_.fraction;
+  std::vector<Real>& fraction = fills_box() ? work_.matter.cell_fraction : box_.fraction;
   fraction.clear();
   if (solids_.empty()) return fraction;
   fraction.assign(grid_.cell_count(), 0);
@@ -480,14 +480,20 @@ std::uint64_t Simulation::memory_bytes() const {
     for (const auto& solid : s.solids) sum += solid::state_bytes(solid);
     return sum;
   };
-  std::uint64_t sum = state_bytes(state_) + state_bytes(work_.backup) + 3 * work_.velocity.size() * sizeof(Real) +
-                      reals(work_.mass) + reals(work_.specific_volume) + reals(work_.cell_fraction) +
-                      work_.owned.capacity() + reals(work_.f_star) + reals(work_.momentum) + reals(work_.v_star) +
-                      work_.slip.bytes() + reals(work_.source) + reals(work_.taken) + work_.velocity_system.bytes() +
-                      work_.pressure_system.bytes();
-  sum += reals(box_.fraction) + reals(box_.pressure) + 3 * box_.velocity.size() * sizeof(Real);
+  const Matter& matter = work_.matter;
+  const VelocityEquation& elasticity = work_.elasticity;
+  const PressureEquation& pressure = work_.pressure;
+  std::uint64_t sum = state_bytes(state_) + state_bytes(work_.backup) + 3 * work_.velocity.field.size() * sizeof(Real) +
+                      work_.velocity.slip.bytes() + elasticity.system.bytes() + pressure.system.bytes() +
+                      work_.advect.bytes() + work_.solid_advect.bytes() + matter.fixed.capacity() +
+                      matter.owned.capacity() + 3 * box_.velocity.size() * sizeof(Real);
+  for (const auto* values :
+       {&matter.fluid_mass, &matter.mass, &matter.specific_volume, &matter.cell_fraction, &elasticity.f_star,
+        &elasticity.v_star, &elasticity.momentum, &pressure.source, &pressure.q, &pressure.taken, &pressure.impulse,
+        &pressure.correction, &pressure.corrected, &box_.fraction, &box_.pressure})
+    sum += reals(*values);
   for (const auto& solid : work_.solids) sum += solid.bytes();
-  return sum + work_.advect.bytes() + work_.solid_advect.bytes();
+  return sum;
 }
 
 void Simulation::set_velocity(const float* values) {
@@ -527,7 +533,7 @@ void Simulation::set_state(State state) {
   prepare();
   if (fills_box()) state.window = state_.window;
   state_ = std::move(state);
-  work_.uniform_ready = work_.masses_ready = false;
+  work_.forget();
 }
 
 }  // namespace efsi::sim
