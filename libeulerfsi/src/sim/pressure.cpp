@@ -55,8 +55,8 @@ bool needs_coupling(const Scene& scene, const system::DivergenceNorms& divergenc
 
 // The pressure system of this step and what it shall reach.
 void assemble_pressure_system(const Parallel& parallel, const Scene& scene, double dt, const SolidStates& states,
-                              SolidWorks& solids, const Matter& matter, const system::VelocitySystem& elasticity,
-                              system::SlipNodes& slip, PressureEquation& pressure) {
+                              SolidWorks& solids, const Matter& matter, const Holds& holds, system::SlipNodes& slip,
+                              PressureEquation& pressure) {
   if (!pressure.lasts) {
     std::vector<std::uint8_t> active;
     if (!scene.solids.empty()) active = pressure_cells(parallel, scene, states, solids, matter);
@@ -65,7 +65,7 @@ void assemble_pressure_system(const Parallel& parallel, const Scene& scene, doub
     pressure.lasts = scene.solids.empty();
   }
   if (scene.params.numerics.volume_source && !scene.solids.empty())
-    compute_volume_source(parallel, scene, dt, states, elasticity, matter, solids, pressure.source);
+    compute_volume_source(parallel, scene, dt, states, holds, matter, solids, pressure.source);
   else
     pressure.source.clear();
 }
@@ -134,7 +134,7 @@ void prepare_pressure(const StepContext& step, const SolidStates& states, SolidW
   if (!has_pressure(scene)) return;
   ScopedTimer timer(profile, Stage::kPressureSolve);
   const Grid& g = matter.common.grid;
-  assemble_pressure_system(parallel, scene, dt, states, solids, matter, elasticity.system, velocity.slip, pressure);
+  assemble_pressure_system(parallel, scene, dt, states, solids, matter, elasticity.holds, velocity.slip, pressure);
   if (!scene.params.numerics.coupling_step || scene.solids.empty() || last.empty()) return;
   // Within the solids, over the fluid's level; the fluid's own pressure would feed what it moves.
   const double level = scene.params.fluid.present ? fluid_level(parallel, g, matter.owned, last) : 0.0;

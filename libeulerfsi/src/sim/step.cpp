@@ -19,25 +19,13 @@
 namespace efsi::sim {
 namespace {
 
-constexpr double kSlow = 0.3;  // cells per step: a solid at rest, or sliding, at a wall
-
-// The frame in which a solid's velocity field keeps its shape for the step: that of the rigid body with its momenta,
-// which moves by the mean of those at the step's start and now. While walls hold a solid its field rests on the grid,
-// and the mean moves it along them only.
-solid::RigidStep transport_frame(const Scene& scene, const Workspace& work, std::size_t l, double dt) {
-  if (!scene.params.numerics.conserve_momentum) return {};
-  const solid::Momenta &before = work.momenta.first[l], &after = work.momenta.solids[l];
-  const unsigned held = work.elasticity.system.held_axes(l);
-  return held ? solid::held_step(before, after, held, dt) : solid::free_step(before, after, dt);
-}
-
 // Which cells carry stiffness, for the next step's choice.
-void remember_elements(const Scene& scene, const Workspace& work, std::size_t l, double dt, State& state) {
-  const bool slow = work.solids[l].max_speed * dt < kSlow * scene.grid.h;
-  if (slow || !work.elasticity.system.touches(l))
-    solid::remember_elements(work.solids[l], state.solids[l]);
+void remember_elements(const StepContext& step, const Hold& hold, const solid::SolidWork& work,
+                       solid::SolidState& state) {
+  if (choice_lags(hold, work.max_speed * step.dt / step.scene.grid.h))
+    solid::remember_elements(work, state);
   else
-    state.solids[l].stiff.clear();  // in an impact cells fill and empty faster than the choice may lag
+    state.stiff.clear();
 }
 
 // The state after a step of dt, and what the step reports.
@@ -94,7 +82,9 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   }
   pressure.system.exchange_scratch(solid_advect.storage());
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {  // lines 17-21
-    const solid::RigidStep frame = transport_frame(scene, work, l, dt);
+    const Hold& hold = elasticity.holds.of(l);
+    solid::RigidStep frame;  // at rest
+    if (numerics.conserve_momentum) frame = transport_frame(hold, momenta.first[l], momenta.solids[l], dt);
     {
       ScopedTimer timer(profile, Stage::kSolidAdvection);
       solid::extend(parallel, states[l], solids[l]);                                      // Alg. 1 line 18
@@ -104,7 +94,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
     }
     carry_surface(step, l, frame, solid_advect, solids[l], states[l]);
     ScopedTimer timer(profile, Stage::kSolidAdvection);
-    remember_elements(scene, work, l, dt, state);
+    remember_elements(step, hold, solids[l], states[l]);
     solid::follow_solid(scene.grid, scene.solids[l], states[l]);
   }
   pressure.system.exchange_scratch(solid_advect.storage());

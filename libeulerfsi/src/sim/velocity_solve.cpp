@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "solid/displacement.hpp"
 
@@ -23,12 +22,13 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
       const double pace = dt * std::sqrt(rest.elastic.mu / rest.density) / scene.grid.h;
       const double strain = dt * solid::largest_strain_rate(parallel, states[l], solids[l].carries);
       const double growth = std::max(solids[l].max_det_f, 1.0 / solids[l].min_det_f);
-      ref.loose = system::stiffness_shares(pace, strain, growth);
-      ref.held = system::stiffness_shares(pace, std::numeric_limits<double>::infinity(), growth);
+      ref.loose = shares_while(false, pace, strain, growth);
+      ref.held = shares_while(true, pace, strain, growth);
     }
     refs.push_back(ref);
   }
   system.assemble(parallel, matter.common.grid, matter.fixed, refs, matter.mass, velocity.slip, dt);
+  elasticity.holds = find_holds(scene.solids.size(), system);
   {
     const system::SolidView view(parallel, velocity.slip, velocity.field);
     system.gather(parallel, velocity.field, elasticity.v_star);

@@ -7,7 +7,7 @@
 
 namespace efsi::sim {
 
-// Line 8: G and f* on the nodes that carry solids; v_star: the velocity there before the solve.
+// Line 8: G and f* on the nodes that carry solids, what holds them; v_star: the velocity there before the solve.
 void assemble_velocity_system(const StepContext& step, SolidStates& states, SolidWorks& solids, const Matter& matter,
                               NodeVelocity& velocity, VelocityEquation& elasticity);
 // Line 9.

@@ -13,26 +13,19 @@ using grid::Grid;
 namespace {
 
 constexpr double kLargestGrowth = 0.02;  // of a solid's volume in a step, to make up for what its surface has lost
-constexpr double kFilm = 0.005;          // cells: thickness over a free surface; its loss under a load stays below that
 constexpr double kAhead = 0.5;           // of what the last step lost: losses last for many steps
 
 // What a solid as a whole is asked to gain in this step, over its volume at rest: what its mesh has lost and part of
-// what this step will lose. While nothing holds the solid a film does not count.
-double asked_volume(const Scene& scene, const solid::SolidState& state, std::size_t l, bool touches, double volume) {
-  double lost = 1.0 - volume;
-  if (!touches) {
-    const double film = kFilm * scene.grid.h * scene.solids[l].area / scene.solids[l].volume;
-    lost -= std::clamp(lost, -film, film);
-  }
+// what this step will lose.
+double asked_volume(double lost, double leak) {
   if (lost == 0.0) return 0.0;
-  return std::clamp(lost + kAhead * state.leak, -kLargestGrowth, kLargestGrowth);
+  return std::clamp(lost + kAhead * leak, -kLargestGrowth, kLargestGrowth);
 }
 
 }  // namespace
 
 void compute_volume_source(const Parallel& parallel, const Scene& scene, double dt, const SolidStates& states,
-                           const system::VelocitySystem& system, const Matter& matter, SolidWorks& solids,
-                           std::vector<Real>& source) {
+                           const Holds& holds, const Matter& matter, SolidWorks& solids, std::vector<Real>& source) {
   const Grid& g = matter.common.grid;
   linalg::fill(parallel, source, g.padded_count(), Real(0));
   const double tau = std::max(4.0 * dt, 1.0 / 24.0), limit = 0.1 / dt;
@@ -45,7 +38,8 @@ void compute_volume_source(const Parallel& parallel, const Scene& scene, double 
     double growth = 0.0;
     if (states[l].whole && solid::encloses(scene.solids[l])) {
       const double volume = solid::volume_ratio(scene.solids[l], states[l]);
-      const double asked = asked_volume(scene, states[l], l, system.touches(l), volume);
+      const double lost = lost_beyond_film(holds.of(l), scene.solids[l], scene.grid.h, 1.0 - volume);
+      const double asked = asked_volume(lost, states[l].leak);
       solid.next_volume = volume + asked;
       growth = asked / dt;
     }

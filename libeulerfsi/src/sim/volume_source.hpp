@@ -9,9 +9,8 @@ namespace efsi::sim {
 // Where det F has drifted from 1 the solid is asked to grow or shrink back, slowly, since det F is rough at the
 // surface. What a solid has lost as a whole its inside gains in the same step. What solids gain the fluid of the box
 // loses, so that the sum vanishes. Writes `source`, wanted divergence per padded cell [1/s], and the solids'
-// next_volume. system: which solids touch something.
+// next_volume.
 void compute_volume_source(const Parallel& parallel, const Scene& scene, double dt, const SolidStates& states,
-                           const system::VelocitySystem& system, const Matter& matter, SolidWorks& solids,
-                           std::vector<Real>& source);
+                           const Holds& holds, const Matter& matter, SolidWorks& solids, std::vector<Real>& source);
 
 }  // namespace efsi::sim

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "fluid/advect.hpp"
+#include "sim/hold.hpp"
 #include "sim/scene.hpp"
 #include "sim/state.hpp"
 #include "solid/displacement.hpp"
@@ -34,6 +35,7 @@ struct NodeVelocity {
 // Eq. 8 on its unknowns.
 struct VelocityEquation {
   system::VelocitySystem system;
+  Holds holds;                 // what holds the solids while it is solved and after
   std::vector<Real> f_star;    // the right-hand side [kg m/s]
   std::vector<Real> v_star;    // start of the solve, then v* [m/s]
   std::vector<Real> momentum;  // M v + dt f, which v* has to have [kg m/s]
