@@ -265,7 +265,8 @@ class SolidDef(Structure):
         ("material", c_int32),
         ("compressible", c_int32),
         ("surface", c_void_p),
-        ("reserved", c_uint64 * 3),
+        ("friction", c_double),
+        ("reserved", c_uint64 * 2),
     ]
 
 

@@ -91,7 +91,8 @@ typedef struct EfsiSolidDef {
   int32_t material;           /* EFSI_MATERIAL_* */
   int32_t compressible;       /* 1: the pressure does not keep its volume */
   const EfsiSurface* surface; /* stands in for `mesh` where it is not NULL; made for the simulation's voxel size */
-  uint64_t reserved[3];
+  double friction;            /* Coulomb's coefficient at the walls of the box */
+  uint64_t reserved[2];
 } EfsiSolidDef;
 
 EFSI_API EfsiStatus efsi_solid_def_init(EfsiSolidDef* def);

@@ -75,6 +75,7 @@ inline sim::SolidDesc to_solid(const EfsiSolidDef& def) {
   d.poissons_ratio = def.poissons_ratio;
   d.rayleigh_alpha = def.rayleigh_alpha;
   d.rayleigh_beta = def.rayleigh_beta;
+  d.friction = def.friction;
   d.compressible = def.compressible != 0;
   d.law = static_cast<material::Law>(def.material);
   d.velocity = to_vector(def.velocity);

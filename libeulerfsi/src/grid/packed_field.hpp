@@ -90,6 +90,9 @@ class PackedSampler {
   // The nearest position in the box; periodic axes have no end.
   EFSI_INLINE Quad keep_inside(const Quad& g) const { return clamp(g, low_, high_); }
 
+  // The same up to `margin` beyond the box.
+  EFSI_INLINE Quad keep_near(const Quad& g, Real margin) const { return clamp(g, low_ - margin, high_ + margin); }
+
   // Whether keep_inside has cut a trace from x to `end`: nothing is known of what comes from beyond a wall.
   EFSI_INLINE bool cut_by_wall(const Quad& x, const Quad& end) const {
     const auto cut = (end != x) & ((end <= low_) | (end >= high_));
@@ -97,19 +100,14 @@ class PackedSampler {
   }
 
   // Positions outside are clamped to the box, or wrapped where periodic.
-  EFSI_INLINE Place place(Quad g) const {
-    if (any_periodic_) {  // the period of other axes is 0
-      const Quad turns = g / divisor_;
-      g -= __builtin_convertvector(__builtin_convertvector(turns, QuadIndex), Quad) * period_;
-      g += g < 0 ? period_ : Quad{0, 0, 0, 0};
-    }
-    const Quad inside = clamp(g, Quad{0, 0, 0, 0}, top_);
-    const Quad whole = __builtin_convertvector(__builtin_convertvector(inside, QuadIndex), Quad);
-    const Quad lower = whole < last_ ? whole : last_;
-    const QuadIndex index = __builtin_convertvector(lower, QuadIndex);
-    return {static_cast<std::size_t>(index[0]) + row_ * static_cast<std::size_t>(index[1]) +
-                slab_ * static_cast<std::size_t>(index[2]),
-            inside - lower};
+  EFSI_INLINE Place place(const Quad& g) const {
+    const Quad wrapped = wrap(g), inside = clamp(wrapped, Quad{0, 0, 0, 0}, top_), lower = lower_corner(inside);
+    return {node_at(lower), inside - lower};
+  }
+  // Positions outside belong to the nearest cell, which extrapolates.
+  EFSI_INLINE Place place_beyond(const Quad& g) const {
+    const Quad wrapped = wrap(g), lower = lower_corner(clamp(wrapped, Quad{0, 0, 0, 0}, top_));
+    return {node_at(lower), wrapped - lower};
   }
   template <class Field>
   EFSI_INLINE Quad value(const Field& field, const Place& at) const {
@@ -150,6 +148,25 @@ class PackedSampler {
   }
 
  private:
+  EFSI_INLINE Quad wrap(Quad g) const {
+    if (any_periodic_) {  // the period of other axes is 0
+      const Quad turns = g / divisor_;
+      g -= __builtin_convertvector(__builtin_convertvector(turns, QuadIndex), Quad) * period_;
+      g += g < 0 ? period_ : Quad{0, 0, 0, 0};
+    }
+    return g;
+  }
+  // inside: in the box
+  EFSI_INLINE Quad lower_corner(const Quad& inside) const {
+    const Quad whole = __builtin_convertvector(__builtin_convertvector(inside, QuadIndex), Quad);
+    return whole < last_ ? whole : last_;
+  }
+  EFSI_INLINE std::size_t node_at(const Quad& lower) const {
+    const QuadIndex index = __builtin_convertvector(lower, QuadIndex);
+    return static_cast<std::size_t>(index[0]) + row_ * static_cast<std::size_t>(index[1]) +
+           slab_ * static_cast<std::size_t>(index[2]);
+  }
+
   std::size_t row_, slab_;
   bool any_periodic_ = false;
   Quad period_, divisor_, top_, last_, low_, high_;

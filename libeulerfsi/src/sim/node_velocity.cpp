@@ -91,7 +91,6 @@ void add_external_forces(const StepContext& step, const Matter& matter, fluid::F
                                                        matter.specific_volume, velocity.field);
   timer.visited(visited, 4 * sizeof(Real));
   velocity.slip.share_normal(parallel, velocity.field);
-  enforce_walls(parallel, g, matter.fixed, velocity.field);
 }
 
 }  // namespace efsi::sim

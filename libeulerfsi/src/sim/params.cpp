@@ -25,6 +25,7 @@ Numerics numerics_of(Preset preset) {
     n.resolve_impacts = false;
     n.repair_map = false;
     n.volume_by_pressure = false;
+    n.walls_push_only = false;
     n.volume_source = false;
     n.conserve_momentum = false;
     n.fluid_slips = false;

@@ -10,6 +10,7 @@
 #include "sim/grid_loops.hpp"
 #include "sim/velocity_solve.hpp"
 #include "sim/volume_source.hpp"
+#include "sim/wall_contact.hpp"
 
 namespace efsi::sim {
 
@@ -82,7 +83,7 @@ void compute_impulses(const Parallel& parallel, const Grid& grid, const system::
     const Vec3 g = system::pressure_impulse(grid, q, x, y, z);
     for (std::size_t a = 0; a < 3; ++a) {
       const std::size_t i = 3 * static_cast<std::size_t>(u) + a;
-      impulse[i] = system.free()[i] * g[static_cast<Eigen::Index>(a)];
+      impulse[i] = system.moves()[i] * g[static_cast<Eigen::Index>(a)];
     }
   });
   for (std::size_t t = 0; t < slides.size(); ++t) {
@@ -148,7 +149,7 @@ void prepare_pressure(const StepContext& step, const SolidStates& states, SolidW
   compute_impulses(parallel, g, elasticity.system, velocity.slip, held, pressure.impulse);
   double with = 0.0, without = 0.0;
   for (std::size_t i = 0; i < pressure.impulse.size(); ++i) {
-    const double f = static_cast<double>(elasticity.system.free()[i]) * static_cast<double>(elasticity.f_star[i]);
+    const double f = static_cast<double>(elasticity.system.moves()[i]) * static_cast<double>(elasticity.f_star[i]);
     const double left = f - static_cast<double>(pressure.impulse[i]);
     without += f * f;
     with += left * left;
@@ -159,7 +160,8 @@ void prepare_pressure(const StepContext& step, const SolidStates& states, SolidW
     elasticity.f_star[i] -= pressure.impulse[i];
     elasticity.momentum[i] -= pressure.impulse[i];
   }
-  std::fill(elasticity.v_star.begin(), elasticity.v_star.end(), Real(0));  // the start of the solve: nearly at rest
+  for (std::size_t i = 0; i < elasticity.v_star.size(); ++i)  // the start of the solve: nearly at rest
+    if (elasticity.system.free()[i] > 0) elasticity.v_star[i] = 0;
   pressure.system.project(parallel, held, velocity.field);
   linalg::copy(parallel, pressure.taken, held);
 }
@@ -226,24 +228,28 @@ void couple_pressure(const StepContext& step, const SolidStates& states, const S
   pressure.takes = true;
   linalg::add_scaled(parallel, pressure.taken, length, way);
   linalg::scale(parallel, way, length - 1);
+  pressure.coupled = length;
   correct_velocity(step, way, length, elasticity, pressure, velocity);
 }
 
 }  // namespace
 
-void solve_pressure(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Grid& g,
+void solve_pressure(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Matter& matter,
                     std::vector<Real>& last, VelocityEquation& elasticity, NodeVelocity& velocity,
                     PressureEquation& pressure) {
   const auto& [parallel, scene, time, dt, profile, info] = step;
   if (!has_pressure(scene)) return;
+  const Grid& g = matter.common.grid;
   const Numerics& numerics = scene.params.numerics;
   system::DivergenceNorms before;
   {
     ScopedTimer timer(profile, Stage::kPressureSolve);
+    balance_inflow(step, solids, matter, velocity.field, elasticity.walls, pressure.source);
     before = pressure.system.set_right_side(parallel, velocity.field, pressure.source);
     info.divergence_before = before.all;
     info.divergence_before_solid = before.solid;
   }
+  pressure.coupled = 0;
   // A body at rest that the step now serves and now does not would never come to rest.
   const bool couples = pressure.takes || needs_coupling(scene, before);
   if (couples) couple_pressure(step, states, solids, g, elasticity, pressure, velocity);
@@ -275,6 +281,10 @@ void project_velocity(const StepContext& step, const Grid& g, VelocityEquation& 
   }
   ScopedTimer timer(profile, Stage::kPressureSolve);
   if (pressure.takes) linalg::add_scaled(parallel, pressure.q, 1.0, pressure.taken);  // the q of all the step
+  if (!elasticity.walls.empty()) {
+    grid::fill_ghosts(g, pressure.q, Real(0));
+    add_reactions(parallel, g, pressure.q, pressure.coupled, pressure.correction, elasticity.system, elasticity.walls);
+  }
   std::swap(pressure.q, next);
   linalg::scale(parallel, next, -1.0 / dt);
   const system::DivergenceNorms after = pressure.system.norms(parallel, velocity.field, pressure.source);

@@ -13,8 +13,8 @@ void prepare_pressure(const StepContext& step, const SolidStates& states, SolidW
                       const std::vector<Real>& last, VelocityEquation& elasticity, NodeVelocity& velocity,
                       PressureEquation& pressure);
 // Line 10, Eq. 12: pressure.q, from the last pressure, whose array it takes until line 11; before that the coupling
-// step, which changes the velocity. g: the common grid.
-void solve_pressure(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const grid::Grid& g,
+// step, which changes the velocity.
+void solve_pressure(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Matter& matter,
                     std::vector<Real>& last, VelocityEquation& elasticity, NodeVelocity& velocity,
                     PressureEquation& pressure);
 // Line 11, Eq. 13, or the projection; next: the pressure of the step, where q goes.

@@ -56,6 +56,7 @@ void validate(const SolidDesc& d) {
     refuse("EfsiSolidDef.poissons_ratio", d.poissons_ratio, "between -0.9 and 0.499");
   not_negative("rayleigh_alpha", d.rayleigh_alpha);
   not_negative("rayleigh_beta", d.rayleigh_beta);
+  not_negative("friction", d.friction);
   for (int a = 0; a < 3; ++a) {
     if (!std::isfinite(d.velocity[a])) refuse("EfsiSolidDef.velocity", d.velocity[a], "finite");
     if (!std::isfinite(d.angular_velocity[a])) refuse("EfsiSolidDef.angular_velocity", d.angular_velocity[a], "finite");
@@ -133,6 +134,7 @@ std::size_t Simulation::add_solid(const SolidDesc& desc, geometry::MeshReport& r
   rest.density = desc.density;
   rest.rayleigh_alpha = desc.rayleigh_alpha;
   rest.rayleigh_beta = desc.rayleigh_beta;
+  rest.friction = desc.friction;
   rest.compressible = desc.compressible;
   const double spacing = kRestSpacing * grid_.h;
   const auto surface = desc.examined ? desc.examined : geometry::examine(desc.surface, spacing, parallel_);

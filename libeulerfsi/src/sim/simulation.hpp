@@ -35,6 +35,7 @@ struct SolidDesc {
   double youngs_modulus = 2e4;
   double poissons_ratio = 0.3;
   double rayleigh_alpha = 0.0, rayleigh_beta = 0.0;
+  double friction = 0.0;  // Coulomb's coefficient at walls
   bool compressible = false;
   material::Law law = material::Law::kCorotational;
   Vec3d velocity = Vec3d::Zero();

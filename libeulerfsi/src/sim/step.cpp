@@ -12,6 +12,7 @@
 #include "sim/repair_maps.hpp"
 #include "sim/time_step.hpp"
 #include "sim/velocity_solve.hpp"
+#include "sim/wall_contact.hpp"
 #include "solid/displacement.hpp"
 #include "solid/mass.hpp"
 #include "solid/material_force.hpp"
@@ -68,11 +69,13 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   }
   combine_velocities(step, states, solids, matter, fluid.velocity, velocity);
   add_external_forces(step, matter, fluid, velocity);
+  meet_walls(step, states, solids, matter, velocity.field, elasticity.walls);
   assemble_velocity_system(step, states, solids, matter, velocity, elasticity);  // Alg. 1 line 8
   prepare_pressure(step, states, solids, matter, fluid.pressure, elasticity, velocity, pressure);
   solve_velocity(step, elasticity, velocity);                                                    // Alg. 1 line 9
-  solve_pressure(step, states, solids, common, fluid.pressure, elasticity, velocity, pressure);  // Alg. 1 line 10
+  solve_pressure(step, states, solids, matter, fluid.pressure, elasticity, velocity, pressure);  // Alg. 1 line 10
   project_velocity(step, common, elasticity, pressure, velocity, fluid.pressure);                // Alg. 1 line 11
+  remember_rows(dt, elasticity.walls, states);
   if (numerics.conserve_momentum) measure_momenta(step, states, solids, matter, velocity, momenta);
 
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {  // lines 12-16
@@ -98,6 +101,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
     solid::follow_solid(scene.grid, scene.solids[l], states[l]);
   }
   pressure.system.exchange_scratch(solid_advect.storage());
+  still_fluid(elasticity.walls, velocity.field);
   advect_fluid(step, velocity.field, velocity.slip, matter, fluid, advect, pressure.system);  // Alg. 1 line 22
 
   ready = numerics.repair_map || numerics.conserve_momentum;

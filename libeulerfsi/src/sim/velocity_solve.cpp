@@ -3,9 +3,16 @@
 #include <algorithm>
 #include <cmath>
 
+#include "linalg/reduce.hpp"
+#include "sim/wall_contact.hpp"
 #include "solid/displacement.hpp"
 
 namespace efsi::sim {
+namespace {
+
+constexpr int kMostPasses = 4;  // of the velocity solve, each with the rows that the last one has led into walls
+
+}  // namespace
 
 void assemble_velocity_system(const StepContext& step, SolidStates& states, SolidWorks& solids, const Matter& matter,
                               NodeVelocity& velocity, VelocityEquation& elasticity) {
@@ -27,7 +34,9 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
     }
     refs.push_back(ref);
   }
-  system.assemble(parallel, matter.common.grid, matter.fixed, refs, matter.mass, velocity.slip, dt);
+  system.assemble(parallel, matter.common.grid, held_components(matter.fixed, elasticity.walls), refs, matter.mass,
+                  velocity.slip, dt);
+  tie_rows(elasticity.walls, system);
   elasticity.holds = find_holds(scene.solids.size(), system);
   {
     const system::SolidView view(parallel, velocity.slip, velocity.field);
@@ -40,10 +49,12 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
   const Real duration = static_cast<Real>(dt);
   parallel.for_each(system.unknowns(), [&](std::int64_t u) {
     for (std::size_t i = 3 * static_cast<std::size_t>(u); i < 3 * static_cast<std::size_t>(u) + 3; ++i)
-      momentum[i] = system.free()[i] * (momentum[i] + duration * force[i]);
+      momentum[i] += duration * force[i];
   });
   elasticity.f_star = momentum;
+  linalg::multiply(parallel, momentum, system.moves(), momentum);
   system.add_past_stiffness(parallel, elasticity.v_star, elasticity.f_star);
+  add_friction(elasticity.walls, elasticity);
   timer.visited(static_cast<std::uint64_t>(system.unknowns()), 30 * sizeof(Real));
 }
 
@@ -53,9 +64,14 @@ void solve_velocity(const StepContext& step, VelocityEquation& elasticity, NodeV
   ScopedTimer timer(profile, Stage::kVelocitySolve);
   const Numerics& numerics = scene.params.numerics;
   system::VelocitySystem& system = elasticity.system;
-  const linalg::SolveStats stats = system.solve(parallel, numerics.velocity_solver, elasticity.f_star,
-                                                elasticity.v_star, numerics.velocity_tolerance);
-  info.velocity_iterations += static_cast<std::uint64_t>(stats.iterations);
+  linalg::SolveStats stats;
+  for (int pass = 0; pass == 0 || (pass < kMostPasses && hold_more(elasticity.walls, elasticity)); ++pass) {
+    stats = system.solve(parallel, numerics.velocity_solver, elasticity.f_star, elasticity.v_star,
+                         numerics.velocity_tolerance);
+    info.velocity_iterations += static_cast<std::uint64_t>(stats.iterations);
+  }
+  elasticity.holds = find_holds(scene.solids.size(), system);
+  add_reactions(parallel, elasticity, elasticity.walls);
   info.velocity_residual = stats.residual;
   info.unconverged += !stats.converged;
   if (numerics.conserve_momentum) system.conserve_momentum(parallel, elasticity.momentum, elasticity.v_star);

@@ -32,10 +32,31 @@ struct NodeVelocity {
   system::SlipNodes slip;   // nodes where the fluid slips along a solid, with the solid's velocity there
 };
 
+// What friction does at a row: nothing, it brakes what slides, or it holds.
+enum class Rub : std::uint8_t { kNone, kSlides, kSticks };
+
+// A node of a solid on a wall (sim/wall_contact.hpp).
+struct WallRow {
+  std::size_t solid = 0, node = 0, above = 0;  // nodes of the common grid
+  Vec3i place{};                               // of the node, in the box
+  int axis = 0;                                // normal of the wall
+  Real out = 1;                                // +-1: along the axis, out of the wall
+  double gap = 0.0;                            // to the solid's surface, < 0: beyond the wall [m]
+  Real least = 0;                              // velocity along that [m/s]
+  bool holds = false;                          // prescribes it
+  Rub rub = Rub::kNone;
+  std::uint8_t tangents = 0;  // bit a: friction acts along axis a
+  Real limit = 0;             // impulse of friction at most [kg m/s]
+  Vec3 way = Vec3::Zero();    // unit vector along which it slides
+  Real push = 0;              // impulse of the wall along `out` in this step [kg m/s]
+  Vec3 pull = Vec3::Zero();   // along the tangents, where it sticks [kg m/s]
+};
+
 // Eq. 8 on its unknowns.
 struct VelocityEquation {
   system::VelocitySystem system;
   Holds holds;                 // what holds the solids while it is solved and after
+  std::vector<WallRow> walls;  // what walls do
   std::vector<Real> f_star;    // the right-hand side [kg m/s]
   std::vector<Real> v_star;    // start of the solve, then v* [m/s]
   std::vector<Real> momentum;  // M v + dt f, which v* has to have [kg m/s]
@@ -51,6 +72,7 @@ struct PressureEquation {
   bool takes = false;            // if this
   std::vector<Real> impulse;     // J^T q on the unknowns of Eq. 8 [kg m/s]
   std::vector<Real> correction;  // G^-1 J^T q on them [m/s]
+  Real coupled = 0;              // how much of it the coupling step has taken off
   std::vector<Real> corrected;   // v* less a share of the correction on them [m/s]
 };
 

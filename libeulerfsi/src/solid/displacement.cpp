@@ -106,12 +106,14 @@ class FrameMotion {
   Quad center_ = {0, 0, 0, 0}, shift_, linear_, spin_, column_[3], row_[3];
 };
 
+constexpr Real kBeyondWall = 1;  // cells over which what lies beyond a wall is extrapolated
+
 // Where what is at x after the step was before it, and where what is at x before it will be: the flow v of the frame,
 // and the frame's motion after that.
 EFSI_INLINE Quad place_before(const PackedSampler& sampler, const FrameMotion& frame, const PackedField& v,
                               const Quad& x, Real step) {
   const Quad y = frame.back(x);
-  return sampler.keep_inside(sampler.trace_rk3(v, y, sampler.value(v, y), step));
+  return sampler.keep_near(sampler.trace_rk3(v, y, sampler.value(v, y), step), kBeyondWall);
 }
 EFSI_INLINE Quad place_after(const PackedSampler& sampler, const FrameMotion& frame, const PackedField& v,
                              const Quad& x, const Quad& v0, Real step) {
@@ -132,7 +134,7 @@ EFSI_KERNEL void carry_row(const PackedSampler& nodes, const FrameMotion& motion
     const Quad x = position(row, i);
     const Quad from = paper ? sampler.keep_inside(sampler.trace_midpoint(v, x, grid::load_quad(v.at(n)), step))
                             : place_before(sampler, frame, v, x, step);
-    const PackedSampler::Place at = sampler.place(from);
+    const PackedSampler::Place at = sampler.place_beyond(from);
     static_assert(kExtensionLayers < 0x80 && grid::kNoLayer >= 0x80);
     const CornerMarks around = corner_marks(points, layer, at.node);
     if (around.any & 0x8080) continue;

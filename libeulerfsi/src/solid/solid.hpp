@@ -22,6 +22,7 @@ struct SolidRest {
   material::Elastic elastic;
   double density = 1000.0;  // [kg/m^3]
   double rayleigh_alpha = 0.0, rayleigh_beta = 0.0;
+  double friction = 0.0;  // Coulomb's coefficient at walls
   bool compressible = false;          // no pressure acts in its cells
   geometry::SignedDistance distance;  // material space
   geometry::TriangleMesh surface;     // as given, material space
@@ -38,6 +39,14 @@ struct Band {
 // that came from between these and the extension; that the extension made up.
 inline constexpr std::uint8_t kNoData = 0, kKnown = 1, kEdge = 2, kExtended = 3;
 
+// What a wall did at a node that it held in the last step.
+struct WallPress {
+  std::int32_t node[3], axis;  // of the box; the wall's normal
+  Real force;                  // away from the wall [N]
+  Real pull[3];                // of friction [N]
+  std::int32_t slides;         // or would have
+};
+
 // State: survives a step.
 struct SolidState {
   Band band;
@@ -45,6 +54,7 @@ struct SolidState {
   VectorField v;                    // velocity, band nodes [m/s]
   std::vector<std::uint8_t> valid;  // band nodes: kNoData, or where u and v came from in the last step
   std::vector<std::uint8_t> stiff;  // band cells: carried stiffness in the last step; empty: not known
+  std::vector<WallPress> presses;   // where walls held it in the last step
   std::vector<Vec3d> surface;       // positions of the embedded surface [m]
   double rest_volume_cells = 0.0;   // by cell fractions, at the first step [m^3]
   std::uint8_t whole = 1;           // no part of it has left through an open face
@@ -64,6 +74,7 @@ void visit_fields(State& s, Fields& fields) {
   for (auto& c : s.v.c) fields.array(c);
   fields.array(s.valid);
   fields.array(s.stiff);
+  fields.array(s.presses);
   fields.array(s.surface);
   fields.value(s.rest_volume_cells);
   fields.value(s.whole);

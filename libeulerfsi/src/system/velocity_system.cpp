@@ -96,6 +96,9 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
     normal_[u] = s.normal;
   }
 
+  moves_ = free_;
+  ties_.clear();
+
   // Elements in blocks, and the lists by which unknowns gather from them.
   block_begin_.assign(1, 0);
   for (const SolidRef& s : solids_) block_begin_.push_back(block_begin_.back() + s.work->blocks());
@@ -179,8 +182,6 @@ void VelocitySystem::sum_blocks(const Parallel& parallel, const BlockBody& body,
 template <class Finish>
 void VelocitySystem::multiply_stiffness(const Parallel& parallel, const std::vector<Real>& factor,
                                         const std::vector<Real>& x, const Finish& finish, std::vector<Real>& y) {
-  masked_.resize(x.size());
-  linalg::multiply(parallel, masked_, free_, x);
   sum_blocks(
       parallel,
       [&](std::size_t l, std::size_t block, Real* out) {
@@ -188,7 +189,7 @@ void VelocitySystem::multiply_stiffness(const Parallel& parallel, const std::vec
         Real in[24][kLanes];
         for (std::size_t a = 0; a < 8; ++a)
           for (std::size_t lane = 0; lane < kLanes; ++lane) {
-            const Real* value = &masked_[3 * static_cast<std::size_t>(corners[a * kLanes + lane])];
+            const Real* value = &x[3 * static_cast<std::size_t>(corners[a * kLanes + lane])];
             for (std::size_t i = 0; i < 3; ++i) in[3 * a + i][lane] = value[i];
           }
         solid::block_stiffness(*solids_[l].work, block, h_, factor[l], in, out);
@@ -201,23 +202,58 @@ void VelocitySystem::add_past_stiffness(const Parallel& parallel, const std::vec
   multiply_stiffness(
       parallel, past_factor_, v,
       [&](std::size_t u, const Vec3& past) -> Vec3 {
-        return Vec3(f[3 * u], f[3 * u + 1], f[3 * u + 2]) +
-               Vec3(free_[3 * u], free_[3 * u + 1], free_[3 * u + 2]).cwiseProduct(past);
+        return Vec3(f[3 * u], f[3 * u + 1], f[3 * u + 2]) + past;
       },
       f);
 }
 
-void VelocitySystem::apply(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y) {
+void VelocitySystem::tie(std::size_t unknown, std::size_t to, int axis) {
+  const std::size_t from = 3 * unknown + static_cast<std::size_t>(axis), i = 3 * to + static_cast<std::size_t>(axis);
+  ties_.push_back({from, i});
+  inverse_diagonal_[i] = 1 / (1 / inverse_diagonal_[i] + 1 / inverse_diagonal_[from]);
+  free_[from] = 0;
+  inverse_diagonal_[from] = 1;
+}
+
+void VelocitySystem::fix(std::size_t unknown, int axis) {
+  const std::size_t entry = 3 * unknown + static_cast<std::size_t>(axis);
+  std::erase_if(ties_, [&](const Tie& t) { return t.from == entry; });
+  free_[entry] = moves_[entry] = 0;
+  const auto next = std::upper_bound(unknown_begin_.begin(), unknown_begin_.end(), unknown);
+  std::uint8_t& held = held_[static_cast<std::size_t>(next - unknown_begin_.begin()) - 1];
+  held = static_cast<std::uint8_t>(held | (1u << axis));
+}
+
+void VelocitySystem::multiply(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y) {
   multiply_stiffness(
       parallel, stiffness_factor_, x,
       [&](std::size_t u, const Vec3& stiffness) -> Vec3 {
-        const Vec3 v(x[3 * u], x[3 * u + 1], x[3 * u + 2]);
+        return stiffness + inertia_[u] * Vec3(x[3 * u], x[3 * u + 1], x[3 * u + 2]) - sliding_momentum(u, x);
+      },
+      y);
+}
+
+void VelocitySystem::apply(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y) {
+  masked_.resize(x.size());
+  linalg::multiply(parallel, masked_, free_, x);
+  for (const Tie& t : ties_) masked_[t.from] = x[t.to];
+  multiply_stiffness(
+      parallel, stiffness_factor_, masked_,
+      [&](std::size_t u, const Vec3& stiffness) -> Vec3 {
+        const Vec3 v(masked_[3 * u], masked_[3 * u + 1], masked_[3 * u + 2]);
         const Vec3 all = stiffness + inertia_[u] * v - sliding_momentum(u, x);
         Vec3 out;
-        for (Eigen::Index a = 0; a < 3; ++a) out[a] = free_[3 * u + static_cast<std::size_t>(a)] > 0 ? all[a] : v[a];
+        for (std::size_t a = 0; a < 3; ++a) {
+          const auto e = static_cast<Eigen::Index>(a);
+          out[e] = moves_[3 * u + a] > 0 ? all[e] : x[3 * u + a];
+        }
         return out;
       },
       y);
+  for (const Tie& t : ties_) {
+    y[t.to] += y[t.from];
+    y[t.from] = x[t.from];
+  }
 }
 
 Vec3 VelocitySystem::sliding_momentum(std::size_t u, const std::vector<Real>& x) const {
@@ -251,9 +287,34 @@ linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolve
   linalg::SolveOptions options;
   options.tolerance = tolerance;
   const linalg::Operator jacobi = linalg::jacobi(parallel, inverse_diagonal_);
-  if (solver == VelocitySolver::kPcr) return linalg::pcr(parallel, g, jacobi, b, x, options, pcr_);
-  options.against_start = true;
-  return linalg::pcg(parallel, g, jacobi, b, x, options, pcg_);
+  // What is prescribed stands on the right; the rest is solved for.
+  load_.resize(b.size());
+  const auto fixed = [this](std::size_t i) { return free_[i] == 0; };
+  std::vector<Real> given(b.size(), 0);
+  bool any = false;
+  for (std::size_t i = 0; i < b.size(); ++i)
+    if (fixed(i)) {
+      given[i] = moves_[i] > 0 ? Real(0) : x[i];
+      x[i] = 0;
+      any = any || given[i] != 0;
+    }
+  if (any) multiply(parallel, given, load_);
+  for (std::size_t i = 0; i < b.size(); ++i) load_[i] = moves_[i] > 0 ? (any ? b[i] - load_[i] : b[i]) : Real(0);
+  for (const Tie& t : ties_) {
+    load_[t.to] += load_[t.from];
+    load_[t.from] = 0;
+  }
+  linalg::SolveStats stats;
+  if (solver == VelocitySolver::kPcr) {
+    stats = linalg::pcr(parallel, g, jacobi, load_, x, options, pcr_);
+  } else {
+    options.against_start = true;
+    stats = linalg::pcg(parallel, g, jacobi, load_, x, options, pcg_);
+  }
+  if (any)
+    for (std::size_t i = 0; i < b.size(); ++i) x[i] += given[i];
+  for (const Tie& t : ties_) x[t.from] = x[t.to];
+  return stats;
 }
 
 Vec3d VelocitySystem::place(std::size_t u) const {
@@ -321,7 +382,7 @@ void VelocitySystem::scatter(const Parallel& parallel, const std::vector<Real>& 
 
 std::size_t VelocitySystem::bytes() const {
   return (inertia_.size() + node_mass_.size() + free_.size() + inverse_diagonal_.size() + element_out_.size() +
-          masked_.size() + sliding_.size() + 3 * normal_.size()) *
+          masked_.size() + load_.size() + moves_.size() + sliding_.size() + 3 * normal_.size()) *
              sizeof(Real) +
          (unknown_of_node_.size() + corner_.size() + gather_begin_.size() + gather_.size()) * sizeof(std::int32_t) +
          node_.size() * sizeof(std::size_t) + pcg_.bytes() + pcr_.bytes();

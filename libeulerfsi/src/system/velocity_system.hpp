@@ -52,13 +52,19 @@ class VelocitySystem {
   const std::vector<std::size_t>& nodes() const { return node_; }
   std::size_t unknown_of(std::size_t node) const { return static_cast<std::size_t>(unknown_of_node_[node]); }
 
+  // From now on a component of an unknown is that of another one, until a wall fixes it.
+  void tie(std::size_t unknown, std::size_t to, int axis);
+  // Prescribes a component of an unknown from now on: a wall does.
+  void fix(std::size_t unknown, int axis);
+  // y = G x, whatever walls fix.
+  void multiply(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y);
   // y = G x; 3 values per unknown node, components that walls fix are identity rows.
   void apply(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y);
   // f += what the shares behind add to the right-hand side: behind dt^2 K v.
   void add_past_stiffness(const Parallel& parallel, const std::vector<Real>& v, std::vector<Real>& f);
   // sum of the elements' forces on each unknown [N].
   void internal_force(const Parallel& parallel, std::vector<Real>& force);
-  // Solves G x = b.
+  // Solves G x = b for the components that walls leave free; the others of x are given, those of b do not count.
   linalg::SolveStats solve(const Parallel& parallel, VelocitySolver solver, const std::vector<Real>& b,
                            std::vector<Real>& x, double tolerance);
   // Internal forces sum to nothing and turn nothing: gives each solid the linear and angular momentum of b, as far as
@@ -71,6 +77,8 @@ class VelocitySystem {
   void scatter(const Parallel& parallel, const std::vector<Real>& x, VectorField& field) const;
   // Zero where a wall fixes a component, one elsewhere.
   const std::vector<Real>& free() const { return free_; }
+  // Zero where what acts on a component moves nothing.
+  const std::vector<Real>& moves() const { return moves_; }
   // y = M x
   void multiply_mass(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y) const;
   // G = M + dt C_M + this times K [s^2].
@@ -109,14 +117,18 @@ class VelocitySystem {
   std::vector<std::int32_t> gather_begin_, gather_;  // unknown -> where its entries of element_out_ are
   std::vector<Real> inertia_;                        // M + dt alpha M_s per unknown [kg]
   std::vector<Real> node_mass_;                      // M per unknown [kg]
-  std::vector<Real> free_;
+  std::vector<Real> free_, moves_;
+  struct Tie {
+    std::size_t from, to;  // entries of the unknowns
+  };
+  std::vector<Tie> ties_;
   std::vector<Real> sliding_;  // mass per unknown that moves along the normal only: fluid beside the solid [kg]
   std::vector<Vec3> normal_;   // empty without such nodes
   std::vector<Real> stiffness_factor_;  // ahead dt^2 + dt beta per solid
   std::vector<Real> past_factor_;       // behind dt^2 per solid
   std::vector<Real> inverse_diagonal_;
   std::vector<Real> element_out_;  // block, 24 values, lane
-  std::vector<Real> masked_;
+  std::vector<Real> masked_, load_;
   Grid global_;
   double h_ = 1.0;
   linalg::PcgWorkspace pcg_;

@@ -1,0 +1,345 @@
+#include "sim/wall_contact.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+
+#include "sim/fixed_components.hpp"
+#include "sim/grid_loops.hpp"
+#include "system/divergence.hpp"
+
+namespace efsi::sim {
+
+using grid::Grid;
+
+namespace {
+
+constexpr double kPushOut = 1.0 / 24.0;  // s: in which a wall gives back what is too deep; at least four steps
+constexpr double kDeepest = 1.0;         // cells: deeper than that counts as that
+constexpr double kTouches = 0.2;         // cells: a solid that a wall pushed stays in touch up to here
+constexpr double kNoGap = 1e30;          // the column of a node does not meet the solid
+
+// Distance of the undeformed surface of the material at a node [m].
+double rest_distance(const solid::SolidRest& rest, const solid::SolidState& state, std::size_t node) {
+  const auto [i, j, k] = state.band.grid.node_place(node);
+  return rest.distance.sample(state.band.grid.node_position(i, j, k) - state.u.at(node).cast<double>());
+}
+
+// How far the solid's surface is from the wall along the column of nodes that starts on it [m]; < 0: it is beyond.
+double column_gap(const solid::SolidRest& rest, const solid::SolidState& state, std::size_t node, std::size_t above) {
+  const double h = state.band.grid.h;
+  if (!state.valid[node] || !state.valid[above]) return kNoGap;
+  const double on_wall = rest_distance(rest, state, node), inside = rest_distance(rest, state, above);
+  if (on_wall > 0.0) return inside < 0.0 ? h * on_wall / (on_wall - inside) : kNoGap;
+  const double fall = on_wall - inside;  // of the distance over one cell; at least a half of what is usual
+  return std::max(-kDeepest * h, h * on_wall / std::max(fall, 0.5 * h));
+}
+
+double least_velocity(double gap, double dt) { return -gap / (gap > 0.0 ? dt : std::max(kPushOut, 4.0 * dt)); }
+
+Vec3 normal_of(const WallRow& row) {
+  Vec3 n = Vec3::Zero();
+  n[row.axis] = row.out;
+  return n;
+}
+
+std::uint8_t bit(int axis) { return static_cast<std::uint8_t>(1u << axis); }
+
+// The nodes of a solid on one face of the box.
+struct Footprint {
+  std::vector<WallRow> rows;
+  std::vector<std::size_t> nodes;  // of the band
+};
+
+Footprint footprint(const StepContext& step, const solid::SolidState& state, const solid::SolidWork& work,
+                    std::size_t l, const CommonGrid& common, std::size_t face) {
+  Footprint out;
+  const Grid &g = common.grid, &band = state.band.grid;
+  if (!grid::Walls::blocks(common.walls.face[face])) return out;
+  const Vec3i lo = grid::offset(band, g);
+  const std::size_t a = face / 2, u = (a + 1) % 3, v = (a + 2) % 3;
+  const bool below = face % 2 == 0;
+  const int axis = static_cast<int>(a), plane = (below ? 0 : g.cells[a]) - lo[a];
+  if (plane < 0 || plane > band.cells[a]) return out;
+  const auto inwards = [&](std::size_t node, const Grid& of) {
+    return below ? node + of.node_stride(axis) : node - of.node_stride(axis);
+  };
+  for (int p = 0; p <= band.cells[v]; ++p)
+    for (int q = 0; q <= band.cells[u]; ++q) {
+      Vec3i at;
+      at[a] = plane;
+      at[u] = q;
+      at[v] = p;
+      const std::size_t local = band.node(at[0], at[1], at[2]);
+      if (!work.carries[local]) continue;
+      WallRow row;
+      row.solid = l;
+      row.node = g.node(at[0] + lo[0], at[1] + lo[1], at[2] + lo[2]);
+      row.above = inwards(row.node, g);
+      for (std::size_t c = 0; c < 3; ++c) row.place[c] = at[c] + band.lo[c];
+      row.axis = axis;
+      row.out = below ? Real(1) : Real(-1);
+      row.gap = column_gap(step.scene.solids[l], state, local, inwards(local, band));
+      out.rows.push_back(row);
+      out.nodes.push_back(local);
+    }
+  return out;
+}
+
+// A node beside the solid, whose column does not meet it, has the least gap of its neighbours on the wall.
+void fill_gaps(const Grid& band, const solid::SolidRest& rest, const solid::SolidState& solid, Footprint& print) {
+  std::map<std::size_t, double> known;  // band node -> gap
+  for (std::size_t r = 0; r < print.rows.size(); ++r)
+    if (print.rows[r].gap < kNoGap) known[print.nodes[r]] = print.rows[r].gap;
+  for (std::size_t r = 0; r < print.rows.size(); ++r) {
+    double& gap = print.rows[r].gap;
+    if (gap < kNoGap) continue;
+    const std::size_t along = band.node_stride((print.rows[r].axis + 1) % 3),
+                      across = band.node_stride((print.rows[r].axis + 2) % 3);
+    for (std::size_t p = 0; p <= 2; ++p)
+      for (std::size_t q = 0; q <= 2; ++q) {
+        const auto near = known.find(print.nodes[r] + p * along + q * across - along - across);
+        if (near != known.end()) gap = std::min(gap, near->second);
+      }
+    if (!(gap < kNoGap)) gap = std::max(0.0, rest_distance(rest, solid, print.nodes[r]));
+  }
+}
+
+using LastPresses = std::map<std::array<std::int32_t, 4>, const solid::WallPress*>;
+
+LastPresses last_presses(const solid::SolidState& solid) {
+  LastPresses last;
+  for (const solid::WallPress& p : solid.presses) last[{p.node[0], p.node[1], p.node[2], p.axis}] = &p;
+  return last;
+}
+
+// Whether a row holds, and what friction does there. v: without the solid's own forces.
+void decide(const solid::WallPress* last, double h, double dt, double friction, const Vec3& v, WallRow& row) {
+  row.least = static_cast<Real>(least_velocity(row.gap, dt));
+  const Real normal = row.out * v[row.axis];
+  if (last && row.gap < kTouches * h) {
+    row.holds = last->force > 0;
+    row.least = std::max(row.least, Real(0));
+  } else {
+    row.holds = normal < row.least;
+  }
+  if (!row.holds || !last || !(last->force > 0)) return;
+  row.limit = static_cast<Real>(friction * static_cast<double>(last->force) * dt);
+  if (!(row.limit > 0)) return;
+  row.rub = last->slides ? Rub::kSlides : Rub::kSticks;
+  if (row.rub == Rub::kSticks) return;
+  const Vec3 along = v - normal * normal_of(row), pull(last->pull[0], last->pull[1], last->pull[2]);
+  row.way = along.stableNormalized();
+  if (row.way.dot(pull) > 0) row.way = -pull.stableNormalized();  // what just stuck has no way of its own
+}
+
+// What a face pushed a solid in the last step [N].
+double pushed_at(const solid::SolidState& solid, std::size_t face) {
+  double sum = 0.0;
+  for (const solid::WallPress& p : solid.presses)
+    if (p.axis == static_cast<std::int32_t>(face / 2) && (p.node[p.axis] != 0) == (face % 2 != 0) && p.force > 0)
+      sum += static_cast<double>(p.force);
+  return sum;
+}
+
+// While a solid slides it leaves nodes and comes upon others, of which the last step says nothing: friction as a whole
+// is that of all that the face pushed.
+void share_friction(double whole, std::vector<WallRow>& rows) {
+  double sum = 0.0;
+  for (const WallRow& row : rows) sum += static_cast<double>(row.limit);
+  if (!(sum > 0.0)) return;
+  const Real factor = static_cast<Real>(whole / sum);
+  for (WallRow& row : rows) row.limit *= factor;
+}
+
+}  // namespace
+
+void meet_walls(const StepContext& step, const SolidStates& states, const SolidWorks& solids, Matter& matter,
+                grid::VectorField& velocity, std::vector<WallRow>& rows) {
+  const auto& [parallel, scene, time, dt, profile, info] = step;
+  rows.clear();
+  if (!scene.params.numerics.walls_push_only) {
+    enforce_walls(parallel, matter.common.grid, matter.fixed, velocity);
+    return;
+  }
+  std::map<std::size_t, std::uint8_t> axes;  // node -> axes with a row
+  for (std::size_t l = 0; l < scene.solids.size(); ++l) {
+    const LastPresses last = last_presses(states[l]);
+    for (std::size_t face = 0; face < 6; ++face) {
+      Footprint print = footprint(step, states[l], solids[l], l, matter.common, face);
+      fill_gaps(states[l].band.grid, scene.solids[l], states[l], print);
+      for (WallRow& row : print.rows) {
+        const auto held = last.find({row.place[0], row.place[1], row.place[2], row.axis});
+        decide(held == last.end() ? nullptr : held->second, scene.grid.h, dt, scene.solids[l].friction,
+               velocity.at(row.node), row);
+        axes[row.node] |= bit(row.axis);
+      }
+      share_friction(scene.solids[l].friction * dt * pushed_at(states[l], face), print.rows);
+      rows.insert(rows.end(), print.rows.begin(), print.rows.end());
+    }
+  }
+  std::vector<Vec3> wanted;
+  for (WallRow& row : rows) {
+    row.tangents = static_cast<std::uint8_t>(7u & ~axes[row.node]);
+    Vec3 v = velocity.at(row.node);
+    const Real mass = matter.mass[row.node];
+    if (row.holds) {
+      row.push = mass * (row.least - row.out * v[row.axis]);
+      v[row.axis] = row.out * row.least;
+    }
+    for (int a = 0; a < 3; ++a) {
+      if (!(row.tangents & bit(a))) continue;
+      if (row.rub != Rub::kSticks) {
+        row.way[a] = row.rub == Rub::kSlides ? row.way[a] : Real(0);
+        continue;
+      }
+      row.pull[a] = -mass * v[a];
+      v[a] = 0;
+      matter.fixed[row.node] = static_cast<std::uint8_t>(matter.fixed[row.node] | bit(a));
+    }
+    wanted.push_back(v);
+  }
+  enforce_walls(parallel, matter.common.grid, matter.fixed, velocity);
+  for (std::size_t r = 0; r < rows.size(); ++r)
+    for (int a = 0; a < 3; ++a)
+      if (a == rows[r].axis || rows[r].tangents & bit(a))
+        velocity.c[static_cast<std::size_t>(a)][rows[r].node] = wanted[r][a];
+}
+
+std::vector<std::uint8_t> held_components(const std::vector<std::uint8_t>& fixed, const std::vector<WallRow>& rows) {
+  std::vector<std::uint8_t> held = fixed;
+  for (const WallRow& row : rows)
+    if (!row.holds) held[row.node] = static_cast<std::uint8_t>(held[row.node] & ~bit(row.axis));
+  return held;
+}
+
+void tie_rows(const std::vector<WallRow>& rows, system::VelocitySystem& system) {
+  for (const WallRow& row : rows)
+    if (!row.holds) system.tie(system.unknown_of(row.node), system.unknown_of(row.above), row.axis);
+}
+
+void add_friction(const std::vector<WallRow>& rows, VelocityEquation& elasticity) {
+  for (const WallRow& row : rows) {
+    if (row.rub != Rub::kSlides) continue;
+    const std::size_t u = 3 * elasticity.system.unknown_of(row.node);
+    for (std::size_t a = 0; a < 3; ++a) {
+      if (!(row.tangents & bit(static_cast<int>(a)))) continue;
+      const Real impulse = -row.limit * row.way[static_cast<Eigen::Index>(a)];
+      elasticity.f_star[u + a] += impulse;
+      elasticity.momentum[u + a] += impulse;
+    }
+  }
+}
+
+bool hold_more(std::vector<WallRow>& rows, VelocityEquation& elasticity) {
+  bool any = false;
+  for (WallRow& row : rows) {
+    const std::size_t unknown = elasticity.system.unknown_of(row.node), u = 3 * unknown;
+    const Vec3 v(elasticity.v_star[u], elasticity.v_star[u + 1], elasticity.v_star[u + 2]);
+    if (!row.holds && row.out * v[row.axis] < row.least) {
+      row.holds = any = true;
+      elasticity.v_star[u + static_cast<std::size_t>(row.axis)] = row.out * row.least;
+      elasticity.system.fix(unknown, row.axis);
+    }
+    if (row.rub != Rub::kSlides || !(v.dot(row.way) < 0)) continue;
+    row.rub = Rub::kSticks;
+    any = true;
+    for (std::size_t a = 0; a < 3; ++a) {
+      if (!(row.tangents & bit(static_cast<int>(a)))) continue;
+      const Real impulse = -row.limit * row.way[static_cast<Eigen::Index>(a)];
+      elasticity.f_star[u + a] -= impulse;
+      elasticity.momentum[u + a] -= impulse;
+      elasticity.v_star[u + a] = 0;
+      elasticity.system.fix(unknown, static_cast<int>(a));
+    }
+  }
+  return any;
+}
+
+namespace {
+
+// Of a row that holds: its part along the normal, and along the tangents where it sticks.
+void add(const Vec3& impulse, WallRow& row) {
+  if (row.holds) row.push += row.out * impulse[row.axis];
+  if (row.rub != Rub::kSticks) return;
+  for (int a = 0; a < 3; ++a)
+    if (row.tangents & bit(a)) row.pull[a] += impulse[a];
+}
+
+Vec3 entries(const std::vector<Real>& x, std::size_t unknown) {
+  return {x[3 * unknown], x[3 * unknown + 1], x[3 * unknown + 2]};
+}
+
+}  // namespace
+
+void add_reactions(const Parallel& parallel, VelocityEquation& elasticity, std::vector<WallRow>& rows) {
+  if (rows.empty()) return;
+  std::vector<Real> moved;
+  elasticity.system.multiply(parallel, elasticity.v_star, moved);
+  for (WallRow& row : rows) {
+    const std::size_t u = elasticity.system.unknown_of(row.node);
+    add(entries(moved, u) - entries(elasticity.f_star, u), row);
+  }
+}
+
+void add_reactions(const Parallel& parallel, const Grid& g, const std::vector<Real>& q, Real coupled,
+                   const std::vector<Real>& correction, system::VelocitySystem& system, std::vector<WallRow>& rows) {
+  if (rows.empty()) return;
+  std::vector<Real> stiff;
+  if (coupled != 0) system.multiply(parallel, correction, stiff);
+  for (WallRow& row : rows) {
+    const auto [x, y, z] = g.node_place(row.node);
+    Vec3 impulse = system::pressure_impulse(g, q, x, y, z);
+    if (coupled != 0) impulse -= coupled * entries(stiff, system.unknown_of(row.node));
+    add(impulse, row);
+  }
+}
+
+void balance_inflow(const StepContext& step, const SolidWorks& solids, const Matter& matter,
+                    const grid::VectorField& velocity, const std::vector<WallRow>& rows, std::vector<Real>& source) {
+  const auto& [parallel, scene, time, dt, profile, info] = step;
+  const Grid& g = matter.common.grid;
+  if (rows.empty() || source.empty() || !scene.params.fluid.present || scene.params.walls.any_open()) return;
+  double inflow = 0.0;  // [m^3/s]
+  for (const WallRow& row : rows) {
+    const Vec3i at = g.node_place(row.node);
+    int cells = 1;  // of the grid that touch the node
+    for (std::size_t a = 0; a < 3; ++a)
+      cells *= static_cast<int>(a) == row.axis || (!g.periodic[a] && (at[a] == 0 || at[a] == g.cells[a])) ? 1 : 2;
+    inflow += g.h * g.h / 4.0 * cells * static_cast<double>(row.out * velocity.at(row.node)[row.axis]);
+  }
+  double fluid_cells = static_cast<double>(g.cell_count());
+  for (const solid::SolidWork& solid : solids) fluid_cells -= static_cast<double>(solid.element_cell.size());
+  if (inflow == 0.0 || fluid_cells < 1.0) return;
+  const Real share = static_cast<Real>(inflow / (g.h * g.h * g.h * fluid_cells));
+  parallel.for_each(g.cells[2], [&](std::int64_t k) {
+    for (int j = 0; j < g.cells[1]; ++j)
+      for (int i = 0; i < g.cells[0]; ++i) {
+        const std::size_t c = g.padded(i, j, static_cast<int>(k));
+        if (!matter.owned[c]) source[c] -= share;
+      }
+  });
+}
+
+void remember_rows(double dt, const std::vector<WallRow>& rows, SolidStates& states) {
+  for (solid::SolidState& solid : states) solid.presses.clear();
+  const Real rate = static_cast<Real>(1.0 / dt);
+  for (const WallRow& row : rows) {
+    if (!row.holds) continue;
+    const Vec3 pull = rate * (row.rub == Rub::kSlides ? Vec3(-row.limit * row.way) : row.pull);
+    // What stuck slides on when it was held by more than it may be.
+    const bool slides = row.rub == Rub::kSlides || (row.rub == Rub::kSticks && row.pull.norm() > row.limit);
+    states[row.solid].presses.push_back({{row.place[0], row.place[1], row.place[2]},
+                                         row.axis,
+                                         rate * row.push,
+                                         {pull[0], pull[1], pull[2]},
+                                         slides || row.rub == Rub::kNone});
+  }
+}
+
+void still_fluid(const std::vector<WallRow>& rows, grid::VectorField& flow) {
+  for (const WallRow& row : rows) flow.c[static_cast<std::size_t>(row.axis)][row.node] = 0;
+}
+
+}  // namespace efsi::sim

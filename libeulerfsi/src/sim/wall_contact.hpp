@@ -1,0 +1,42 @@
+// Purpose: walls push solids and never pull them, and rub them by Coulomb's law: what a step prescribes at the nodes of
+// solids on walls. Along n out of the wall, for the gap g to the solid's surface, the wall's impulse p and its tangential
+// part r (docs/numerics/wall-contact.md):
+//   n.v >= tau,  tau = -g/dt (g > 0),  |g| / max(1/24 s, 4 dt) (g < 0),   p >= 0,   |r| <= mu p,  v_t = 0 if <
+// A row that holds prescribes n.v; one that does not moves with the node above it. Which rows hold follows from what the
+// walls pushed in the last step, from where the solid would be after this one, and from the velocity solve.
+#pragma once
+
+#include "sim/step_context.hpp"
+#include "sim/workspace.hpp"
+
+namespace efsi::sim {
+
+// Gives the nodes on walls the velocity that these prescribe, which comes with all forces but the solids' own, and finds
+// the rows of the step. Fixes in matter.fixed what sticks.
+void meet_walls(const StepContext& step, const SolidStates& states, const SolidWorks& solids, Matter& matter,
+                grid::VectorField& velocity, std::vector<WallRow>& rows);
+// matter.fixed less the rows that do not hold.
+std::vector<std::uint8_t> held_components(const std::vector<std::uint8_t>& fixed, const std::vector<WallRow>& rows);
+// Ties the nodes of rows that do not hold to those above them.
+void tie_rows(const std::vector<WallRow>& rows, system::VelocitySystem& system);
+// Adds the friction of what slides to the right-hand sides.
+void add_friction(const std::vector<WallRow>& rows, VelocityEquation& elasticity);
+// After a velocity solve: rows that it has led beyond what they allow hold, too, and what friction has turned around
+// sticks. Whether there are any: the solve has to be repeated.
+bool hold_more(std::vector<WallRow>& rows, VelocityEquation& elasticity);
+// What the walls push and rub in the velocity solve: G v* - f*.
+void add_reactions(const Parallel& parallel, VelocityEquation& elasticity, std::vector<WallRow>& rows);
+// The same of the pressure; q: all that acts in the step, ghosts filled; coupled: how much of G correction was taken
+// off.
+void add_reactions(const Parallel& parallel, const grid::Grid& g, const std::vector<Real>& q, Real coupled,
+                   const std::vector<Real>& correction, system::VelocitySystem& system, std::vector<WallRow>& rows);
+// In a closed box the fluid gives what comes in through walls that solids leave: it fills the gap below them, which is
+// thinner than a cell.
+void balance_inflow(const StepContext& step, const SolidWorks& solids, const Matter& matter,
+                    const grid::VectorField& velocity, const std::vector<WallRow>& rows, std::vector<Real>& source);
+// What the next step wants to know.
+void remember_rows(double dt, const std::vector<WallRow>& rows, SolidStates& states);
+// The fluid's own velocity at the nodes of rows: walls hold it.
+void still_fluid(const std::vector<WallRow>& rows, grid::VectorField& flow);
+
+}  // namespace efsi::sim
