@@ -242,9 +242,10 @@ void solve_pressure(const StepContext& step, const SolidStates& states, const So
   const Grid& g = matter.common.grid;
   const Numerics& numerics = scene.params.numerics;
   system::DivergenceNorms before;
+  double inflow = 0.0;  // through the walls, that the source allows for
   {
     ScopedTimer timer(profile, Stage::kPressureSolve);
-    balance_inflow(step, solids, matter, velocity.field, elasticity.walls, pressure.source);
+    balance_inflow(step, solids, matter, velocity.field, elasticity.walls, inflow, pressure.source);
     before = pressure.system.set_right_side(parallel, velocity.field, pressure.source);
     info.divergence_before = before.all;
     info.divergence_before_solid = before.solid;
@@ -254,7 +255,10 @@ void solve_pressure(const StepContext& step, const SolidStates& states, const So
   const bool couples = pressure.takes || needs_coupling(scene, before);
   if (couples) couple_pressure(step, states, solids, g, elasticity, pressure, velocity);
   ScopedTimer timer(profile, Stage::kPressureSolve);
-  if (couples) pressure.system.set_right_side(parallel, velocity.field, pressure.source);
+  if (couples) {
+    balance_inflow(step, solids, matter, velocity.field, elasticity.walls, inflow, pressure.source);
+    pressure.system.set_right_side(parallel, velocity.field, pressure.source);
+  }
   // The solve starts from the last pressure, less what acts already.
   std::swap(pressure.q, last);
   pressure.q.resize(g.padded_count(), 0);

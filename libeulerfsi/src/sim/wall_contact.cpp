@@ -18,6 +18,7 @@ namespace {
 constexpr double kPushOut = 1.0 / 24.0;  // s: in which a wall gives back what is too deep; at least four steps
 constexpr double kDeepest = 1.0;         // cells: deeper than that counts as that
 constexpr double kTouches = 0.2;         // cells: a solid that a wall pushed stays in touch up to here
+constexpr double kBetween = 0.075;       // cells: depth between columns that is not looked at
 constexpr double kNoGap = 1e30;          // the column of a node does not meet the solid
 
 // Distance of the undeformed surface of the material at a node [m].
@@ -106,6 +107,25 @@ void fill_gaps(const Grid& band, const solid::SolidRest& rest, const solid::Soli
   }
 }
 
+// Between the columns the surface may lie deeper: its vertices count at the nearest node. face: of the box.
+void lower_gaps(const CommonGrid& common, const solid::SolidState& solid, std::size_t face, Footprint& print) {
+  const Grid& g = common.grid;
+  const auto a = static_cast<Eigen::Index>(face / 2), u = (a + 1) % 3, v = (a + 2) % 3;
+  const double wall = face % 2 ? g.origin[a] + g.h * g.cells[face / 2] : g.origin[a];
+  std::map<std::pair<int, int>, WallRow*> at;
+  for (WallRow& row : print.rows) {
+    const Vec3i place = g.node_place(row.node);
+    at[{place[static_cast<std::size_t>(u)], place[static_cast<std::size_t>(v)]}] = &row;
+  }
+  for (const Vec3d& x : solid.surface) {
+    const double gap = face % 2 ? wall - x[a] : x[a] - wall;
+    if (gap > -kBetween * g.h || gap < -kDeepest * g.h) continue;
+    const double i = (x[u] - g.origin[u]) / g.h, j = (x[v] - g.origin[v]) / g.h;
+    const auto near = at.find({static_cast<int>(std::lround(i)), static_cast<int>(std::lround(j))});
+    if (near != at.end()) near->second->gap = std::min(near->second->gap, gap + kBetween * g.h);
+  }
+}
+
 using LastPresses = std::map<std::array<std::int32_t, 4>, const solid::WallPress*>;
 
 LastPresses last_presses(const solid::SolidState& solid) {
@@ -168,7 +188,9 @@ void meet_walls(const StepContext& step, const SolidStates& states, const SolidW
     const LastPresses last = last_presses(states[l]);
     for (std::size_t face = 0; face < 6; ++face) {
       Footprint print = footprint(step, states[l], solids[l], l, matter.common, face);
+      if (print.rows.empty()) continue;
       fill_gaps(states[l].band.grid, scene.solids[l], states[l], print);
+      lower_gaps(matter.common, states[l], face, print);
       for (WallRow& row : print.rows) {
         const auto held = last.find({row.place[0], row.place[1], row.place[2], row.axis});
         decide(held == last.end() ? nullptr : held->second, scene.grid.h, dt, scene.solids[l].friction,
@@ -297,7 +319,8 @@ void add_reactions(const Parallel& parallel, const Grid& g, const std::vector<Re
 }
 
 void balance_inflow(const StepContext& step, const SolidWorks& solids, const Matter& matter,
-                    const grid::VectorField& velocity, const std::vector<WallRow>& rows, std::vector<Real>& source) {
+                    const grid::VectorField& velocity, const std::vector<WallRow>& rows, double& balanced,
+                    std::vector<Real>& source) {
   const auto& [parallel, scene, time, dt, profile, info] = step;
   const Grid& g = matter.common.grid;
   if (rows.empty() || source.empty() || !scene.params.fluid.present || scene.params.walls.any_open()) return;
@@ -311,8 +334,8 @@ void balance_inflow(const StepContext& step, const SolidWorks& solids, const Mat
   }
   double fluid_cells = static_cast<double>(g.cell_count());
   for (const solid::SolidWork& solid : solids) fluid_cells -= static_cast<double>(solid.element_cell.size());
-  if (inflow == 0.0 || fluid_cells < 1.0) return;
-  const Real share = static_cast<Real>(inflow / (g.h * g.h * g.h * fluid_cells));
+  if (inflow == balanced || fluid_cells < 1.0) return;
+  const Real share = static_cast<Real>((inflow - balanced) / (g.h * g.h * g.h * fluid_cells));
   parallel.for_each(g.cells[2], [&](std::int64_t k) {
     for (int j = 0; j < g.cells[1]; ++j)
       for (int i = 0; i < g.cells[0]; ++i) {
@@ -320,6 +343,7 @@ void balance_inflow(const StepContext& step, const SolidWorks& solids, const Mat
         if (!matter.owned[c]) source[c] -= share;
       }
   });
+  balanced = inflow;
 }
 
 void remember_rows(double dt, const std::vector<WallRow>& rows, SolidStates& states) {

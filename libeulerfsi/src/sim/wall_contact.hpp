@@ -31,9 +31,10 @@ void add_reactions(const Parallel& parallel, VelocityEquation& elasticity, std::
 void add_reactions(const Parallel& parallel, const grid::Grid& g, const std::vector<Real>& q, Real coupled,
                    const std::vector<Real>& correction, system::VelocitySystem& system, std::vector<WallRow>& rows);
 // In a closed box the fluid gives what comes in through walls that solids leave: it fills the gap below them, which is
-// thinner than a cell.
+// thinner than a cell. balanced: what the source allows for already [m^3/s].
 void balance_inflow(const StepContext& step, const SolidWorks& solids, const Matter& matter,
-                    const grid::VectorField& velocity, const std::vector<WallRow>& rows, std::vector<Real>& source);
+                    const grid::VectorField& velocity, const std::vector<WallRow>& rows, double& balanced,
+                    std::vector<Real>& source);
 // What the next step wants to know.
 void remember_rows(double dt, const std::vector<WallRow>& rows, SolidStates& states);
 // The fluid's own velocity at the nodes of rows: walls hold it.

@@ -121,6 +121,7 @@ TEST_CASE("Values outside their limits are refused with field, value and limit")
       {[](auto& d) { d.youngs_modulus = 0.0; }, "EfsiSolidDef.youngs_modulus = 0: must be > 0"},
       {[](auto& d) { d.poissons_ratio = 0.5; }, "EfsiSolidDef.poissons_ratio = 0.5: must be between -0.9 and 0.499"},
       {[](auto& d) { d.rayleigh_beta = -1.0; }, "EfsiSolidDef.rayleigh_beta = -1: must be >= 0"},
+      {[](auto& d) { d.friction = -1.0; }, "EfsiSolidDef.friction = -1: must be >= 0"},
       {[](auto& d) { d.velocity.y = kNan; }, "EfsiSolidDef.velocity.y = nan"},
       {[](auto& d) { d.angular_velocity.x = kNan; }, "EfsiSolidDef.angular_velocity.x = nan"},
       {[](auto& d) { d.material = 2; }, "EfsiSolidDef.material = 2"},

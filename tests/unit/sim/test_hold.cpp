@@ -23,11 +23,13 @@ TEST_CASE("Solids that share nodes are a cluster, held altogether; one alone by 
   sim::Params p = box_params({1.0, 0.5, 0.5}, 0.025);
   p.fluid.present = false;
   p.gravity.setZero();
-  // The first and the third touch the fourth, at nodes; the second lies on the floor, the fifth is free.
-  auto s = make_simulation(p, {ball_desc({0.195, 0.25, 0.25}, 0.08), ball_desc({0.75, 0.08, 0.15}, 0.08),
-                               ball_desc({0.505, 0.25, 0.25}, 0.08), ball_desc({0.35, 0.25, 0.25}, 0.075),
-                               ball_desc({0.85, 0.3, 0.35}, 0.08)});
-  s->step(1e-4);
+  // The first and the third touch the fourth, at nodes; the second meets the floor, the fifth is free.
+  std::vector<sim::SolidDesc> balls = {ball_desc({0.195, 0.25, 0.25}, 0.08), ball_desc({0.75, 0.08, 0.15}, 0.08),
+                                       ball_desc({0.505, 0.25, 0.25}, 0.08), ball_desc({0.35, 0.25, 0.25}, 0.075),
+                                       ball_desc({0.85, 0.3, 0.35}, 0.08)};
+  balls[1].velocity = {0.0, -1.0, 0.0};
+  auto s = make_simulation(p, balls);
+  s->step(5e-3);
   const sim::Holds& holds = s->workspace().elasticity.holds;
   REQUIRE(holds.clusters.size() == 3);
   CHECK(holds.clusters[0].solids == std::vector<std::size_t>{0, 2, 3});

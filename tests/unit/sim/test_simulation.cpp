@@ -188,6 +188,7 @@ TEST_CASE("Solids that make no sense are refused by name, value and limit, and l
       {[](auto& d) { d.poissons_ratio = 0.5; }, "poissons_ratio = 0.5"},
       {[](auto& d) { d.rayleigh_alpha = -1; }, "rayleigh_alpha = -1"},
       {[](auto& d) { d.rayleigh_beta = -2; }, "rayleigh_beta = -2"},
+      {[](auto& d) { d.friction = -0.1; }, "friction = -0.1"},
       {[&](auto& d) { d.velocity[1] = nan; }, "velocity"},
       {[&](auto& d) { d.angular_velocity[1] = nan; }, "angular_velocity"},
       {[](auto& d) {

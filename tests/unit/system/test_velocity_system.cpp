@@ -135,6 +135,43 @@ TEST_CASE("Both velocity solvers find the solution of a direct solve") {
   }
 }
 
+TEST_CASE("What is prescribed stands on the right; what is tied moves with what it is tied to") {
+  Scene scene;
+  const double tolerance = sizeof(Real) == 8 ? 1e-9 : 1e-5;
+  const std::vector<Real> b = scene.random_vector(57), x0 = scene.random_vector(58);
+  std::vector<Real> all(b.size());
+  const auto size = static_cast<Eigen::Index>(b.size());
+  Eigen::MatrixXd g(size, size);  // G, whatever walls fix
+  for (Eigen::Index i = 0; i < size; ++i) {
+    std::vector<Real> unit(b.size(), 0);
+    unit[static_cast<std::size_t>(i)] = 1;
+    scene.system.multiply(Parallel(1), unit, all);
+    g.col(i) = to_vector(all);
+  }
+  const std::size_t inside = 150, other = 200;  // unknowns that no wall fixes
+  REQUIRE(scene.system.free()[3 * inside + 1] > 0);
+  REQUIRE(scene.system.free()[3 * other + 2] > 0);
+  scene.system.fix(inside, 1);
+  scene.system.tie(other, other + 1, 2);
+  // x = P y + what is given, y without what is prescribed or tied: P^T G P y = P^T (b - G given).
+  Eigen::MatrixXd p = Eigen::MatrixXd::Identity(size, size);
+  Eigen::VectorXd given = Eigen::VectorXd::Zero(size);
+  for (Eigen::Index i = 0; i < size; ++i) {
+    if (scene.system.free()[static_cast<std::size_t>(i)] > 0) continue;
+    p(i, i) = 0.0;
+    if (scene.system.moves()[static_cast<std::size_t>(i)] > 0) continue;
+    given[i] = static_cast<double>(x0[static_cast<std::size_t>(i)]);
+  }
+  p(static_cast<Eigen::Index>(3 * other + 2), static_cast<Eigen::Index>(3 * (other + 1) + 2)) = 1.0;
+  const Eigen::MatrixXd reduced = p.transpose() * g * p;
+  const Eigen::VectorXd y = reduced.completeOrthogonalDecomposition().solve(p.transpose() * (to_vector(b) - g * given));
+  const Eigen::VectorXd exact = p * y + given;
+  std::vector<Real> x = x0;
+  const auto stats = scene.system.solve(Parallel(1), VelocitySolver::kPcg, b, x, tolerance);
+  CHECK(stats.converged);
+  CHECK((to_vector(x) - exact).norm() < 300.0 * tolerance * exact.norm());
+}
+
 TEST_CASE("Internal forces of a solid in the open sum to zero", "[law]") {
   Scene scene;
   std::vector<Real> force;
@@ -181,7 +218,8 @@ TEST_CASE("The share of the stiffness behind is that of the old velocity") {
   scene.system.apply(Parallel(2), x, y);
   stiffer.system.apply(Parallel(2), x, z);
   scene.system.add_past_stiffness(Parallel(2), x, f);
-  const Eigen::VectorXd added = to_vector(f) - Eigen::VectorXd::Ones(static_cast<Eigen::Index>(f.size()));
+  const Eigen::VectorXd added = to_vector(scene.system.free())
+                                    .cwiseProduct(to_vector(f) - Eigen::VectorXd::Ones(static_cast<Eigen::Index>(f.size())));
   CHECK((added - (to_vector(z) - to_vector(y))).norm() < 100 * kTolerance * added.norm());
   stiffer.system.add_past_stiffness(Parallel(2), x, f = x);
   CHECK(f == x);
