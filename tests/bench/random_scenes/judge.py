@@ -47,8 +47,8 @@ def judge(result: Result) -> list[Line]:
     record, lines = Record(result), []
     for name, (bar, look) in LAWS.items():
         try:
-            if name != "finished" and not record.steps:
-                raise Moot("no step was made")
+            if name not in ("finished", "finite") and not record.whole[1:].any():
+                raise Moot("no step in which the solid was whole")
             measured, low, high, more = look(record)
             lines.append(Line(name, bar, float(measured), "", low, high, more))
         except Moot as reason:
@@ -67,6 +67,8 @@ def finished(record: Record) -> Verdict:
 
 @law("finite", "every number of the record is finite: not finite = 0")
 def finite(record: Record) -> Verdict:
+    if not record.steps:
+        raise Moot("no step was made")
     bad = [
         name
         for name, values in record.result.columns.items()
@@ -81,8 +83,8 @@ def det_f(record: Record) -> Verdict:
     if scene.compressible and scene.impact_pressure > SQUEEZED:
         raise Moot(f"compressible, and impacts of over {SQUEEZED:g} of its modulus")
     names = [name for name in ("det_f_interior", "det_f_before_repair") if name in record.result.columns]
-    low = min(float(record.result[name].min()) for name in names)
-    high = max(float(record.result[name].max()) for name in names)
+    low = min(float(record.column(name).min()) for name in names)
+    high = max(float(record.column(name).max()) for name in names)
     worst = max(high, 1 / low) if low > 0 else np.inf
     return worst, 0, DET_F, f"{low:.3g}..{high:.3g}"
 
@@ -94,8 +96,8 @@ def repairs(record: Record) -> Verdict:
         raise Moot("a shape that may fold")
     if thinnest < THICK:
         raise Moot(f"its thinnest feature is {thinnest:.1f} cells")
-    counts = record.result["degenerate_cells"]
-    first = float(record.times[1:][counts > 0][0]) if counts.any() else 0.0
+    counts = record.column("degenerate_cells")
+    first = float(record.times[1:][: counts.size][counts > 0][0]) if counts.any() else 0.0
     return int(counts.sum()), 0, 0, f"thinnest feature {thinnest:.1f} cells" + f", first at {first:.3g} s" * (first > 0)
 
 
@@ -103,13 +105,23 @@ def repairs(record: Record) -> Verdict:
 def energy(record: Record) -> Verdict:
     if record.scene.density_ratio is not None:
         raise Moot("with fluid: needs the energy ledger")
-    values = record.energy[record.whole]
-    largest = np.maximum.accumulate(values)
-    if values.size < 2 or not largest[-1] > 0:
+    if record.whole.sum() < 2 or not max(record.energies[0]) > 0:
         raise Moot("no energy to look at")
+    rises = [energy_rise(values[record.whole]) for values in record.energies]
+    rise, at = min(rises)
+    return (
+        rise,
+        -np.inf,
+        ENERGY_RISE,
+        f"at {record.times[at]:.3g} s, largest {record.energies[0][: at + 1].max():.3g} J",
+    )
+
+
+def energy_rise(values: np.ndarray) -> tuple[float, int]:
+    """Largest rise above the lowest so far over the largest so far, and the step."""
+    largest = np.maximum.accumulate(values)
     rise = (values - np.minimum.accumulate(values)) / np.where(largest > 0, largest, np.inf)
-    at = int(rise.argmax())
-    return rise[at], -np.inf, ENERGY_RISE, f"at {record.times[at]:.3g} s, largest {largest[at]:.3g} J"
+    return float(rise.max()), int(rise.argmax())
 
 
 def rebounds(record: Record) -> None:
@@ -144,8 +156,8 @@ def wall_depths(record: Record) -> np.ndarray:
     if not any(kind in WALLS for kind in record.scene.faces):
         raise Moot("no walls")
     if "wall_depth" in record.result.columns:
-        return np.maximum(0, record.result["wall_depth"]) / record.scene.spacing
-    return np.maximum(0, -record.gaps[1:].min(axis=1))
+        return np.maximum(0, record.column("wall_depth")) / record.scene.spacing
+    return np.maximum(0, -record.gaps[1:][record.whole[1:]].min(axis=1))
 
 
 @law("depth", f"cells that the deepest vertex is in a wall <= {DEPTH:g}")
@@ -158,6 +170,8 @@ def depth(record: Record) -> Verdict:
 @law("depth at rest", f"cells that the deepest vertex is in a wall at rest <= {DEPTH_AT_REST:g}")
 def depth_at_rest(record: Record) -> Verdict:
     depths = wall_depths(record)
+    if not record.whole[-1]:
+        raise Moot("it leaves through an open face")
     late = record.times[1:] >= record.times[-1] - REST_TIME
     speeds = np.linalg.norm(record.velocity[1:], axis=1)
     if record.times[-1] < 2 * REST_TIME or (speeds[late] > REST_SPEED * record.scene.fastest).any():
@@ -182,8 +196,8 @@ def shape(record: Record) -> Verdict:
 
 @law("mesh", "edges longer than 4 times what the largest stretch explains = 0")
 def mesh(record: Record) -> Verdict:
-    edges = record.result["false_edges"]
-    first = float(record.times[1:][edges > 0][0]) if edges.any() else 0.0
+    edges = record.column("false_edges")
+    first = float(record.times[1:][: edges.size][edges > 0][0]) if edges.any() else 0.0
     return int(edges.max()), 0, 0, f"first at {first:.3g} s" if edges.any() else ""
 
 

@@ -43,6 +43,10 @@ class Record:
     def series(self, name: str) -> np.ndarray:
         return self.result.with_start(name)
 
+    def column(self, name: str) -> np.ndarray:
+        """A quantity after every step while the solid is whole (n - 1, ...)."""
+        return self.result[name][self.whole[1:]]
+
     @property
     def steps(self) -> int:
         return len(self.times) - 1
@@ -69,6 +73,8 @@ class Record:
     @functools.cached_property
     def whole(self) -> np.ndarray:
         """No part has left through an open face, so far (n,)."""
+        if not self.steps:
+            return np.zeros(1, bool)
         opened = np.where([kind == "open" for kind in self.scene.faces], self.distances, np.inf)
         return np.logical_and.accumulate(opened.min(axis=1) >= 0)
 
@@ -93,11 +99,17 @@ class Record:
         return np.linalg.norm(self.series("angular_momentum"), axis=1) / inertia
 
     @functools.cached_property
-    def energy(self) -> np.ndarray:
-        """Kinetic, elastic and potential above the lowest of the run (n,) [J]."""
+    def energies(self) -> tuple[np.ndarray, np.ndarray]:
+        """Kinetic, elastic and potential above the lowest of the run, (n,) each [J].
+
+        Elastic energy moves with the velocity at a step's end, which so belongs to its middle or to its end, as the
+        scheme has it: with the elastic energy there, and with the mean of a step's start and end.
+        """
         height = -self.series("center") @ self.fall
-        own = self.series("kinetic_energy") + self.series("elastic_energy")
-        return own + self.result.start["mass"] * (height - height.min())
+        kinetic, elastic = self.series("kinetic_energy"), self.series("elastic_energy")
+        moved = kinetic + self.result.start["mass"] * (height - height.min())
+        middle = np.concatenate([elastic[:1], (elastic[1:] + elastic[:-1]) / 2])
+        return moved + elastic, moved + middle
 
     @functools.cached_property
     def strain(self) -> np.ndarray:

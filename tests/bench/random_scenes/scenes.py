@@ -88,11 +88,10 @@ class Scene(Experiment):
         return Mesh(points + self.middle, np.full(len(triangles), 3), triangles.ravel())
 
     def ends(self, observed: dict[str, Any]) -> bool:
-        """The solid's centre has left through an open face."""
-        return any(
-            (value < 0 and self.faces[2 * axis] == "open") or (value > edge and self.faces[2 * axis + 1] == "open")
-            for axis, (value, edge) in enumerate(zip(observed["center"], self.box, strict=True))
-        )
+        """The middle of the solid's surface has left through an open face."""
+        middle = (np.array(observed["extent_min"]) + observed["extent_max"]) / 2
+        gone = np.stack([middle < 0, middle > self.box], axis=1).ravel()
+        return bool((gone & (np.array(self.faces) == "open")).any())
 
     def simulation(self) -> dict[str, Any]:
         return super().simulation() | {"gravity": self.pull}
