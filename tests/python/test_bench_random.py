@@ -273,6 +273,16 @@ def test_a_ball_that_stays_glued_misses_its_rise() -> None:
     assert verdicts(result)["rebound"] == "MISSED"
 
 
+def test_a_rise_may_be_higher_by_what_elastic_energy_lifts() -> None:
+    result = bounce()
+    fastest = int(np.argmax(result.columns["momentum"][:, 1]))
+    result.columns["center"][60:, 1] = RADIUS + 1.1 * (result.columns["center"][60:, 1] - RADIUS)
+    result.columns["elastic_energy"][fastest] = 0.0
+    assert verdicts(result)["rebound"] == "MISSED"
+    result.columns["elastic_energy"][fastest] = 0.1 * 4.0 * G * FALL
+    assert verdicts(result)["rebound"] == "pass"
+
+
 @pytest.mark.parametrize(
     ("changes", "laws"),
     [

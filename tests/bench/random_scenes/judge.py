@@ -136,9 +136,11 @@ def rebounds(record: Record) -> None:
 @law("rebound", f"rise of the centre after a rebound over the ballistic one, within {APEX:g}")
 def rebound_rise(record: Record) -> Verdict:
     rebounds(record)
-    worst = max(record.rebounds, key=lambda r: abs(r.rise / r.expected - 1))
+    most = lambda r: 1 + APEX + r.spring / r.expected  # noqa: E731
+    worst = max(record.rebounds, key=lambda r: max(1 - APEX - r.rise / r.expected, r.rise / r.expected - most(r)))
     more = f"{worst.rise:.3g} of {worst.expected:.3g} cells, off face {worst.face} at {worst.time:.3g} s"
-    return worst.rise / worst.expected, 1 - APEX, 1 + APEX, f"{more}; {len(record.rebounds)} judged"
+    more += f", elastic energy for {worst.spring:.2g}; {len(record.rebounds)} judged"
+    return worst.rise / worst.expected, 1 - APEX, most(worst), more
 
 
 @law("clear", f"cells between the wall and the nearest vertex then > {OFF:g}")

@@ -18,16 +18,22 @@ PERIODIC_LIMIT = "of the periodic faces"  # in the message that ends a run at th
 STEADY = 0.995  # of the largest speed: where the push of a wall is over, without gravity towards it
 MOST_TURN = 0.3  # rad until a body is clear of the wall, for its corners not to strike it again
 CLEAR = 2.0  # cells
+OPPOSITE = 2.0  # cells from the opposite wall, where a rise ends
 
 
 @dataclasses.dataclass(frozen=True)
 class Rebound:
-    """A rise after a wall's push; lengths in cells. rise, expected: of the centre; gap: of the lowest vertex."""
+    """A rise after a wall's push; lengths in cells.
+
+    rise, expected: of the centre from where it is fastest; spring: what the elastic energy there can add to it while
+    the wall still pushes by less than the weight; gap: of the lowest vertex in the end.
+    """
 
     time: float
     face: int
     rise: float
     expected: float
+    spring: float
     gap: float
     is_clear: bool  # the ballistic rise takes every vertex, in the rest shape, over CLEAR cells off the wall
 
@@ -137,7 +143,7 @@ class Record:
         """How the centre rises from a wall, None where there is nothing to judge."""
         h, times = self.scene.spacing, self.times
         speed, weight = self.away(face, self.velocity), -float(self.away(face, self.fall))
-        pushed = (self.gaps[:, face ^ 1] < TOUCH) | ~self.whole
+        pushed = (self.gaps[:, face ^ 1] < OPPOSITE) | ~self.whole
         stops = np.flatnonzero(pushed[turn:])
         last = turn + (stops[0] if stops.size else len(times) - turn) - 1
         back = np.flatnonzero(speed[turn : last + 1] < 0)
@@ -159,7 +165,8 @@ class Record:
         now, start = float(np.interp(at, times, center)), float(center[off])
         gap = float(np.interp(at, times, self.distances[:, face]))
         is_clear = start + expected - self.scene.reach > CLEAR * h
-        return Rebound(float(times[off]), face, (now - start) / h, expected / h, gap, bool(is_clear))
+        spring = self.series("elastic_energy")[off] / (self.result.start["mass"] * weight) if weight > 0 else 0.0
+        return Rebound(float(times[off]), face, (now - start) / h, expected / h, float(spring) / h, gap, bool(is_clear))
 
     def distance_of_centre(self, face: int) -> np.ndarray:
         """Of the centre of mass from a face [m]."""
