@@ -283,6 +283,32 @@ def test_a_rise_may_be_higher_by_what_elastic_energy_lifts() -> None:
     assert verdicts(result)["rebound"] == "pass"
 
 
+def with_ledger(result: Result) -> Result:
+    """The same record as the ledger tells it."""
+    kinetic, elastic = result.columns["kinetic_energy"], result.columns["elastic_energy"]
+    potential = 4.0 * G * result.columns["center"][:, 1]
+    result.columns["ledger_energy"] = np.stack([kinetic, elastic, 0 * kinetic, potential], axis=1)
+    result.columns["ledger_change"] = result.columns["ledger_outside"] = np.zeros(len(kinetic))
+    return result
+
+
+def test_the_ledger_judges_energy_in_fluid_less_what_came_from_outside() -> None:
+    result = with_ledger(bounce())
+    result.run = dataclasses.replace(BALL, density_ratio=50.0)
+    assert verdicts(result)["energy"] == "pass"
+    result.columns["ledger_energy"][70:, 2] = 0.5  # of the fluid
+    assert verdicts(result)["energy"] == "MISSED"
+    result.columns["ledger_outside"] = np.zeros(len(result.columns["time"]))
+    result.columns["ledger_outside"][70] = 0.5
+    assert verdicts(result)["energy"] == "pass"
+
+
+def test_det_f_before_the_repair_counts() -> None:
+    result = bounce()
+    result.columns["det_f_before"] = np.tile([0.3, 1.0], (len(result.columns["time"]), 1))
+    assert verdicts(result)["det F"] == "MISSED"
+
+
 @pytest.mark.parametrize(
     ("changes", "laws"),
     [

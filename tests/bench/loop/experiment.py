@@ -155,9 +155,11 @@ def simulate(run: Experiment) -> dict[str, Any]:
     mesh = run.mesh()
     areas = vertex_areas(mesh.points, mesh.triangles())
     rest, columns, failure = mesh.points.astype(float), [], ""
+    definition = run.simulation()
+    ledger_on = bool(definition.get("energy_ledger"))
     ends = step_ends(run)
     begun = time.perf_counter()
-    with Simulation(run.simulation()) as simulation:
+    with Simulation(definition) as simulation:
         report = simulation.add_solid(mesh, **run.solid())[1]
         if run.stretch:
             stretch(simulation, run)
@@ -174,7 +176,7 @@ def simulate(run: Experiment) -> dict[str, Any]:
                     if run.load and abs(info["dt"] - run.dt) > 1e-6:
                         raise ValueError(f"the load was given for a step of {run.dt:g} s, it was {info['dt']:g} s")
                     last = observe(simulation, rest, areas)
-                    columns.append(info | {"seconds": seconds} | last)
+                    columns.append(info | {"seconds": seconds} | inside_step(simulation, ledger_on) | last)
                     low, high = last["det_f_interior"]
                     if not (low > 1 / TORN and high < TORN):
                         raise ValueError(f"blown up: interior det F {low:.3g}..{high:.3g} at {simulation.time:.3g} s")
@@ -186,6 +188,25 @@ def simulate(run: Experiment) -> dict[str, Any]:
             failure = str(error)
     names = columns[0].keys() if columns else ()
     return {"failure": failure, "start": start, "columns": {name: [row[name] for row in columns] for name in names}}
+
+
+def inside_step(simulation: Simulation, ledger_on: bool) -> dict[str, Any]:
+    """What the library has measured inside the last step, as far as it does.
+
+    det_f_before: [lowest, highest] det F of full cells after the transport, before the repair. With the energy ledger:
+    ledger_energy: kinetic, elastic, the fluid's kinetic, potential; ledger_change: of their sum in the step;
+    ledger_outside: the part of it that came from outside [J].
+    """
+    values: dict[str, Any] = {}
+    if hasattr(simulation, "repairs"):
+        found = simulation.repairs()
+        values["det_f_before"] = [found["min_det_f_before"], found["max_det_f_before"]]
+    if ledger_on:
+        ledger = simulation.energy_ledger()
+        changes = {stage: sum(forms.values()) for stage, forms in ledger["change"].items()}
+        values["ledger_energy"] = list(ledger["end"].values())
+        values |= {"ledger_change": sum(changes.values()), "ledger_outside": changes["outside"]}
+    return values
 
 
 def step_ends(run: Experiment) -> list[float]:

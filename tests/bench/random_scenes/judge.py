@@ -82,7 +82,7 @@ def det_f(record: Record) -> Verdict:
     scene = record.scene
     if scene.compressible and scene.impact_pressure > SQUEEZED:
         raise Moot(f"compressible, and impacts of over {SQUEEZED:g} of its modulus")
-    names = [name for name in ("det_f_interior", "det_f_before_repair") if name in record.result.columns]
+    names = [name for name in ("det_f_interior", "det_f_before") if name in record.result.columns]
     low = min(float(record.column(name).min()) for name in names)
     high = max(float(record.column(name).max()) for name in names)
     worst = max(high, 1 / low) if low > 0 else np.inf
@@ -103,7 +103,7 @@ def repairs(record: Record) -> Verdict:
 
 @law("energy", f"rise above the lowest so far, over the largest so far, <= {ENERGY_RISE:g}")
 def energy(record: Record) -> Verdict:
-    if record.scene.density_ratio is not None:
+    if record.scene.density_ratio is not None and not record.has_ledger:
         raise Moot("with fluid: needs the energy ledger")
     if record.whole.sum() < 2 or not max(record.energies[0]) > 0:
         raise Moot("no energy to look at")

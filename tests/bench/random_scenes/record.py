@@ -104,13 +104,22 @@ class Record:
         inertia = 0.4 * self.series("mass") * self.series("second_moments").sum(axis=1)
         return np.linalg.norm(self.series("angular_momentum"), axis=1) / inertia
 
-    @functools.cached_property
-    def energies(self) -> tuple[np.ndarray, np.ndarray]:
-        """Kinetic, elastic and potential above the lowest of the run, (n,) each [J].
+    @property
+    def has_ledger(self) -> bool:
+        """The record holds the energies of all matter, taken at one time."""
+        return "ledger_energy" in self.result.columns
 
-        Elastic energy moves with the velocity at a step's end, which so belongs to its middle or to its end, as the
-        scheme has it: with the elastic energy there, and with the mean of a step's start and end.
+    @functools.cached_property
+    def energies(self) -> tuple[np.ndarray, ...]:
+        """Kinetic, elastic and potential above the lowest of the run, less what came from outside, (n,) [J].
+
+        Without the ledger of the solid alone, in two readings: elastic energy moves with the velocity at a step's end,
+        which so belongs to its middle or to its end, as the scheme has it.
         """
+        if self.has_ledger:
+            forms, change = self.result["ledger_energy"], self.result["ledger_change"]
+            total = forms.sum(axis=1) - forms[:, 3].min() - np.cumsum(self.result["ledger_outside"])
+            return (np.concatenate([[forms[0].sum() - forms[:, 3].min() - change[0]], total]),)
         height = -self.series("center") @ self.fall
         kinetic, elastic = self.series("kinetic_energy"), self.series("elastic_energy")
         moved = kinetic + self.result.start["mass"] * (height - height.min())
