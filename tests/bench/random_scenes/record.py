@@ -18,6 +18,7 @@ PERIODIC_LIMIT = "of the periodic faces"  # in the message that ends a run at th
 STEADY = 0.995  # of the largest speed: where the push of a wall is over, without gravity towards it
 MOST_TURN = 0.3  # rad until a body is clear of the wall, for its corners not to strike it again
 CLEAR = 2.0  # cells
+SAMPLES = 400  # of a ballistic rise
 OPPOSITE = 2.0  # cells from the opposite wall, where a rise ends
 
 
@@ -25,8 +26,8 @@ OPPOSITE = 2.0  # cells from the opposite wall, where a rise ends
 class Rebound:
     """A rise after a wall's push; lengths in cells.
 
-    rise, expected: of the centre from where it is fastest; spring: what the elastic energy there can add to it while
-    the wall still pushes by less than the weight; gap: of the lowest vertex in the end.
+    rise, expected: highest of the centre from where it is fastest; spring: what the elastic energy there can add to it
+    while the wall still pushes by less than the weight; gap: of the lowest vertex at the highest.
     """
 
     time: float
@@ -164,30 +165,41 @@ class Record:
         span = times[last] - times[off]
         if weight > 0:
             span = min(span, speed[off] / weight)
-        expected = speed[off] * span - weight * span**2 / 2
-        if span <= 0 or expected < CLEAR * h:
-            return None
         center = self.distance_of_centre(face)
-        if self.scene.shape != "sphere" and not self.clears(face, off, span, weight):
+        start, room = float(center[off]), self.scene.box[face // 2] - self.scene.reach
+        ways = np.linspace(0, max(0.0, span), SAMPLES)
+        rises = speed[off] * ways - weight * ways**2 / 2
+        ways, rises = ways[start + rises <= room], rises[start + rises <= room]
+        if not rises.size or rises[-1] < CLEAR * h:
             return None
-        at = times[off] + span
-        now, start = float(np.interp(at, times, center)), float(center[off])
-        gap = float(np.interp(at, times, self.distances[:, face]))
-        is_clear = start + expected - self.scene.reach > CLEAR * h
+        if self.scene.shape != "sphere" and not self.clears(ways, rises, self.scene.reach - start, self.spin[off]):
+            return None
+        expected, until = float(rises[-1]), times[off] + ways[-1]
+        at = np.append(times[(times > times[off]) & (times < until)], until)
+        reached = np.interp(at, times, center)
+        highest = int(reached.argmax())
+        gap = float(np.interp(at[highest], times, self.distances[:, face]))
         spring = self.series("elastic_energy")[off] / (self.result.start["mass"] * weight) if weight > 0 else 0.0
-        return Rebound(float(times[off]), face, (now - start) / h, expected / h, float(spring) / h, gap, bool(is_clear))
+        return Rebound(
+            time=float(times[off]),
+            face=face,
+            rise=float(reached[highest] - start) / h,
+            expected=expected / h,
+            spring=float(spring) / h,
+            gap=gap,
+            is_clear=bool(start + expected - self.scene.reach > CLEAR * h),
+        )
 
     def distance_of_centre(self, face: int) -> np.ndarray:
         """Of the centre of mass from a face [m]."""
         along = self.series("center")[:, face // 2]
         return self.scene.box[face // 2] - along if face % 2 else along
 
-    def clears(self, face: int, step: int, span: float, weight: float) -> bool:
-        """Whether the centre gets out of the corners' reach before the body has turned by MOST_TURN."""
-        missing = self.scene.reach - float(self.distance_of_centre(face)[step])
-        if missing <= 0:
-            return True
-        speed = float(self.away(face, self.velocity)[step])
-        ways = np.linspace(0, span, 200)
-        past = np.flatnonzero(speed * ways - weight * ways**2 / 2 >= missing)
-        return bool(past.size) and self.spin[step] * ways[past[0]] <= MOST_TURN
+    @staticmethod
+    def clears(ways: np.ndarray, rises: np.ndarray, missing: float, spin: float) -> bool:
+        """Whether the centre gets out of the corners' reach before the body has turned by MOST_TURN.
+
+        ways, rises: times after take-off [s] and ballistic rises [m]; missing: of the reach at take-off [m].
+        """
+        past = np.flatnonzero(rises >= missing)
+        return bool(past.size) and bool(spin * ways[past[0]] <= MOST_TURN)
