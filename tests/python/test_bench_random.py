@@ -154,7 +154,7 @@ BALL = Scene(
 def made_up(scene: Scene, times: np.ndarray, height: np.ndarray, speed: np.ndarray) -> Result:
     """The record of a ball whose centre has these heights and speeds [m, m/s], its energy kept by the elastic one."""
     count, mass = len(times), 4.0
-    column = {name: np.zeros(count) for name in ("degenerate_cells", "false_edges", "misfit")}
+    column = {name: np.zeros(count) for name in ("degenerate_cells", "false_edges", "misfit", "fluid_energy")}
     column |= {name: np.ones(count) for name in ("volume_mesh", "volume_cells")}
     center = np.stack([np.full(count, 0.2), height, np.full(count, 0.2)], axis=1)
     column |= {"mass": np.full(count, mass), "center": center, "extent_max": center + RADIUS}
@@ -362,6 +362,8 @@ def test_momentum_between_periodic_faces_counts_the_fluid() -> None:
     assert verdicts(result)["momentum"] == "pass"
     result.columns["fluid_momentum"][30:, 2] = 1e-3
     assert verdicts(result)["momentum"] == "MISSED"
+    result.columns["fluid_energy"][30:] = 1e6  # a fluid that is stirred as much rounds by as much
+    assert verdicts(result)["momentum"] == "pass"
 
 
 def test_the_misfit_leaves_out_turns_and_sees_dents() -> None:

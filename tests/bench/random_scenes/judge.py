@@ -241,7 +241,9 @@ def momentum(record: Record) -> Verdict:
     if set(record.scene.faces) != {"periodic"}:
         raise Moot("fluid between walls")
     total = record.velocity * record.result.start["mass"] + record.series("fluid_momentum")
-    scale = np.linalg.norm(total[0])
+    mass = record.scene.fluid_density * (np.prod(record.scene.box) - record.result.start["solid_volume"])
+    stirred = float(np.sqrt(2 * mass * record.series("fluid_energy").max()))  # what flows this way and that, at most
+    scale = np.linalg.norm(total[0]) + stirred
     if not scale > 0:
         raise Moot("no momentum")
     return np.linalg.norm(np.diff(total, axis=0), axis=1).max() / scale, 0, CLOSED_MOMENTUM, "largest of a step"
