@@ -17,8 +17,8 @@ namespace {
 
 const material::Elastic kRubber{material::Law::kCorotational, 1e4, 5e3};
 
-// A solid in a box of cells of 0.02 m, ready for the stages of a step.
-struct OneSolid {
+// Solids in a box of cells of 0.02 m, ready for the stages of a step.
+struct StagedScene {
   sim::Params params;
   grid::Grid g;
   std::vector<solid::SolidRest> rest;
@@ -30,13 +30,13 @@ struct OneSolid {
   sim::Profile profile;
   sim::StepInfo info;
 
-  OneSolid(const OneSolid&) = delete;  // the scene refers to it
-  OneSolid& operator=(const OneSolid&) = delete;
-  explicit OneSolid(const Vec3d& size) : params(box_params(size)), g(sim::make_grid(params)) {}
+  StagedScene(const StagedScene&) = delete;  // the scene refers to it
+  StagedScene& operator=(const StagedScene&) = delete;
+  explicit StagedScene(const Vec3d& size) : params(box_params(size)), g(sim::make_grid(params)) {}
   void add(const TestSolid& s) {
     rest.push_back(s.rest);
     state.solids.push_back(s.state);
-    work.solids.resize(1);
+    work.solids.resize(rest.size());
   }
   sim::StepContext context(double dt) { return {parallel, as_scene, 0.0, dt, profile, info}; }
   void make_masses() {
@@ -49,8 +49,8 @@ struct OneSolid {
 
 // A block of 9 x 6 x 6 cells with a slot of `slot` cells across x (none below 0), on the floor of a box or `floor`
 // cells above it.
-struct SlottedBlock : OneSolid {
-  SlottedBlock(double slot, int floor) : OneSolid({0.4, 0.3, 0.3}) {
+struct SlottedBlock : StagedScene {
+  SlottedBlock(double slot, int floor) : StagedScene({0.4, 0.3, 0.3}) {
     const double h = g.h;
     const Vec3d middle(10 * h + h / 2, (floor + 3) * h, 7 * h), half(4.5 * h, 3 * h, 3 * h);
     const auto distance = [&](const Vec3d& x) {
@@ -71,8 +71,8 @@ struct SlottedBlock : OneSolid {
 };
 
 // The middle of a step of a ball in vacuum that is squeezed evenly at first: velocity solve, pressure, projection.
-struct SqueezedBall : OneSolid {
-  SqueezedBall(double dt, bool coupling_step) : OneSolid({0.2, 0.2, 0.2}) {
+struct SqueezedBall : StagedScene {
+  SqueezedBall(double dt, bool coupling_step) : StagedScene({0.2, 0.2, 0.2}) {
     params.gravity.setZero();
     params.fluid.present = false;
     params.numerics.coupling_step = coupling_step;
@@ -164,6 +164,47 @@ TEST_CASE("The coupling step leads to the velocity that pressure and elasticity 
     CHECK(left < 0.5 * apart);
     CHECK(coupled.info.divergence_after < 1e-3 * coupled.info.divergence_before);
   }
+}
+
+TEST_CASE("The velocity of a node holds the momentum of all that is there") {
+  StagedScene pair({0.3, 0.2, 0.2});
+  pair.params.gravity.setZero();
+  pair.params.numerics.fluid_slips = false;
+  pair.add(make_ball(pair.g, kRubber, {0.1, 0.1, 0.1}, 0.05));
+  pair.add(make_ball(pair.g, kRubber, {0.195, 0.1, 0.1}, 0.05));
+  pair.rest[1].density = 300.0;
+  const Vec3 own[2] = {Vec3(1, 0, 2), Vec3(-3, 1, 0)}, flow(0, 2, -1);
+  for (std::size_t l = 0; l < 2; ++l)
+    for (std::size_t n = 0; n < pair.state.solids[l].v.size(); ++n) pair.state.solids[l].v.set(n, own[l]);
+  const std::size_t nodes = pair.g.node_count();
+  pair.state.fluid.velocity.assign(nodes);
+  for (std::size_t n = 0; n < nodes; ++n) pair.state.fluid.velocity.set(n, flow);
+  pair.make_masses();
+  const sim::Matter& matter = pair.work.matter;
+  sim::combine_velocities(pair.context(0.01), pair.state.solids, pair.work.solids, matter, pair.state.fluid.velocity,
+                          pair.work.velocity);
+  std::size_t shared = 0;
+  for (std::size_t n = 0; n < nodes; ++n) {
+    const auto [i, j, k] = pair.g.node_place(n);
+    Vec3 momentum = matter.fluid_mass[n] * flow;
+    Real mass = matter.fluid_mass[n];
+    int solids = 0;
+    for (std::size_t l = 0; l < 2; ++l) {
+      const grid::Grid& band = pair.state.solids[l].band.grid;
+      const Vec3i at = {i - band.lo[0], j - band.lo[1], k - band.lo[2]};
+      bool inside = true;
+      for (std::size_t a = 0; a < 3; ++a) inside = inside && at[a] >= 0 && at[a] <= band.cells[a];
+      const Real m = inside ? pair.work.solids[l].mass[band.node(at[0], at[1], at[2])] : Real(0);
+      momentum += m * own[l];
+      mass += m;
+      solids += m > 0;
+    }
+    shared += solids == 2;
+    REQUIRE(matter.mass[n] == Approx(mass));
+    REQUIRE((matter.mass[n] * pair.work.velocity.field.at(n) - momentum).norm() <= 1e-5f * momentum.norm());
+  }
+  CHECK(shared > 4);
+  CHECK(pair.state.fluid.velocity.size() == 0);  // taken out of the state
 }
 
 TEST_CASE("The fluid slips at the surface of a solid, with normals that point out of it") {
