@@ -63,7 +63,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
     {
       ScopedTimer timer(profile, Stage::kSurface);
       solid::predict_surface(parallel, dt, frame, work.solid_advect, state.solids[l]);
-      solid::correct_surface(parallel, scene.solids[l], state.solids[l]);
+      solid::correct_surface(parallel, scene.solids[l], work.solids[l].max_stretch, state.solids[l]);
       solid::measure_leak(scene.solids[l], work.solids[l], state.solids[l]);
       state.solids[l].whole = solid::is_whole(box, params.walls, state.solids[l]);
       timer.visited(state.solids[l].surface.size(), sizeof(Vec3d));

@@ -4,12 +4,15 @@
 #include <algorithm>
 
 #include "grid/interpolate.hpp"
+#include "solid/surface_mend.hpp"
 
 namespace efsi::solid {
 namespace {
 
 constexpr int kNewtonIterations = 8;
 constexpr double kNewtonTolerance = 1e-4;  // cells
+constexpr double kHeld = 0.1;              // cells of material: a place with more left does not hold the vertex
+constexpr double kReach = 1.0;             // cells: farther from its prediction no vertex is found
 constexpr double kTrustedVolume = 0.2;     // relative difference between the surface's volume and the solid's
 
 Vec3 to_grid(const Grid& g, const Vec3d& x) { return ((x - g.origin) / g.h).cast<Real>(); }
@@ -42,6 +45,33 @@ bool sample_displacement(const SolidState& state, const std::array<std::size_t, 
     gradient += value * Vec3d(s[0] * w[1] * w[2], w[0] * s[1] * w[2], w[0] * w[1] * s[2]).transpose() / g.h;
   }
   return true;
+}
+
+// Newton's method for x - u(x) = X from x on, which becomes the best x on the way; returns what is left there [m].
+double correct_point(const SolidState& state, const std::array<std::size_t, 8>& corner, const Vec3d& material,
+                     Vec3d& best_x) {
+  const double h = state.band.grid.h;
+  Vec3d x = best_x;
+  double best = std::numeric_limits<double>::infinity();
+  for (int it = 0; it < kNewtonIterations; ++it) {
+    Vec3d u;
+    Mat3d gradient;
+    if (!sample_displacement(state, corner, x, u, gradient)) break;
+    const Vec3d error = x - u - material;
+    const double size = error.norm();
+    if (size < best) {
+      best = size;
+      best_x = x;
+    }
+    if (size < kNewtonTolerance * h) break;
+    const Mat3d inverse_f = Mat3d::Identity() - gradient;
+    Vec3d move = error;
+    if (inverse_f.determinant() > 0.05) move = inverse_f.inverse() * error;
+    const double length = move.norm();
+    if (length > h) move *= h / length;
+    x -= move;
+  }
+  return best;
 }
 
 }  // namespace
@@ -84,32 +114,28 @@ bool is_whole(const Grid& global, const grid::Walls& walls, const SolidState& st
   return true;
 }
 
-void correct_surface(const Parallel& parallel, const SolidRest& rest, SolidState& state) {
+void place_surface(const Parallel& parallel, const SolidRest& rest, SolidState& state) {
+  const auto corner = grid::corner_offsets(state.band.grid);
+  parallel.for_each(static_cast<std::int64_t>(state.surface.size()), [&](std::int64_t i) {
+    const auto s = static_cast<std::size_t>(i);
+    correct_point(state, corner, rest.surface.points[s], state.surface[s]);
+  });
+}
+
+void correct_surface(const Parallel& parallel, const SolidRest& rest, double max_stretch, SolidState& state) {
   const auto corner = grid::corner_offsets(state.band.grid);
   const double h = state.band.grid.h;
+  std::vector<std::uint8_t> lost(state.surface.size(), 0);
   parallel.for_each(static_cast<std::int64_t>(state.surface.size()), [&](std::int64_t i) {
-    const Vec3d material = rest.surface.points[static_cast<std::size_t>(i)];
-    Vec3d x = state.surface[static_cast<std::size_t>(i)];
-    double best = std::numeric_limits<double>::infinity();
-    for (int it = 0; it < kNewtonIterations; ++it) {
-      Vec3d u;
-      Mat3d gradient;
-      if (!sample_displacement(state, corner, x, u, gradient)) return;
-      const Vec3d error = x - u - material;
-      const double size = error.norm();
-      if (size < best) {
-        best = size;
-        state.surface[static_cast<std::size_t>(i)] = x;
-      }
-      if (size < kNewtonTolerance * h) return;
-      const Mat3d inverse_f = Mat3d::Identity() - gradient;
-      Vec3d move = error;
-      if (inverse_f.determinant() > 0.05) move = inverse_f.inverse() * error;
-      const double length = move.norm();
-      if (length > h) move *= h / length;
-      x -= move;
-    }
+    const auto s = static_cast<std::size_t>(i);
+    Vec3d x = state.surface[s];
+    const double error = correct_point(state, corner, rest.surface.points[s], x);
+    if (error < kHeld * h && (x - state.surface[s]).norm() < kReach * h)
+      state.surface[s] = x;
+    else
+      lost[s] = 1;
   });
+  mend_surface(parallel, rest, max_stretch, lost, state);
 }
 
 void sample_surface_velocity(const Parallel& parallel, const SolidState& state, std::vector<Vec3d>& velocity) {

@@ -1,0 +1,25 @@
+// Purpose: points of the embedded surface that the map cannot carry travel with their neighbours in the material.
+// Where a solid folds onto itself one map holds one of the sheets that meet, and beside thin parts it may hold nothing
+// (docs/numerics/surface.md).
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "base/parallel.hpp"
+#include "solid/solid.hpp"
+
+namespace efsi::solid {
+
+// An edge of the surface is torn when it is longer than this times its length at rest times the solid's largest
+// stretch.
+inline constexpr double kTornStretch = 3.0;
+
+// lost: per point, 1 where the map does not hold it. Lost as well are the ends of torn edges, and what only torn edges
+// join to a larger part of the surface. Each lost point moves as the points around it at rest do, rigidly, the nearer
+// the more: x = y + R (X - Y), Y and y weighted means of theirs. Where nothing is lost no bit changes. On return `lost`
+// marks what was moved.
+void mend_surface(const Parallel& parallel, const SolidRest& rest, double max_stretch, std::vector<std::uint8_t>& lost,
+                  SolidState& state);
+
+}  // namespace efsi::solid
