@@ -12,7 +12,6 @@ namespace {
 constexpr int kNewtonIterations = 8;
 constexpr double kNewtonTolerance = 1e-4;  // cells
 constexpr double kHeld = 0.1;              // cells of material: a place with more left does not hold the vertex
-constexpr double kReach = 1.0;             // cells: farther from its prediction no vertex is found
 constexpr double kTrustedVolume = 0.2;     // relative difference between the surface's volume and the solid's
 
 Vec3 to_grid(const Grid& g, const Vec3d& x) { return ((x - g.origin) / g.h).cast<Real>(); }
@@ -130,7 +129,7 @@ void correct_surface(const Parallel& parallel, const SolidRest& rest, double max
     const auto s = static_cast<std::size_t>(i);
     Vec3d x = state.surface[s];
     const double error = correct_point(state, corner, rest.surface.points[s], x);
-    if (error < kHeld * h && (x - state.surface[s]).norm() < kReach * h)
+    if (error < kHeld * h)
       state.surface[s] = x;
     else
       lost[s] = 1;

@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "base/disjoint_sets.hpp"
@@ -9,58 +10,69 @@
 namespace efsi::solid {
 namespace {
 
-constexpr double kRounding = 5e-4;    // cells: of edges without a length
-constexpr int kRounds = 4;            // of looking for torn edges and moving their ends
-constexpr int kSweeps = 16;           // over clusters that have lost all points
-constexpr double kRelaxation = 0.5;   // of these
-constexpr int kTurns = 12;            // towards the best rotation
-constexpr double kSmallTurn = 1e-6;   // [rad]
-constexpr double kNearest = 1e-3;     // cells: nearer than that points weigh the same
-constexpr double kSoftness = 1.0;     // cells: added to the distance of a lost cluster
+constexpr double kRounding = 5e-4;  // cells: of edges without a length
+// Rounds of looking for torn edges: in each what hangs on by edges that long is lost, at last more and more clusters.
+constexpr std::array kLoose = {kTornStretch, 2.0, 1.5, 1.2, 1.2, 1.2, 1.2, 1.2};
+constexpr int kCuts = 4;             // rounds without clusters
+constexpr int kSweeps = 16;          // over clusters that have lost all points
+constexpr double kRelaxation = 0.5;  // of these
+constexpr int kTurns = 12;           // towards the best rotation
+constexpr double kSmallTurn = 1e-6;  // [rad]
+constexpr double kNearest = 1e-3;    // cells: nearer than that points weigh the same
+constexpr double kSoftness = 1.0;    // cells: added to the distance of a lost cluster
 
-// A point at rest and now, and how much it counts.
-struct Pair {
-  Vec3d rest, now;
-  double weight;
-};
-
-// x = now + rotation (X - rest), the best fit to weighted pairs.
+// x = now + rotation (X - rest).
 struct RigidFit {
-  Vec3d rest = Vec3d::Zero(), now = Vec3d::Zero();
-  Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();
+  Vec3d rest, now;
+  Eigen::Quaterniond rotation;
   Vec3d place(const Vec3d& material) const { return now + rotation * (material - rest); }
 };
 
-// Turns `start` step by step until the pairs fit best; where few pairs leave a turn open it stays as it was (Mueller et
-// al. 2016).
-RigidFit fit_rigid(const std::vector<Pair>& pairs, const Eigen::Quaterniond& start) {
-  RigidFit fit;
-  double sum = 0.0;
-  for (const Pair& p : pairs) {
-    sum += p.weight;
-    fit.rest += p.weight * p.rest;
-    fit.now += p.weight * p.now;
+// Weighted sums over points at rest and now, seen from a place at rest and one now that are near them.
+class Pairs {
+ public:
+  Pairs(const Vec3d& rest, const Vec3d& now) : from_rest_(rest), from_now_(now) {}
+  void add(const Vec3d& rest, const Vec3d& now, double weight) {
+    const Vec3d at_rest = rest - from_rest_, at_present = now - from_now_;
+    weight_ += weight;
+    rest_ += weight * at_rest;
+    now_ += weight * at_present;
+    moment_ += (weight * at_present) * at_rest.transpose();
   }
-  fit.rest /= sum;
-  fit.now /= sum;
-  Mat3d moment = Mat3d::Zero();
-  for (const Pair& p : pairs) moment += p.weight * (p.now - fit.now) * (p.rest - fit.rest).transpose();
-  const double size = moment.norm();
-  fit.rotation = start;
-  if (!(size > 0.0)) return fit;
-  moment /= size;
-  for (int n = 0; n < kTurns; ++n) {
-    const Mat3d r = fit.rotation.toRotationMatrix();
-    const Vec3d torque = r.col(0).cross(moment.col(0)) + r.col(1).cross(moment.col(1)) + r.col(2).cross(moment.col(2));
-    const double grip = std::abs(r.cwiseProduct(moment).sum());
-    const Vec3d turn = torque / (grip + 1e-9);
-    const double angle = turn.norm();
-    if (angle < kSmallTurn) break;
-    fit.rotation = Eigen::Quaterniond(Eigen::AngleAxisd(angle, turn / angle)) * fit.rotation;
-    fit.rotation.normalize();
+  bool empty() const { return weight_ == 0.0; }
+
+  // The best fit. Turns `start` step by step (Mueller et al. 2016): what few points leave open stays as it was.
+  RigidFit fit(const Eigen::Quaterniond& start) const {
+    const Vec3d rest = rest_ / weight_, now = now_ / weight_;
+    RigidFit best{from_rest_ + rest, from_now_ + now, start};
+    Mat3d moment = moment_ / weight_ - now * rest.transpose();
+    const double size = moment.norm();
+    if (!(size > 0.0)) return best;
+    moment /= size;
+    for (int n = 0; n < kTurns; ++n) {
+      const Mat3d r = best.rotation.toRotationMatrix();
+      Vec3d torque = Vec3d::Zero();
+      for (int a = 0; a < 3; ++a) torque += r.col(a).cross(moment.col(a));
+      const Vec3d turn = torque / (std::abs(r.cwiseProduct(moment).sum()) + kSmallTurn);
+      const double angle = turn.norm();
+      if (angle < kSmallTurn) break;
+      best.rotation = Eigen::Quaterniond(Eigen::AngleAxisd(angle, turn / angle)) * best.rotation;
+      best.rotation.normalize();
+    }
+    return best;
   }
-  return fit;
-}
+
+ private:
+  Vec3d from_rest_, from_now_, rest_ = Vec3d::Zero(), now_ = Vec3d::Zero();
+  Mat3d moment_ = Mat3d::Zero();
+  double weight_ = 0.0;
+};
+
+// Where a cluster is: the mean of its points that are kept, of all of them where none is.
+struct Mean {
+  Vec3d rest = Vec3d::Zero(), now = Vec3d::Zero();
+  double points = 0.0;
+};
 
 class Mending {
  public:
@@ -71,7 +83,7 @@ class Mending {
         triangles_(rest.surface.triangles),
         clusters_(rest.clusters),
         h_(state.band.grid.h),
-        longest_(kTornStretch * max_stretch),
+        stretch_(max_stretch),
         lost_(lost),
         now_(state.surface) {}
 
@@ -88,30 +100,32 @@ class Mending {
     }) > 0.0;
   }
 
-  // Marks the ends of torn edges, and the smaller of two parts between which there are no other edges.
-  void lose_torn() {
-    DisjointSets parts(now_.size());
+  // Marks the ends of torn edges, those `growth` clusters around them, and of what hangs on the surface only by edges
+  // longer than `loose` times what is explained all that has a torn edge.
+  void lose_torn(double loose, int growth) {
+    const std::vector<std::uint8_t> apart = hanging(loose);
+    DisjointSets blobs(now_.size());
+    std::vector<std::uint8_t> around(clusters_.size(), 0), has_torn(now_.size(), 0);
     for_sides([&](std::size_t a, std::size_t b) {
-      if (!torn(a, b)) parts.unite(a, b);
+      if (apart[a] && apart[b]) blobs.unite(a, b);
     });
-    std::vector<std::size_t> size(now_.size(), 0);
-    for (std::size_t i = 0; i < now_.size(); ++i) ++size[parts.find(i)];
-    std::vector<std::uint8_t> smaller(now_.size(), 0);
     for_sides([&](std::size_t a, std::size_t b) {
       if (!torn(a, b)) return;
-      lost_[a] = lost_[b] = 1;
-      a = parts.find(a);
-      b = parts.find(b);
-      if (a != b) smaller[size[a] < size[b] || (size[a] == size[b] && a > b) ? a : b] = 1;
+      for (const std::size_t end : {a, b}) {
+        lost_[end] = 1;
+        around[cluster(end)] = 1;
+        if (apart[end]) has_torn[blobs.find(end)] = 1;
+      }
     });
+    for (int n = 1; n < growth; ++n) spread(around);
     for (std::size_t i = 0; i < now_.size(); ++i)
-      if (smaller[parts.find(i)]) lost_[i] = 1;
+      if ((apart[i] && has_torn[blobs.find(i)]) || (growth > 0 && around[cluster(i)])) lost_[i] = 1;
   }
 
   // Moves the lost points.
   void fill() {
     gather();
-    if (kept_.empty()) return;  // nothing to go by
+    if (empty_.size() == clusters_.size()) return;  // nothing to go by
     settle();
     std::vector<Vec3d> moved(now_.size());
     parallel_.for_each(static_cast<std::int64_t>(now_.size()), [&](std::int64_t i) {
@@ -123,10 +137,46 @@ class Mending {
 
  private:
   static std::size_t index(std::int64_t i) { return static_cast<std::size_t>(i); }
+  std::size_t cluster(std::size_t point) const { return index(clusters_.of_point[point]); }
+  template <class Visit>
+  void for_points(std::size_t c, const Visit& visit) const {
+    for (std::int32_t m = clusters_.first[c]; m < clusters_.first[c + 1]; ++m) visit(index(clusters_.points[index(m)]));
+  }
+  template <class Visit>
+  void for_links(std::size_t c, const Visit& visit) const {
+    for (std::int32_t l = clusters_.first_link[c]; l < clusters_.first_link[c + 1]; ++l)
+      visit(index(clusters_.link[index(l)]));
+  }
+  void spread(std::vector<std::uint8_t>& marked) const {
+    const std::vector<std::uint8_t> before = marked;
+    for (std::size_t c = 0; c < before.size(); ++c)
+      if (before[c]) for_links(c, [&](std::size_t other) { marked[other] = 1; });
+  }
 
-  bool torn(std::size_t a, std::size_t b) const {
-    const double limit = longest_ * (rest_[a] - rest_[b]).norm() + kRounding * h_;
+  bool longer(double times, std::size_t a, std::size_t b) const {
+    const double limit = times * stretch_ * (rest_[a] - rest_[b]).norm() + kRounding * h_;
     return (now_[a] - now_[b]).squaredNorm() > limit * limit;
+  }
+  bool torn(std::size_t a, std::size_t b) const { return longer(kTornStretch, a, b); }
+
+  // What edges not longer than `loose` times what is explained do not connect with most of its piece of the surface.
+  std::vector<std::uint8_t> hanging(double loose) const {
+    const std::size_t count = now_.size();
+    DisjointSets pieces(count), parts(count);
+    for_sides([&](std::size_t a, std::size_t b) {
+      pieces.unite(a, b);
+      if (!longer(loose, a, b)) parts.unite(a, b);
+    });
+    std::vector<std::size_t> size(count, 0), largest(count, count);  // of a part, by its first point; of a piece
+    for (std::size_t i = 0; i < count; ++i) ++size[parts.find(i)];
+    for (std::size_t i = 0; i < count; ++i) {
+      if (size[i] == 0) continue;
+      std::size_t& best = largest[pieces.find(i)];
+      if (best == count || size[i] > size[best]) best = i;
+    }
+    std::vector<std::uint8_t> apart(count);
+    for (std::size_t i = 0; i < count; ++i) apart[i] = parts.find(i) != largest[pieces.find(i)];
+    return apart;
   }
 
   template <class Visit>
@@ -135,33 +185,32 @@ class Mending {
       for (std::size_t side = 0; side < 3; ++side) visit(index(t[side]), index(t[(side + 1) % 3]));
   }
 
-  // Where the clusters are: by the points that are not lost, by all where all are.
   void gather() {
-    const std::size_t count = clusters_.size();
-    mean_.assign(count, {Vec3d::Zero(), Vec3d::Zero(), 0.0});
+    mean_.assign(clusters_.size(), {});
     empty_.clear();
-    kept_.clear();
-    for (std::size_t c = 0; c < count; ++c) {
-      const auto add = [&](bool all) {
-        for (std::int32_t m = clusters_.first[c]; m < clusters_.first[c + 1]; ++m) {
-          const std::size_t i = index(clusters_.points[index(m)]);
-          if (lost_[i] && !all) continue;
-          mean_[c].rest += rest_[i];
-          mean_[c].now += now_[i];
-          mean_[c].weight += 1.0;
-        }
+    std::vector<std::size_t> kept;
+    for (std::size_t c = 0; c < clusters_.size(); ++c) {
+      Mean& mean = mean_[c];
+      const auto add = [&](std::size_t i) {
+        mean.rest += rest_[i];
+        mean.now += now_[i];
+        mean.points += 1.0;
       };
-      add(false);
-      const bool empty = mean_[c].weight == 0.0;
-      if (empty) add(true);
-      mean_[c].rest /= mean_[c].weight;
-      mean_[c].now /= mean_[c].weight;
-      (empty ? empty_ : kept_).push_back(c);
+      for_points(c, [&](std::size_t i) {
+        if (!lost_[i]) add(i);
+      });
+      (mean.points > 0.0 ? kept : empty_).push_back(c);
+      if (mean.points == 0.0) for_points(c, add);
+      mean.rest /= mean.points;
+      mean.now /= mean.points;
     }
-    std::vector<Pair> all;
-    for (const std::size_t c : kept_) all.push_back(mean_[c]);
-    whole_ = all.empty() ? Eigen::Quaterniond::Identity() : fit_rigid(all, Eigen::Quaterniond::Identity()).rotation;
-    rotation_.assign(count, whole_);
+    Eigen::Quaterniond whole = Eigen::Quaterniond::Identity();
+    if (!kept.empty()) {
+      Pairs all(mean_[kept[0]].rest, mean_[kept[0]].now);
+      for (const std::size_t c : kept) all.add(mean_[c].rest, mean_[c].now, 1.0);
+      whole = all.fit(whole).rotation;
+    }
+    rotation_.assign(clusters_.size(), whole);
   }
 
   // Clusters without points that are kept move as those linked to them do.
@@ -170,17 +219,17 @@ class Mending {
     for (int sweep = 0; sweep < kSweeps; ++sweep) {
       parallel_.for_each(static_cast<std::int64_t>(empty_.size()), [&](std::int64_t e) {
         const std::size_t c = empty_[index(e)];
-        std::vector<Pair> around;
-        for (std::int32_t l = clusters_.first_link[c]; l < clusters_.first_link[c + 1]; ++l) {
-          Pair p = mean_[index(clusters_.link[index(l)])];
-          p.weight = 1.0 / ((p.rest - mean_[c].rest).squaredNorm() + h_ * h_);
-          around.push_back(p);
-        }
-        next[index(e)] = mean_[c].now;
+        const Mean& own = mean_[c];
+        Pairs around(own.rest, own.now);
+        for_links(c, [&](std::size_t other) {
+          const Mean& m = mean_[other];
+          around.add(m.rest, m.now, h_ * h_ / ((m.rest - own.rest).squaredNorm() + h_ * h_));
+        });
+        next[index(e)] = own.now;
         if (around.empty()) return;
-        const RigidFit fit = fit_rigid(around, rotation_[c]);
+        const RigidFit fit = around.fit(rotation_[c]);
         rotation_[c] = fit.rotation;
-        next[index(e)] += kRelaxation * (fit.place(mean_[c].rest) - mean_[c].now);
+        next[index(e)] += kRelaxation * (fit.place(own.rest) - own.now);
       });
       for (std::size_t e = 0; e < empty_.size(); ++e) mean_[empty_[e]].now = next[e];
     }
@@ -188,39 +237,36 @@ class Mending {
 
   // Where the points around it take point i.
   Vec3d follow(std::size_t i) const {
-    const std::size_t own = index(clusters_.of_point[i]);
-    std::vector<Pair> around;
+    const std::size_t own = cluster(i);
+    Pairs around(rest_[i], mean_[own].now);
+    const auto weigh = [&](const Vec3d& rest, const Vec3d& now, double softness, double points) {
+      const double d = (rest - rest_[i]).squaredNorm() / (h_ * h_) + softness * softness;
+      around.add(rest, now, points / (d * d));
+    };
     const auto add_cluster = [&](std::size_t c) {
-      const auto weigh = [&](const Vec3d& rest, const Vec3d& now, double softness, double count) {
-        const double d = (rest - rest_[i]).squaredNorm() + softness * softness * h_ * h_;
-        around.push_back({rest, now, count * h_ * h_ * h_ * h_ / (d * d)});
-      };
       bool any = false;
-      for (std::int32_t m = clusters_.first[c]; m < clusters_.first[c + 1]; ++m) {
-        const std::size_t j = index(clusters_.points[index(m)]);
-        if (lost_[j]) continue;
+      for_points(c, [&](std::size_t j) {
+        if (lost_[j]) return;
         any = true;
         weigh(rest_[j], now_[j], kNearest, 1.0);
-      }
-      if (!any) weigh(mean_[c].rest, mean_[c].now, kSoftness, mean_[c].weight);
+      });
+      if (!any) weigh(mean_[c].rest, mean_[c].now, kSoftness, mean_[c].points);
     };
     add_cluster(own);
-    for (std::int32_t l = clusters_.first_link[own]; l < clusters_.first_link[own + 1]; ++l)
-      add_cluster(index(clusters_.link[index(l)]));
-    return fit_rigid(around, rotation_[own]).place(rest_[i]);
+    for_links(own, add_cluster);
+    return around.fit(rotation_[own]).place(rest_[i]);
   }
 
   const Parallel& parallel_;
   const std::vector<Vec3d>& rest_;
   const std::vector<geometry::Triangle>& triangles_;
   const SurfaceClusters& clusters_;
-  double h_, longest_;
+  double h_, stretch_;
   std::vector<std::uint8_t>& lost_;
   std::vector<Vec3d>& now_;
-  std::vector<Pair> mean_;                 // per cluster
-  std::vector<std::size_t> kept_, empty_;  // clusters with and without points that are kept
-  Eigen::Quaterniond whole_;
+  std::vector<Mean> mean_;                    // per cluster
   std::vector<Eigen::Quaterniond> rotation_;  // per cluster
+  std::vector<std::size_t> empty_;            // clusters without points that are kept
 };
 
 }  // namespace
@@ -230,10 +276,10 @@ void mend_surface(const Parallel& parallel, const SolidRest& rest, double max_st
   if (rest.clusters.size() == 0) return;
   Mending mending(parallel, rest, max_stretch, lost, state);
   bool any = std::find(lost.begin(), lost.end(), 1) != lost.end();
-  for (int round = 0; round < kRounds; ++round) {
+  for (int round = 0; round < static_cast<int>(kLoose.size()); ++round) {
     const bool torn = mending.any_torn();
     if (!torn && !(any && round == 0)) break;
-    if (torn) mending.lose_torn();
+    if (torn) mending.lose_torn(kLoose[static_cast<std::size_t>(round)], round - kCuts + 1);
     mending.fill();
   }
 }
