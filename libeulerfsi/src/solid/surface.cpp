@@ -16,12 +16,9 @@ constexpr double kTrustedVolume = 0.2;     // relative difference between the su
 
 Vec3 to_grid(const Grid& g, const Vec3d& x) { return ((x - g.origin) / g.h).cast<Real>(); }
 
-// Trilinear value and gradient of u in double precision; false where a corner holds no data.
-bool sample_displacement(const SolidState& state, const std::array<std::size_t, 8>& corner, const Vec3d& x, Vec3d& u,
-                         Mat3d& gradient) {
-  const Grid& g = state.band.grid;
+// The lowest node of the cell that x lies in, or of the nearest one, and where in the cell x lies.
+std::size_t lower_node(const Grid& g, const Vec3d& x, double f[3]) {
   const Vec3d p = (x - g.origin) / g.h;
-  double f[3];
   int lower[3];
   for (int a = 0; a < 3; ++a) {
     const int n = g.cells[static_cast<std::size_t>(a)];
@@ -29,7 +26,15 @@ bool sample_displacement(const SolidState& state, const std::array<std::size_t, 
     lower[a] = std::min(static_cast<int>(q), n - 1);
     f[a] = p[a] - lower[a];  // extrapolates linearly beyond the band
   }
-  const std::size_t base = g.node(lower[0], lower[1], lower[2]);
+  return g.node(lower[0], lower[1], lower[2]);
+}
+
+// Trilinear value and gradient of u in double precision; false where a corner holds no data.
+bool sample_displacement(const SolidState& state, const std::array<std::size_t, 8>& corner, const Vec3d& x, Vec3d& u,
+                         Mat3d& gradient) {
+  const Grid& g = state.band.grid;
+  double f[3];
+  const std::size_t base = lower_node(g, x, f);
   u.setZero();
   gradient.setZero();
   for (std::size_t a = 0; a < 8; ++a) {
@@ -43,6 +48,15 @@ bool sample_displacement(const SolidState& state, const std::array<std::size_t, 
     u += w[0] * w[1] * w[2] * value;
     gradient += value * Vec3d(s[0] * w[1] * w[2], w[0] * s[1] * w[2], w[0] * w[1] * s[2]).transpose() / g.h;
   }
+  return true;
+}
+
+// Whether no node around x has its data from the solid's own.
+bool is_made_up(const SolidState& state, const std::array<std::size_t, 8>& corner, const Vec3d& x) {
+  double f[3];
+  const std::size_t base = lower_node(state.band.grid, x, f);
+  for (const std::size_t c : corner)
+    if (state.valid[base + c] == kKnown || state.valid[base + c] == kEdge) return false;
   return true;
 }
 
@@ -124,7 +138,7 @@ void place_surface(const Parallel& parallel, const SolidRest& rest, SolidState& 
 void correct_surface(const Parallel& parallel, const SolidRest& rest, double max_stretch, SolidState& state) {
   const auto corner = grid::corner_offsets(state.band.grid);
   const double h = state.band.grid.h;
-  std::vector<std::uint8_t> lost(state.surface.size(), 0);
+  std::vector<std::uint8_t> lost(state.surface.size(), 0), made_up(state.surface.size(), 0);
   parallel.for_each(static_cast<std::int64_t>(state.surface.size()), [&](std::int64_t i) {
     const auto s = static_cast<std::size_t>(i);
     Vec3d x = state.surface[s];
@@ -133,8 +147,9 @@ void correct_surface(const Parallel& parallel, const SolidRest& rest, double max
       state.surface[s] = x;
     else
       lost[s] = 1;
+    made_up[s] = is_made_up(state, corner, x);
   });
-  mend_surface(parallel, rest, max_stretch, lost, state);
+  mend_surface(parallel, rest, max_stretch, made_up, lost, state);
 }
 
 void sample_surface_velocity(const Parallel& parallel, const SolidState& state, std::vector<Vec3d>& velocity) {

@@ -2,7 +2,6 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "base/disjoint_sets.hpp"
@@ -10,10 +9,8 @@
 namespace efsi::solid {
 namespace {
 
-constexpr double kRounding = 5e-4;  // cells: of edges without a length
-// Rounds of looking for torn edges: in each what hangs on by edges that long is lost, at last more and more clusters.
-constexpr std::array kLoose = {kTornStretch, 2.0, 1.5, 1.2, 1.2, 1.2, 1.2, 1.2};
-constexpr int kCuts = 4;             // rounds without clusters
+constexpr double kRounding = 5e-4;   // cells: of edges without a length
+constexpr int kRounds = 8;           // of looking for torn edges
 constexpr int kSweeps = 16;          // over clusters that have lost all points
 constexpr double kRelaxation = 0.5;  // of these
 constexpr int kTurns = 12;           // towards the best rotation
@@ -76,14 +73,15 @@ struct Mean {
 
 class Mending {
  public:
-  Mending(const Parallel& parallel, const SolidRest& rest, double max_stretch, std::vector<std::uint8_t>& lost,
-          SolidState& state)
+  Mending(const Parallel& parallel, const SolidRest& rest, double max_stretch, const std::vector<std::uint8_t>& made_up,
+          std::vector<std::uint8_t>& lost, SolidState& state)
       : parallel_(parallel),
         rest_(rest.surface.points),
         triangles_(rest.surface.triangles),
         clusters_(rest.clusters),
         h_(state.band.grid.h),
         stretch_(max_stretch),
+        made_up_(made_up),
         lost_(lost),
         now_(state.surface) {}
 
@@ -100,26 +98,17 @@ class Mending {
     }) > 0.0;
   }
 
-  // Marks the ends of torn edges, those `growth` clusters around them, and of what hangs on the surface only by edges
-  // longer than `loose` times what is explained all that has a torn edge.
-  void lose_torn(double loose, int growth) {
-    const std::vector<std::uint8_t> apart = hanging(loose);
-    DisjointSets blobs(now_.size());
-    std::vector<std::uint8_t> around(clusters_.size(), 0), has_torn(now_.size(), 0);
+  // Marks the ends of torn edges and what only torn edges join to the largest part of the surface; the next time the
+  // clusters of the ends as well, then all that hangs together where the map is made up, then the clusters around too.
+  void lose_torn(int time) {
+    std::vector<std::uint8_t> apart = cut_off(), around(clusters_.size(), 0);
     for_sides([&](std::size_t a, std::size_t b) {
-      if (apart[a] && apart[b]) blobs.unite(a, b);
+      if (torn(a, b)) apart[a] = apart[b] = around[cluster(a)] = around[cluster(b)] = 1;
     });
-    for_sides([&](std::size_t a, std::size_t b) {
-      if (!torn(a, b)) return;
-      for (const std::size_t end : {a, b}) {
-        lost_[end] = 1;
-        around[cluster(end)] = 1;
-        if (apart[end]) has_torn[blobs.find(end)] = 1;
-      }
-    });
-    for (int n = 1; n < growth; ++n) spread(around);
+    if (time >= 2) add_made_up(apart);
+    if (time >= 3) spread(around);
     for (std::size_t i = 0; i < now_.size(); ++i)
-      if ((apart[i] && has_torn[blobs.find(i)]) || (growth > 0 && around[cluster(i)])) lost_[i] = 1;
+      if (apart[i] || (time >= 1 && around[cluster(i)])) lost_[i] = 1;
   }
 
   // Moves the lost points.
@@ -153,19 +142,18 @@ class Mending {
       if (before[c]) for_links(c, [&](std::size_t other) { marked[other] = 1; });
   }
 
-  bool longer(double times, std::size_t a, std::size_t b) const {
-    const double limit = times * stretch_ * (rest_[a] - rest_[b]).norm() + kRounding * h_;
+  bool torn(std::size_t a, std::size_t b) const {
+    const double limit = kTornStretch * stretch_ * (rest_[a] - rest_[b]).norm() + kRounding * h_;
     return (now_[a] - now_[b]).squaredNorm() > limit * limit;
   }
-  bool torn(std::size_t a, std::size_t b) const { return longer(kTornStretch, a, b); }
 
-  // What edges not longer than `loose` times what is explained do not connect with most of its piece of the surface.
-  std::vector<std::uint8_t> hanging(double loose) const {
+  // Per point: whether edges that are not torn leave it out of the largest part of its piece of the surface.
+  std::vector<std::uint8_t> cut_off() const {
     const std::size_t count = now_.size();
     DisjointSets pieces(count), parts(count);
     for_sides([&](std::size_t a, std::size_t b) {
       pieces.unite(a, b);
-      if (!longer(loose, a, b)) parts.unite(a, b);
+      if (!torn(a, b)) parts.unite(a, b);
     });
     std::vector<std::size_t> size(count, 0), largest(count, count);  // of a part, by its first point; of a piece
     for (std::size_t i = 0; i < count; ++i) ++size[parts.find(i)];
@@ -174,9 +162,22 @@ class Mending {
       std::size_t& best = largest[pieces.find(i)];
       if (best == count || size[i] > size[best]) best = i;
     }
-    std::vector<std::uint8_t> apart(count);
-    for (std::size_t i = 0; i < count; ++i) apart[i] = parts.find(i) != largest[pieces.find(i)];
-    return apart;
+    std::vector<std::uint8_t> out(count);
+    for (std::size_t i = 0; i < count; ++i) out[i] = parts.find(i) != largest[pieces.find(i)];
+    return out;
+  }
+
+  // Adds what edges between points where the map is made up connect with a marked one.
+  void add_made_up(std::vector<std::uint8_t>& marked) const {
+    DisjointSets blobs(now_.size());
+    for_sides([&](std::size_t a, std::size_t b) {
+      if (made_up_[a] && made_up_[b]) blobs.unite(a, b);
+    });
+    std::vector<std::uint8_t> any(now_.size(), 0);
+    for (std::size_t i = 0; i < now_.size(); ++i)
+      if (marked[i]) any[blobs.find(i)] = 1;
+    for (std::size_t i = 0; i < now_.size(); ++i)
+      if (any[blobs.find(i)]) marked[i] = 1;
   }
 
   template <class Visit>
@@ -262,6 +263,7 @@ class Mending {
   const std::vector<geometry::Triangle>& triangles_;
   const SurfaceClusters& clusters_;
   double h_, stretch_;
+  const std::vector<std::uint8_t>& made_up_;
   std::vector<std::uint8_t>& lost_;
   std::vector<Vec3d>& now_;
   std::vector<Mean> mean_;                    // per cluster
@@ -271,15 +273,15 @@ class Mending {
 
 }  // namespace
 
-void mend_surface(const Parallel& parallel, const SolidRest& rest, double max_stretch, std::vector<std::uint8_t>& lost,
-                  SolidState& state) {
+void mend_surface(const Parallel& parallel, const SolidRest& rest, double max_stretch,
+                  const std::vector<std::uint8_t>& made_up, std::vector<std::uint8_t>& lost, SolidState& state) {
   if (rest.clusters.size() == 0) return;
-  Mending mending(parallel, rest, max_stretch, lost, state);
+  Mending mending(parallel, rest, max_stretch, made_up, lost, state);
   bool any = std::find(lost.begin(), lost.end(), 1) != lost.end();
-  for (int round = 0; round < static_cast<int>(kLoose.size()); ++round) {
+  for (int round = 0; round < kRounds; ++round) {
     const bool torn = mending.any_torn();
     if (!torn && !(any && round == 0)) break;
-    if (torn) mending.lose_torn(kLoose[static_cast<std::size_t>(round)], round - kCuts + 1);
+    if (torn) mending.lose_torn(round);
     mending.fill();
   }
 }
