@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "base/disjoint_sets.hpp"
 
@@ -11,10 +12,11 @@ namespace {
 
 constexpr double kRounding = 5e-4;   // cells: of edges without a length
 constexpr int kRounds = 8;           // of looking for torn edges
-constexpr int kSweeps = 16;          // over clusters that have lost all points
-constexpr double kRelaxation = 0.5;  // of these
+constexpr int kSweeps = 8;           // over clusters that have lost all points
 constexpr int kTurns = 12;           // towards the best rotation
 constexpr double kSmallTurn = 1e-6;  // [rad]
+constexpr double kHold = 0.01;       // of the rotation that a fit starts from, over the moment of its points
+constexpr double kOnePlace = 1e-9;   // a moment below that part of the uncentred one is rounding
 constexpr double kNearest = 1e-3;    // cells: nearer than that points weigh the same
 constexpr double kSoftness = 1.0;    // cells: added to the distance of a lost cluster
 
@@ -44,8 +46,8 @@ class Pairs {
     RigidFit best{from_rest_ + rest, from_now_ + now, start};
     Mat3d moment = moment_ / weight_ - now * rest.transpose();
     const double size = moment.norm();
-    if (!(size > 0.0)) return best;
-    moment /= size;
+    if (!(size > kOnePlace * moment_.norm() / weight_)) return best;
+    moment = moment / size + kHold * start.toRotationMatrix();
     for (int n = 0; n < kTurns; ++n) {
       const Mat3d r = best.rotation.toRotationMatrix();
       Vec3d torque = Vec3d::Zero();
@@ -119,6 +121,7 @@ class Mending {
   void fill() {
     gather();
     if (empty_.size() == clusters_.size()) return;  // nothing to go by
+    extend();
     settle();
     std::vector<Vec3d> moved(now_.size());
     parallel_.for_each(static_cast<std::int64_t>(now_.size()), [&](std::int64_t i) {
@@ -209,32 +212,72 @@ class Mending {
       mean.rest /= mean.points;
       mean.now /= mean.points;
     }
-    Eigen::Quaterniond whole = Eigen::Quaterniond::Identity();
-    if (!kept.empty()) {
-      Pairs all(mean_[kept[0]].rest, mean_[kept[0]].now);
-      for (const std::size_t c : kept) all.add(mean_[c].rest, mean_[c].now, 1.0);
-      whole = all.fit(whole).rotation;
-    }
+    if (kept.empty()) return;
+    Pairs all(mean_[kept[0]].rest, mean_[kept[0]].now);
+    for (const std::size_t c : kept) all.add(mean_[c].rest, mean_[c].now, 1.0);
+    const Eigen::Quaterniond whole = all.fit(Eigen::Quaterniond::Identity()).rotation;
     rotation_.assign(clusters_.size(), whole);
+    placed_.assign(clusters_.size(), 1);
+    for (const std::size_t c : empty_) placed_[c] = 0;
+    for (const std::size_t c : kept) {
+      bool beside = false;
+      for_links(c, [&](std::size_t other) { beside = beside || !placed_[other]; });
+      if (beside) rotation_[c] = fit_placed(c, whole).rotation;
+    }
   }
 
-  // Clusters without points that are kept move as those linked to them do.
+  // How the placed clusters linked to c move, and c itself where it is placed.
+  RigidFit fit_placed(std::size_t c, const Eigen::Quaterniond& start) const {
+    Pairs around(mean_[c].rest, mean_[c].now);
+    const auto add = [&](std::size_t other) {
+      const Mean& m = mean_[other];
+      if (placed_[other]) around.add(m.rest, m.now, h_ * h_ / ((m.rest - mean_[c].rest).squaredNorm() + h_ * h_));
+    };
+    add(c);
+    for_links(c, add);
+    return around.fit(start);
+  }
+
+  // Places the clusters without kept points as those linked to them move that are placed already.
+  void extend() {
+    std::vector<std::size_t> left = empty_, later;
+    std::vector<std::pair<std::size_t, Vec3d>> found;
+    for (; !left.empty(); left.swap(later)) {
+      found.clear();
+      later.clear();
+      for (const std::size_t c : left) {
+        std::size_t nearest = c;
+        for_links(c, [&](std::size_t other) {
+          const auto far = [&](std::size_t o) { return (mean_[o].rest - mean_[c].rest).squaredNorm(); };
+          if (placed_[other] && (nearest == c || far(other) < far(nearest))) nearest = other;
+        });
+        if (nearest == c) {
+          later.push_back(c);
+          continue;
+        }
+        const RigidFit fit = fit_placed(c, rotation_[nearest]);
+        rotation_[c] = fit.rotation;
+        found.emplace_back(c, fit.place(mean_[c].rest));
+      }
+      if (found.empty()) return;  // nothing leads to what is left: it stays
+      for (const auto& [c, now] : found) {
+        mean_[c].now = now;
+        placed_[c] = 1;
+      }
+    }
+  }
+
+  // Evens out what the places found from different sides do not agree in.
   void settle() {
     std::vector<Vec3d> next(empty_.size());
     for (int sweep = 0; sweep < kSweeps; ++sweep) {
       parallel_.for_each(static_cast<std::int64_t>(empty_.size()), [&](std::int64_t e) {
         const std::size_t c = empty_[index(e)];
-        const Mean& own = mean_[c];
-        Pairs around(own.rest, own.now);
-        for_links(c, [&](std::size_t other) {
-          const Mean& m = mean_[other];
-          around.add(m.rest, m.now, h_ * h_ / ((m.rest - own.rest).squaredNorm() + h_ * h_));
-        });
-        next[index(e)] = own.now;
-        if (around.empty()) return;
-        const RigidFit fit = around.fit(rotation_[c]);
+        next[index(e)] = mean_[c].now;
+        if (!placed_[c]) return;
+        const RigidFit fit = fit_placed(c, rotation_[c]);
         rotation_[c] = fit.rotation;
-        next[index(e)] += kRelaxation * (fit.place(own.rest) - own.now);
+        next[index(e)] = fit.place(mean_[c].rest);
       });
       for (std::size_t e = 0; e < empty_.size(); ++e) mean_[empty_[e]].now = next[e];
     }
@@ -255,8 +298,9 @@ class Mending {
         any = true;
         weigh(rest_[j], now_[j], kNearest, 1.0);
       });
-      if (!any) weigh(mean_[c].rest, mean_[c].now, kSoftness, mean_[c].points);
+      if (!any && placed_[c]) weigh(mean_[c].rest, mean_[c].now, kSoftness, mean_[c].points);
     };
+    if (!placed_[own]) return now_[i];
     add_cluster(own);
     for_links(own, add_cluster);
     return around.fit(rotation_[own]).place(rest_[i]);
@@ -273,6 +317,7 @@ class Mending {
   std::vector<Vec3d>& now_;
   std::vector<Mean> mean_;                    // per cluster
   std::vector<Eigen::Quaterniond> rotation_;  // per cluster
+  std::vector<std::uint8_t> placed_;          // per cluster: known to be at its mean
   std::vector<std::size_t> empty_;            // clusters without points that are kept
 };
 
