@@ -138,19 +138,13 @@ void place_surface(const Parallel& parallel, const SolidRest& rest, SolidState& 
 void correct_surface(const Parallel& parallel, const SolidRest& rest, double max_stretch, SolidState& state) {
   const auto corner = grid::corner_offsets(state.band.grid);
   const double h = state.band.grid.h;
-  const std::vector<Vec3d> predicted = state.surface;
   std::vector<std::uint8_t> lost(state.surface.size(), 0), made_up(state.surface.size(), 0);
   parallel.for_each(static_cast<std::int64_t>(state.surface.size()), [&](std::int64_t i) {
     const auto s = static_cast<std::size_t>(i);
-    Vec3d x = predicted[s];
-    const double error = correct_point(state, corner, rest.surface.points[s], x);
-    if (error < kHeld * h)
-      state.surface[s] = x;
-    else
-      lost[s] = 1;
-    made_up[s] = is_made_up(state, corner, x);
+    lost[s] = !(correct_point(state, corner, rest.surface.points[s], state.surface[s]) < kHeld * h);
+    made_up[s] = is_made_up(state, corner, state.surface[s]);
   });
-  mend_surface(parallel, rest, max_stretch, predicted, made_up, lost, state);
+  mend_surface(parallel, rest, max_stretch, made_up, lost, state);
 }
 
 void sample_surface_velocity(const Parallel& parallel, const SolidState& state, std::vector<Vec3d>& velocity) {

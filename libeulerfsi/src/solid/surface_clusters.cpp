@@ -10,6 +10,8 @@
 namespace efsi::solid {
 namespace {
 
+constexpr double kLongestLink = 3.0;  // boxes: farther away nothing moves as if it were rigid
+
 using Pairs = std::vector<std::pair<std::int32_t, std::int32_t>>;
 
 std::vector<Vec3i> boxes_of(const std::vector<Vec3d>& points, double spacing) {
@@ -71,7 +73,8 @@ SurfaceClusters make_surface_clusters(const geometry::TriangleMesh& surface, con
   Pairs links;
   for_sides(surface, [&](std::size_t a, std::size_t b) {
     const std::int32_t from = made.of_point[a], to = made.of_point[b];
-    if (from == to) return;
+    const bool near = (surface.points[a] - surface.points[b]).norm() < kLongestLink * spacing;
+    if (from == to || !near) return;
     links.emplace_back(from, to);
     links.emplace_back(to, from);
   });

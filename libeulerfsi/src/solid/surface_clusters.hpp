@@ -11,8 +11,8 @@
 namespace efsi::solid {
 
 // Constant. Points of a cluster lie in one box of the rest shape and are connected by edges in it. Clusters are linked
-// where an edge leads from one to the other, and, in boxes that touch, where the solid lies between them: the two sides
-// of a thin part are, two parts with a gap between them are not.
+// where an edge of less than three boxes leads from one to the other, and, in boxes that touch, where the solid lies
+// between them: the two sides of a thin part are, two parts with a gap between them are not.
 struct SurfaceClusters {
   std::vector<std::int32_t> of_point;          // point -> cluster
   std::vector<std::int32_t> first, points;     // the points of cluster c: points[first[c]] .. points[first[c + 1]]

@@ -75,15 +75,14 @@ struct Mean {
 
 class Mending {
  public:
-  Mending(const Parallel& parallel, const SolidRest& rest, double max_stretch, const std::vector<Vec3d>& predicted,
-          const std::vector<std::uint8_t>& made_up, std::vector<std::uint8_t>& lost, SolidState& state)
+  Mending(const Parallel& parallel, const SolidRest& rest, double max_stretch, const std::vector<std::uint8_t>& made_up,
+          std::vector<std::uint8_t>& lost, SolidState& state)
       : parallel_(parallel),
         rest_(rest.surface.points),
         triangles_(rest.surface.triangles),
         clusters_(rest.clusters),
         h_(state.band.grid.h),
         stretch_(max_stretch),
-        predicted_(predicted),
         made_up_(made_up),
         lost_(lost),
         now_(state.surface) {}
@@ -110,11 +109,8 @@ class Mending {
     });
     if (time >= 2) add_made_up(apart);
     if (time >= 3) spread(around);
-    for (std::size_t i = 0; i < now_.size(); ++i) {
-      if (lost_[i] || !(apart[i] || (time >= 1 && around[cluster(i)]))) continue;
-      lost_[i] = 1;
-      now_[i] = predicted_[i];
-    }
+    for (std::size_t i = 0; i < now_.size(); ++i)
+      if (apart[i] || (time >= 1 && around[cluster(i)])) lost_[i] = 1;
   }
 
   // Moves the lost points.
@@ -311,7 +307,6 @@ class Mending {
   const std::vector<geometry::Triangle>& triangles_;
   const SurfaceClusters& clusters_;
   double h_, stretch_;
-  const std::vector<Vec3d>& predicted_;
   const std::vector<std::uint8_t>& made_up_;
   std::vector<std::uint8_t>& lost_;
   std::vector<Vec3d>& now_;
@@ -324,10 +319,9 @@ class Mending {
 }  // namespace
 
 void mend_surface(const Parallel& parallel, const SolidRest& rest, double max_stretch,
-                  const std::vector<Vec3d>& predicted, const std::vector<std::uint8_t>& made_up,
-                  std::vector<std::uint8_t>& lost, SolidState& state) {
+                  const std::vector<std::uint8_t>& made_up, std::vector<std::uint8_t>& lost, SolidState& state) {
   if (rest.clusters.size() == 0) return;
-  Mending mending(parallel, rest, max_stretch, predicted, made_up, lost, state);
+  Mending mending(parallel, rest, max_stretch, made_up, lost, state);
   bool any = std::find(lost.begin(), lost.end(), 1) != lost.end();
   for (int round = 0; round < kRounds; ++round) {
     const bool torn = mending.any_torn();
