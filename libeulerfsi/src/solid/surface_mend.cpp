@@ -13,6 +13,8 @@ namespace {
 constexpr double kRounding = 5e-4;   // cells: of edges without a length
 constexpr int kRounds = 8;           // of looking for torn edges
 constexpr int kSweeps = 8;           // over clusters that have lost all points
+constexpr int kSmoothings = 8;       // over lost points
+constexpr int kMoreSmoothings = 32;  // where torn edges lie between lost points only
 constexpr int kTurns = 12;           // towards the best rotation
 constexpr double kSmallTurn = 1e-6;  // [rad]
 constexpr double kHold = 0.01;       // of the rotation that a fit starts from, over the moment of its points
@@ -102,15 +104,21 @@ class Mending {
 
   // Marks the ends of torn edges and what only torn edges join to the largest part of the surface; the next time the
   // clusters of the ends as well, then all that hangs together where the map is made up, then the clusters around too.
-  void lose_torn(int time) {
+  // Returns whether any point was not lost before.
+  bool lose_torn(int time) {
     std::vector<std::uint8_t> apart = cut_off(), around(clusters_.size(), 0);
     for_sides([&](std::size_t a, std::size_t b) {
       if (torn(a, b)) apart[a] = apart[b] = around[cluster(a)] = around[cluster(b)] = 1;
     });
     if (time >= 2) add_made_up(apart);
     if (time >= 3) spread(around);
-    for (std::size_t i = 0; i < now_.size(); ++i)
-      if (apart[i] || (time >= 1 && around[cluster(i)])) lost_[i] = 1;
+    bool any = false;
+    for (std::size_t i = 0; i < now_.size(); ++i) {
+      if (lost_[i] || !(apart[i] || (time >= 1 && around[cluster(i)]))) continue;
+      lost_[i] = 1;
+      any = true;
+    }
+    return any;
   }
 
   // Moves the lost points.
@@ -125,6 +133,36 @@ class Mending {
     });
     for (std::size_t i = 0; i < now_.size(); ++i)
       if (lost_[i]) now_[i] = moved[i];
+    smooth(kSmoothings);
+  }
+
+  // Where neighbouring clusters disagree the difference is spread over more edges: every lost point moves to where
+  // those beside it expect it, x = mean of y + R (X - Y).
+  void smooth(int sweeps) {
+    std::vector<std::pair<std::size_t, std::size_t>> sides;
+    for_sides([&](std::size_t a, std::size_t b) {
+      if (placed_[cluster(a)] && placed_[cluster(b)] && (lost_[a] || lost_[b])) sides.emplace_back(a, b);
+    });
+    std::vector<Vec3d> edge(sides.size()), sum(now_.size(), Vec3d::Zero());
+    std::vector<double> count(now_.size(), 0.0);
+    for (std::size_t e = 0; e < sides.size(); ++e) {
+      const auto [a, b] = sides[e];
+      const Vec3d at_rest = rest_[b] - rest_[a];
+      edge[e] = 0.5 * (rotation_[cluster(a)] * at_rest + rotation_[cluster(b)] * at_rest);
+      count[a] += 1.0;
+      count[b] += 1.0;
+    }
+    for (int sweep = 0; sweep < sweeps; ++sweep) {
+      for (std::size_t e = 0; e < sides.size(); ++e) {
+        const auto [a, b] = sides[e];
+        sum[a] += now_[b] - edge[e];
+        sum[b] += now_[a] + edge[e];
+      }
+      for (std::size_t i = 0; i < now_.size(); ++i) {
+        if (lost_[i] && count[i] > 0.0) now_[i] = sum[i] / count[i];
+        sum[i].setZero();
+      }
+    }
   }
 
  private:
@@ -217,6 +255,7 @@ class Mending {
     for (const std::size_t c : empty_) placed_[c] = 0;
     for (const std::size_t c : kept) {
       bool beside = false;
+      for_points(c, [&](std::size_t i) { beside = beside || lost_[i]; });
       for_links(c, [&](std::size_t other) { beside = beside || !placed_[other]; });
       if (beside) rotation_[c] = fit_placed(c, whole).rotation;
     }
@@ -322,12 +361,12 @@ void mend_surface(const Parallel& parallel, const SolidRest& rest, double max_st
                   const std::vector<std::uint8_t>& made_up, std::vector<std::uint8_t>& lost, SolidState& state) {
   if (rest.clusters.size() == 0) return;
   Mending mending(parallel, rest, max_stretch, made_up, lost, state);
-  bool any = std::find(lost.begin(), lost.end(), 1) != lost.end();
-  for (int round = 0; round < kRounds; ++round) {
-    const bool torn = mending.any_torn();
-    if (!torn && !(any && round == 0)) break;
-    if (torn) mending.lose_torn(round);
-    mending.fill();
+  if (std::find(lost.begin(), lost.end(), 1) != lost.end()) mending.fill();
+  for (int round = 0; round < kRounds && mending.any_torn(); ++round) {
+    if (mending.lose_torn(round))
+      mending.fill();
+    else
+      mending.smooth(kMoreSmoothings);
   }
 }
 
