@@ -246,13 +246,14 @@ class Mending {
       mean.rest /= mean.points;
       mean.now /= mean.points;
     }
+    placed_.assign(clusters_.size(), 0);
+    rotation_.assign(clusters_.size(), Eigen::Quaterniond::Identity());
     if (kept.empty()) return;
     Pairs all(mean_[kept[0]].rest, mean_[kept[0]].now);
     for (const std::size_t c : kept) all.add(mean_[c].rest, mean_[c].now, 1.0);
     const Eigen::Quaterniond whole = all.fit(Eigen::Quaterniond::Identity()).rotation;
     rotation_.assign(clusters_.size(), whole);
-    placed_.assign(clusters_.size(), 1);
-    for (const std::size_t c : empty_) placed_[c] = 0;
+    for (const std::size_t c : kept) placed_[c] = 1;
     for (const std::size_t c : kept) {
       bool beside = false;
       for_points(c, [&](std::size_t i) { beside = beside || lost_[i]; });

@@ -99,4 +99,8 @@ TEST_CASE("Where nothing of the surface is known it stays where it is expected")
   const auto before = s.state.surface;
   solid::correct_surface(Parallel(1), s.rest, kStretch, s.state);
   CHECK(s.state.surface == before);
+  s.state.surface[0] += Vec3d(0.5, 0.0, 0.0);  // a torn edge changes nothing in that
+  const auto torn = s.state.surface;
+  solid::correct_surface(Parallel(1), s.rest, kStretch, s.state);
+  CHECK(s.state.surface == torn);
 }
