@@ -13,7 +13,7 @@ namespace efsi::solid {
 
 // An edge of the surface is torn when it is longer than this times its length at rest times the solid's largest
 // stretch.
-inline constexpr double kTornStretch = 3.0;
+inline constexpr double kTornStretch = 2.5;
 
 // Per point, `lost`: 1 where the map does not hold it; `made_up`: 1 where the map comes from the extension alone. Lost
 // as well are the ends of torn edges, what only torn edges join to the largest part of the surface and, while that does
