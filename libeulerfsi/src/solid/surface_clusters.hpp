@@ -20,10 +20,6 @@ struct SurfaceClusters {
   std::vector<Vec3d> center;                   // mean of its points at rest [m]
 
   std::size_t size() const { return center.size(); }
-  std::size_t bytes() const {
-    return (of_point.size() + first.size() + points.size() + first_link.size() + link.size()) * sizeof(std::int32_t) +
-           center.size() * sizeof(Vec3d);
-  }
 };
 
 // spacing: length of the boxes' edges [m]
