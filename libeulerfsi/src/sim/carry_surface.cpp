@@ -9,7 +9,7 @@ void carry_surface(const StepContext& step, std::size_t l, const solid::RigidSte
   const auto& [parallel, scene, time, dt, profile, info] = step;
   ScopedTimer timer(profile, Stage::kSurface);
   solid::predict_surface(parallel, dt, frame, packed, state);
-  solid::correct_surface(parallel, scene.solids[l], state);
+  solid::correct_surface(parallel, scene.solids[l], work.max_stretch, state);
   solid::measure_leak(scene.solids[l], work, state);
   state.whole = solid::is_whole(scene.grid, scene.params.walls, state);
   timer.visited(state.surface.size(), sizeof(Vec3d));

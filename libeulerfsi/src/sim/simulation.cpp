@@ -145,6 +145,7 @@ std::size_t Simulation::add_solid(const SolidDesc& desc, geometry::MeshReport& r
   if (report.repaired) log_.warning("mesh repaired: " + report.repairs);
   rest.distance = surface->distance;
   rest.surface = surface->mesh;
+  rest.clusters = solid::make_surface_clusters(rest.surface, rest.distance, grid_.h);
   rest.volume = report.solid_volume;
   rest.area = geometry::surface_area(rest.surface);
   if (!(rest.volume > 0.0)) throw Error(ErrorCode::kMesh, "EfsiSolidDef.mesh: encloses no volume");
@@ -533,7 +534,7 @@ void Simulation::set_solid_field(std::size_t index, bool velocity, const float* 
     for (const auto& c : field.c)
       for (Real v : c) solid.speed = std::max(solid.speed, static_cast<double>(std::abs(v)));
   } else {
-    solid::correct_surface(parallel_, solids_[index], solid);
+    solid::place_surface(parallel_, solids_[index], solid);
   }
 }
 

@@ -11,6 +11,7 @@
 #include "geometry/triangle_mesh.hpp"
 #include "grid/grid.hpp"
 #include "material/constitutive.hpp"
+#include "solid/surface_clusters.hpp"
 
 namespace efsi::solid {
 
@@ -26,6 +27,7 @@ struct SolidRest {
   bool compressible = false;          // no pressure acts in its cells
   geometry::SignedDistance distance;  // material space
   geometry::TriangleMesh surface;     // as given, material space
+  SurfaceClusters clusters;           // of its points; none: no vertex is mended
   double volume = 0.0;                // of the closed rest shape [m^3]
   double area = 0.0;                  // of the surface at rest [m^2]
 };

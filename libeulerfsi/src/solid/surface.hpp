@@ -9,8 +9,11 @@
 
 namespace efsi::solid {
 
-// Newton's correction of what predict_surface says, with the new u. A vertex outside the data keeps its prediction.
-void correct_surface(const Parallel& parallel, const SolidRest& rest, SolidState& state);
+// Places the vertices by the map, from where they are: Newton's method. A vertex outside the data stays.
+void place_surface(const Parallel& parallel, const SolidRest& rest, SolidState& state);
+// The same for what predict_surface says, with the new u. Vertices that the map does not hold travel with their
+// neighbours (solid/surface_mend.hpp).
+void correct_surface(const Parallel& parallel, const SolidRest& rest, double max_stretch, SolidState& state);
 // Velocities at the surface vertices [m/s].
 void sample_surface_velocity(const Parallel& parallel, const SolidState& state, std::vector<Vec3d>& velocity);
 

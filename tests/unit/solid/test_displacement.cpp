@@ -42,7 +42,7 @@ void move(TestSolid& s, const std::function<Vec3d(const Vec3d&)>& velocity, doub
   const solid::RigidStep step = solid::steady_step(frame, dt);
   solid::advect(parallel, scheme, dt, step, s.work, s.state, packed);
   solid::predict_surface(parallel, dt, step, packed, s.state);
-  solid::correct_surface(parallel, s.rest, s.state);
+  solid::correct_surface(parallel, s.rest, 1.0, s.state);
   solid::follow_solid(g, s.rest, s.state);
 }
 
@@ -168,7 +168,7 @@ TEST_CASE("The surface follows the map: x - u(x) is the rest position of every v
   f << 1.2, 0.1, 0, 0, 0.9, 0.1, -0.1, 0, 1.0;
   const Mat3d inverse = f.inverse();
   set_displacement(s, [&](const Vec3d& x) -> Vec3d { return x - center - inverse * (x - center); });
-  solid::correct_surface(Parallel(1), s.rest, s.state);
+  solid::place_surface(Parallel(1), s.rest, s.state);
   for (std::size_t p = 0; p < s.state.surface.size(); ++p)
     CHECK((s.state.surface[p] - center - f * (s.rest.surface.points[p] - center)).norm() < 1e-4 * 0.02 * 3);
   // Velocities at the vertices are those of the field.
