@@ -18,7 +18,7 @@ namespace {
 constexpr double kPushOut = 1.0 / 24.0;  // s: in which a wall gives back what is too deep; at least four steps
 constexpr double kDeepest = 1.0;         // cells: deeper than that counts as that
 constexpr double kTouches = 0.2;         // cells: a solid that a wall pushed stays in touch up to here
-constexpr double kBetween = 0.075;       // cells: depth between columns that is not looked at
+constexpr double kBetween = 0.075;       // cells: depth of a vertex between columns that a node in touch does not see
 constexpr double kNoGap = 1e30;          // the column of a node does not meet the solid
 
 // Distance of the undeformed surface of the material at a node [m].
@@ -107,8 +107,8 @@ void fill_gaps(const Grid& band, const solid::SolidRest& rest, const solid::Soli
   }
 }
 
-// Between the columns the surface may lie deeper: its vertices count at the nearest node. face: of the box.
-void lower_gaps(const CommonGrid& common, const solid::SolidState& solid, std::size_t face, Footprint& print) {
+// Between the columns the surface may lie deeper: its vertices are seen by the nearest node. face: of the box.
+void find_vertices(const CommonGrid& common, const solid::SolidState& solid, std::size_t face, Footprint& print) {
   const Grid& g = common.grid;
   const auto a = static_cast<Eigen::Index>(face / 2), u = (a + 1) % 3, v = (a + 2) % 3;
   const double wall = face % 2 ? g.origin[a] + g.h * g.cells[face / 2] : g.origin[a];
@@ -119,10 +119,10 @@ void lower_gaps(const CommonGrid& common, const solid::SolidState& solid, std::s
   }
   for (const Vec3d& x : solid.surface) {
     const double gap = face % 2 ? wall - x[a] : x[a] - wall;
-    if (gap > -kBetween * g.h || gap < -kDeepest * g.h) continue;
+    if (gap > g.h || gap < -kDeepest * g.h) continue;
     const double i = (x[u] - g.origin[u]) / g.h, j = (x[v] - g.origin[v]) / g.h;
     const auto near = at.find({static_cast<int>(std::lround(i)), static_cast<int>(std::lround(j))});
-    if (near != at.end()) near->second->gap = std::min(near->second->gap, gap + kBetween * g.h);
+    if (near != at.end()) near->second->vertex = std::min(near->second->vertex, gap);
   }
 }
 
@@ -134,17 +134,23 @@ LastPresses last_presses(const solid::SolidState& solid) {
   return last;
 }
 
-// Whether a row holds, and what friction does there. v: without the solid's own forces.
-void decide(const solid::WallPress* last, double h, double dt, double friction, const Vec3& v, WallRow& row) {
+// Whether a row holds, and what friction does there. v: without the solid's own forces; fast: the solid is not at rest.
+void decide(const solid::WallPress* last, double h, double dt, bool fast, double friction, const Vec3& v,
+            WallRow& row) {
+  // Vertices a little deeper than the columns do not push, and those of a solid at rest come and go at the edge of a
+  // footprint.
+  const double seen = row.vertex > 0.0 ? row.vertex : std::min(0.0, row.vertex + kBetween * h);
+  if (fast || seen < 0.0) row.gap = std::min(row.gap, seen);
   row.least = static_cast<Real>(least_velocity(row.gap, dt));
   const Real normal = row.out * v[row.axis];
+  const bool pushed = last && last->force > 0;
   if (last && row.gap < kTouches * h) {
-    row.holds = last->force > 0;
+    row.holds = pushed;
     row.least = std::max(row.least, Real(0));
   } else {
     row.holds = normal < row.least;
   }
-  if (!row.holds || !last || !(last->force > 0)) return;
+  if (!row.holds || !pushed) return;
   row.limit = static_cast<Real>(friction * static_cast<double>(last->force) * dt);
   if (!(row.limit > 0)) return;
   row.rub = last->slides ? Rub::kSlides : Rub::kSticks;
@@ -186,14 +192,15 @@ void meet_walls(const StepContext& step, const SolidStates& states, const SolidW
   std::map<std::size_t, std::uint8_t> axes;  // node -> axes with a row
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     const LastPresses last = last_presses(states[l]);
+    const bool fast = states[l].speed * dt > kSlow * scene.grid.h;
     for (std::size_t face = 0; face < 6; ++face) {
       Footprint print = footprint(step, states[l], solids[l], l, matter.common, face);
       if (print.rows.empty()) continue;
       fill_gaps(states[l].band.grid, scene.solids[l], states[l], print);
-      lower_gaps(matter.common, states[l], face, print);
+      find_vertices(matter.common, states[l], face, print);
       for (WallRow& row : print.rows) {
         const auto held = last.find({row.place[0], row.place[1], row.place[2], row.axis});
-        decide(held == last.end() ? nullptr : held->second, scene.grid.h, dt, scene.solids[l].friction,
+        decide(held == last.end() ? nullptr : held->second, scene.grid.h, dt, fast, scene.solids[l].friction,
                velocity.at(row.node), row);
         axes[row.node] |= bit(row.axis);
       }

@@ -1,9 +1,9 @@
 // Purpose: walls push solids and never pull them, and rub them by Coulomb's law: what a step prescribes at the nodes of
-// solids on walls. Along n out of the wall, for the gap g to the solid's surface, the wall's impulse p and its tangential
-// part r (docs/numerics/wall-contact.md):
+// solids on walls. Along n out of the wall, for the gap g to the solid's surface, the wall's impulse p and its
+// tangential part r (docs/numerics/wall-contact.md):
 //   n.v >= tau,  tau = -g/dt (g > 0),  |g| / max(1/24 s, 4 dt) (g < 0),   p >= 0,   |r| <= mu p,  v_t = 0 if <
-// A row that holds prescribes n.v; one that does not moves with the node above it. Which rows hold follows from what the
-// walls pushed in the last step, from where the solid would be after this one, and from the velocity solve.
+// A row that holds prescribes n.v; one that does not moves with the node above it. Which rows hold follows from what
+// the walls pushed in the last step, from where the solid would be after this one, and from the velocity solve.
 #pragma once
 
 #include "sim/step_context.hpp"
@@ -11,8 +11,8 @@
 
 namespace efsi::sim {
 
-// Gives the nodes on walls the velocity that these prescribe, which comes with all forces but the solids' own, and finds
-// the rows of the step. Fixes in matter.fixed what sticks.
+// Gives the nodes on walls the velocity that these prescribe, which comes with all forces but the solids' own, and
+// finds the rows of the step. Fixes in matter.fixed what sticks.
 void meet_walls(const StepContext& step, const SolidStates& states, const SolidWorks& solids, Matter& matter,
                 grid::VectorField& velocity, std::vector<WallRow>& rows);
 // matter.fixed less the rows that do not hold.

@@ -42,6 +42,7 @@ struct WallRow {
   int axis = 0;                                // normal of the wall
   Real out = 1;                                // +-1: along the axis, out of the wall
   double gap = 0.0;                            // to the solid's surface, < 0: beyond the wall [m]
+  double vertex = 1e30;                        // the same of the lowest vertex that is nearest to the node [m]
   Real least = 0;                              // velocity along that [m/s]
   bool holds = false;                          // prescribes it
   Rub rub = Rub::kNone;

@@ -23,7 +23,7 @@ struct SolidRest {
   material::Elastic elastic;
   double density = 1000.0;  // [kg/m^3]
   double rayleigh_alpha = 0.0, rayleigh_beta = 0.0;
-  double friction = 0.0;  // Coulomb's coefficient at walls
+  double friction = 0.0;              // Coulomb's coefficient at walls
   bool compressible = false;          // no pressure acts in its cells
   geometry::SignedDistance distance;  // material space
   geometry::TriangleMesh surface;     // as given, material space

@@ -201,10 +201,7 @@ void VelocitySystem::add_past_stiffness(const Parallel& parallel, const std::vec
   if (std::all_of(past_factor_.begin(), past_factor_.end(), [](Real factor) { return factor == 0; })) return;
   multiply_stiffness(
       parallel, past_factor_, v,
-      [&](std::size_t u, const Vec3& past) -> Vec3 {
-        return Vec3(f[3 * u], f[3 * u + 1], f[3 * u + 2]) + past;
-      },
-      f);
+      [&](std::size_t u, const Vec3& past) -> Vec3 { return Vec3(f[3 * u], f[3 * u + 1], f[3 * u + 2]) + past; }, f);
 }
 
 void VelocitySystem::tie(std::size_t unknown, std::size_t to, int axis) {

@@ -95,8 +95,7 @@ struct SqueezedBall : StagedScene {
     sim::prepare_pressure(step, state.solids, solids, matter, state.fluid.pressure, elasticity, velocity, pressure);
     sim::solve_velocity(step, elasticity, velocity);
     before = unknowns(velocity.field);
-    sim::solve_pressure(step, state.solids, solids, matter, state.fluid.pressure, elasticity, velocity,
-                        pressure);
+    sim::solve_pressure(step, state.solids, solids, matter, state.fluid.pressure, elasticity, velocity, pressure);
     sim::project_velocity(step, matter.common.grid, elasticity, pressure, velocity, state.fluid.pressure);
     after = unknowns(velocity.field);
   }

@@ -218,8 +218,9 @@ TEST_CASE("The share of the stiffness behind is that of the old velocity") {
   scene.system.apply(Parallel(2), x, y);
   stiffer.system.apply(Parallel(2), x, z);
   scene.system.add_past_stiffness(Parallel(2), x, f);
-  const Eigen::VectorXd added = to_vector(scene.system.free())
-                                    .cwiseProduct(to_vector(f) - Eigen::VectorXd::Ones(static_cast<Eigen::Index>(f.size())));
+  const Eigen::VectorXd added =
+      to_vector(scene.system.free())
+          .cwiseProduct(to_vector(f) - Eigen::VectorXd::Ones(static_cast<Eigen::Index>(f.size())));
   CHECK((added - (to_vector(z) - to_vector(y))).norm() < 100 * kTolerance * added.norm());
   stiffer.system.add_past_stiffness(Parallel(2), x, f = x);
   CHECK(f == x);
