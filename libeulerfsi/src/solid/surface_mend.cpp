@@ -10,7 +10,7 @@
 namespace efsi::solid {
 namespace {
 
-constexpr double kRounding = 5e-4;   // cells: of edges without a length
+constexpr double kShortest = 5e-4;   // cells: of edges without a length
 constexpr int kRounds = 8;           // of looking for torn edges
 constexpr int kSweeps = 8;           // over clusters that have lost all points
 constexpr int kSmoothings = 8;       // over lost points
@@ -184,7 +184,7 @@ class Mending {
   }
 
   bool torn(std::size_t a, std::size_t b) const {
-    const double limit = kTornStretch * stretch_ * (rest_[a] - rest_[b]).norm() + kRounding * h_;
+    const double limit = kTornStretch * stretch_ * (rest_[a] - rest_[b]).norm() + kShortest * h_;
     return (now_[a] - now_[b]).squaredNorm() > limit * limit;
   }
 
