@@ -226,41 +226,38 @@ void share_nodes(const Parallel& parallel, const Scene& scene, State& state, Wor
 
 }  // namespace
 
-void compute_masses(const Parallel& parallel, const Scene& scene, State& state, Workspace& work, Profile& profile) {
+void compute_solid_masses(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work,
+                          Profile& profile) {
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     ScopedTimer timer(profile, Stage::kSolidMass);
     solid::compute_mass(parallel, scene.solids[l], state.solids[l], work.solids[l]);
     timer.visited(work.solids[l].mass.size(), 5 * sizeof(Real));
   }
+}
+
+void compute_masses(const Parallel& parallel, const Scene& scene, State& state, Workspace& work, Profile& profile) {
+  compute_solid_masses(parallel, scene, state, work, profile);
   share_nodes(parallel, scene, state, work, profile);
   work.masses_ready = true;
 }
 
-void repair_maps(const Parallel& parallel, const Scene& scene, State& state, Workspace& work, Profile& profile,
-                 StepInfo& info) {
+std::uint64_t repair_maps(const Parallel& parallel, const Scene& scene, State& state, Workspace& work,
+                          Profile& profile) {
   std::uint64_t cells = 0;
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     ScopedTimer timer(profile, Stage::kSolidMass);
     cells += solid::repair_map(parallel, scene.solids[l], state.solids[l], work.solids[l]);
   }
-  info.degenerate_cells += cells;
   if (cells > 0) share_nodes(parallel, scene, state, work, profile);
+  return cells;
 }
 
 namespace {
 
-constexpr double kMostLift = 1.0;
+constexpr double kMostLift = 1.0;  // of its weight
 
-// What gravity changes in the velocities of the fluid and of each solid in a step [m/s].
-struct Weight {
-  Vec3 fluid;
-  std::vector<Vec3> solids;
-};
+}  // namespace
 
-// Weight less the buoyancy in an ambient density, whose hydrostatic pressure the pressure leaves out: the fluid's. So a
-// solid floats by what it weighs and not by how the stairs of its cells sum up the pressure, and what has the fluid's
-// density stays at rest. A light solid is not pushed up with more than kMostLift times its weight, which the elastic
-// solve would follow before the pressure answers; the rest of its buoyancy is the pressure's.
 Weight weight_in_step(const Scene& scene, double dt, const Workspace& work) {
   const bool fluid = scene.params.fluid.present;
   double ambient = fluid ? scene.params.fluid.density : 0.0;
@@ -277,11 +274,9 @@ Weight weight_in_step(const Scene& scene, double dt, const Workspace& work) {
   return weight;
 }
 
-}  // namespace
-
-void combine_velocities(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work) {
+void combine_velocities(const Parallel& parallel, const Scene& scene, const Weight& weight, State& state,
+                        Workspace& work) {
   const Grid& g = work.common.grid;
-  const Weight weight = weight_in_step(scene, dt, work);
   if (scene.params.fluid.present)
     std::swap(work.velocity.c, state.fluid.velocity.c);  // the advection gives it back
   else
@@ -339,8 +334,11 @@ void add_external_forces(const Parallel& parallel, const Scene& scene, double dt
   const std::uint64_t visited = fluid::add_body_forces(parallel, g, scene.params.fluid, state.fluid,
                                                        scene.params.gravity, dt, work.specific_volume, work.velocity);
   timer.visited(visited, 4 * sizeof(Real));
+}
+
+void impose_walls(const Parallel& parallel, Workspace& work) {
   work.slip.share_normal(parallel, work.velocity);
-  enforce_walls(parallel, g, work.fixed, work.velocity);
+  enforce_walls(parallel, work.common.grid, work.fixed, work.velocity);
 }
 
 void assemble_velocity_system(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,

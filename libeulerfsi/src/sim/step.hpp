@@ -2,12 +2,15 @@
 // Paper: Alg. 1.
 #pragma once
 
+#include <optional>
 #include <span>
 
 #include "base/parallel.hpp"
+#include "sim/energy_ledger.hpp"
 #include "sim/params.hpp"
 #include "sim/profile.hpp"
 #include "sim/state.hpp"
+#include "sim/step_record.hpp"
 #include "sim/workspace.hpp"
 
 namespace efsi::sim {
@@ -22,6 +25,9 @@ struct StepInfo {
   double max_speed_solid = 0.0, max_speed_fluid = 0.0;
   double min_det_f = 1.0, max_det_f = 1.0;
   std::uint64_t degenerate_cells = 0, retries = 0, unconverged = 0;
+  Repairs repairs;                         // of the last step
+  std::vector<TransportChange> transport;  // per solid, of the last step; empty where nothing restores momenta
+  std::optional<EnergyRecord> energy;      // of the last step, where the ledger is on
 };
 
 struct Scene {

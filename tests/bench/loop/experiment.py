@@ -104,7 +104,7 @@ class Experiment:
             values[f"wall[{face}]"] = binding.WALLS[kind]
         if self.cfl is not None:
             values["cfl_solid"] = self.cfl
-        return values | self.set_in(binding.SimulationDef)
+        return values | self.set_in(binding.SimulationDef) | {"energy_ledger": 1}
 
     def solid(self) -> dict[str, Any]:
         """Fields of EfsiSolidDef."""
@@ -159,7 +159,7 @@ def simulate(run: Experiment) -> dict[str, Any]:
                     seconds = time.perf_counter() - clock
                     if run.load and abs(info["dt"] - run.dt) > 1e-6:
                         raise ValueError(f"the load was given for a step of {run.dt:g} s, it was {info['dt']:g} s")
-                    columns.append(info | {"seconds": seconds} | observe(simulation, rest, areas))
+                    columns.append(info | {"seconds": seconds} | record(simulation) | observe(simulation, rest, areas))
                     low, high = columns[-1]["det_f_interior"]
                     if not (low > 1 / TORN and high < TORN):
                         raise ValueError(f"blown up: interior det F {low:.3g}..{high:.3g} at {simulation.time:.3g} s")
@@ -199,6 +199,22 @@ def observe(simulation: Simulation, rest: np.ndarray, areas: np.ndarray) -> dict
         "second_moments": list(weights @ points**2),
         "misshape": float(np.linalg.norm(points - (rest - weights @ rest), axis=1).max()),
         **inside,
+    }
+
+
+def record(simulation: Simulation) -> dict[str, Any]:
+    """What the last step did: repairs, what the transport of solid 1 changed, the columns of the energy ledger.
+
+    energy_change: (stages, forms) [J]; energy_end: (forms,) [J]; stages and forms as in the binding.
+    """
+    repairs, moved, ledger = simulation.repairs(), simulation.transport_change(1), simulation.energy_ledger()
+    return {
+        **{name: repairs[name] for name in ("clamped", "rejected", "broken", "put_back")},
+        "det_f_before": [repairs["min_det_f_before"], repairs["max_det_f_before"]],
+        **{f"transport_{name}": value for name, value in moved.items()},
+        "energy_end": list(ledger["end"].values()),
+        "energy_change": [list(column.values()) for column in ledger["change"].values()],
+        "source_work": ledger["source_work"],
     }
 
 

@@ -6,11 +6,13 @@ import dataclasses
 from typing import Any
 
 import numpy as np
+from eulerfsi import binding
 
 from .experiment import Experiment
 
 # Steps whose divergence before the projection is below this part of the run's largest say nothing about the ratio.
 QUIET = 0.01
+FORMS = [name for name, *_ in binding.Energy._fields_]  # of energy, in the order of the ledger
 
 
 @dataclasses.dataclass
@@ -91,6 +93,40 @@ def mechanical_energy(result: Result) -> np.ndarray:
     return (
         result.with_start("kinetic_energy") + result.with_start("elastic_energy") + mass * result.run.gravity * height
     )
+
+
+def ledger(result: Result) -> np.ndarray:
+    """Columns of the energy ledger, (steps, stages, forms) [J]."""
+    return result["energy_change"]
+
+
+def total_energy(result: Result) -> np.ndarray:
+    """All energy of a run less outside work, start and every step [J]; potential energy above its lowest.
+
+    Outside work: the stage "outside", and what the laboratory does between two steps (a load).
+    """
+    inside = ledger(result).sum(axis=2)
+    inside[:, binding.ENERGY_STAGES.index("outside")] = 0
+    first = result["energy_end"][0] - ledger(result)[0].sum(axis=0)
+    forms = np.concatenate([first[None], result["energy_end"]])
+    above = forms[0].sum() - forms[:, FORMS.index("potential")].min()
+    return above + np.concatenate([[0.0], np.cumsum(inside.sum(axis=1))])
+
+
+@dataclasses.dataclass
+class Rise:
+    """The largest rise of a series above its running minimum, and the steps between which it happens."""
+
+    size: float
+    begin: int
+    end: int
+
+
+def largest_rise(values: np.ndarray) -> Rise:
+    """begin: index of the lowest value before the largest rise, end: of the value that is so much above it."""
+    above = values - np.minimum.accumulate(values)
+    end = int(np.argmax(above))
+    return Rise(float(above[end]), int(np.argmin(values[: end + 1])), end)
 
 
 def at_time(result: Result, name: str, time: float) -> float:

@@ -78,7 +78,7 @@ struct SqueezedBall : OneSolid {
     sim::Profile profile;
     sim::compute_masses(parallel, scene, state, work, profile);
     solid::compute_material(parallel, rest[0], state.solids[0], 1, work.solids[0]);
-    sim::combine_velocities(parallel, scene, dt, state, work);
+    sim::combine_velocities(parallel, scene, sim::weight_in_step(scene, dt, work), state, work);
     sim::assemble_velocity_system(parallel, scene, dt, state, work, profile);
     sim::prepare_pressure(parallel, scene, dt, state, work, profile);
     sim::solve_velocity(parallel, scene, work, profile, info);

@@ -1,0 +1,151 @@
+"""The laws of the energy ledger, of repairs and of what the transport loses: on the runs of the other laws."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from eulerfsi import binding
+
+from . import elastic_laws, laws
+from .experiment import Experiment
+from .laws import Line, Results, conditions, found
+from .measure import FORMS, Result, Rise, largest_rise, ledger, total_energy
+
+MOST_RISE = 0.02  # of the largest energy so far
+CLOSES = 1e-3  # of the largest energy so far
+FREE_OF_FOLDS = ("ball", "box", "torus")  # every feature is 4 cells or more
+
+# What belongs together: (stage, form) pairs whose sum is what a mechanism makes of energy. The stress moves energy from
+# one form to the other and back, and so does weight.
+MECHANISMS: Mapping[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
+    "weight": (("weight", tuple(FORMS)), ("solid_transport", ("potential",)), ("remap", ("potential",))),
+    "elasticity": (("velocity", tuple(FORMS)), ("solid_transport", ("elastic",))),
+    "transport of v": (("solid_transport", ("solid_kinetic",)),),
+    "remapping": (("remap", ("solid_kinetic", "elastic", "fluid_kinetic")),),
+} | {
+    stage.replace("_", " "): ((stage, tuple(FORMS)),)
+    for stage in ("mixing", "outside", "walls", "pressure", "fluid_transport", "repair", "momentum")
+}
+
+
+def by_mechanism(changes: np.ndarray) -> dict[str, float]:
+    """What each mechanism makes [J]. changes: (stages, forms), summed over the steps."""
+    at = {stage: row for stage, row in zip(binding.ENERGY_STAGES, changes, strict=True)}
+    return {
+        name: float(sum(at[stage][FORMS.index(form)] for stage, forms in parts for form in forms))
+        for name, parts in MECHANISMS.items()
+    }
+
+
+def energy_runs(tier: str) -> list[Experiment]:
+    return [
+        *laws.bounce_runs(tier),
+        *laws.spin_runs(tier),
+        *elastic_laws.oscillation_runs(tier),
+        *elastic_laws.squash_runs(tier),
+        *laws.momentum_runs(tier),
+        *laws.rest_runs(tier),
+    ]
+
+
+def largest_so_far(energy: np.ndarray) -> np.ndarray:
+    return np.maximum.accumulate(np.abs(energy))
+
+
+def judge_energy(results: Results, tier: str) -> list[Line]:
+    lines = []
+    for result in found(results, energy_runs(tier)):
+        run, energy = result.run, total_energy(result)
+        scale = largest_so_far(energy)
+        rise = largest_rise(energy)
+        share = float(((energy - np.minimum.accumulate(energy)) / np.maximum(scale, 1e-12)).max())
+        result.numbers["energy made"] = share
+        at = conditions(result, f"{run.scene}, largest energy {scale[-1]:.3g} J, {made_by(result, rise)}")
+        bar = f"rise above its running minimum <= {MOST_RISE:g} of the largest so far"
+        lines.append(Line("energy", bar, share, "", 0, MOST_RISE, at))
+        at = conditions(result, f"{run.scene}, worst step")
+        bar = f"columns join the diagnostics of the solid within {CLOSES:g} of the largest so far"
+        lines.append(Line("energy", bar, float((gap(result) / scale[1:]).max()), "", 0, CLOSES, at))
+        lines.append(
+            Line("energy", "work of the volume source", float(result["source_work"].sum()), "J", conditions=at)
+        )
+    return lines
+
+
+def made_by(result: Result, rise: Rise) -> str:
+    """In words, what makes the largest rise; nothing of less than a tenth of it."""
+    if rise.size <= 0:
+        return "never rises"
+    parts = by_mechanism(ledger(result)[rise.begin : rise.end].sum(axis=0))
+    parts.pop("outside")
+    large = sorted((item for item in parts.items() if abs(item[1]) > 0.1 * rise.size), key=lambda item: -item[1])
+    words = ", ".join(f"{name} {value:+.2g}" for name, value in large)
+    return f"rises by {rise.size:.3g} J from {result.times[rise.begin]:.3g} to {result.times[rise.end]:.3g} s: {words}"
+
+
+def gap(result: Result) -> np.ndarray:
+    """Between the sums of the columns and what the diagnostics changed by since the start, per step [J]: the solid."""
+    sums = np.cumsum(ledger(result).sum(axis=1), axis=0)
+    names = {"solid_kinetic": "kinetic_energy", "elastic": "elastic_energy"}
+    return sum(np.abs(sums[:, FORMS.index(f)] - (result[name] - result.start[name])) for f, name in names.items())
+
+
+# --- repairs ---------------------------------------------------------------------------------------------------------
+
+
+def judge_repairs(results: Results, tier: str) -> list[Line]:
+    lines = []
+    for result in found(results, energy_runs(tier)):
+        run = result.run
+        at = conditions(result, run.scene)
+        counts = {name: int(result[name].sum()) for name in ("clamped", "rejected", "broken", "put_back")}
+        result.numbers |= {name.replace("_", " "): float(count) for name, count in counts.items() if count}
+        judged = run.shape in FREE_OF_FOLDS and not run.compressible
+        low, high = float(result["det_f_before"][:, 0].min()), float(result["det_f_before"][:, 1].max())
+        words = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in counts.items())
+        zero = (0, 0) if judged else (None, None)
+        lines.append(Line("repairs", "cells out of bounds = 0", sum(counts.values()), "cells", *zero, f"{at}, {words}"))
+        least, most = (0.5, 2.0) if judged else (None, None)
+        above, below = (np.inf, 0.0) if judged else (None, None)
+        lines.append(Line("repairs", "lowest det F before repair >= 0.5", low, "", least, above, at))
+        lines.append(Line("repairs", "highest det F before repair <= 2", high, "", below, most, at))
+    return lines
+
+
+# --- what the transport loses ----------------------------------------------------------------------------------------
+
+# Per second: sums of the magnitudes of what the steps' transports change before anything restores it. Volumes over that
+# at rest; momentum over the largest of the run, angular momentum over that times R.
+LOSSES = ("volume_mesh", "volume_cells", "momentum", "angular_momentum")
+# What it was when the bars were set.
+LOSS_BARS: Mapping[tuple[str, int], tuple[float, float, float, float]] = {}
+
+
+def losses(result: Result) -> dict[str, float]:
+    """Of LOSSES, per second."""
+    seconds = float(result["dt"].sum())
+    speed = float(np.linalg.norm(result.velocity, axis=1).max())
+    turning = float(np.linalg.norm(result.with_start("angular_momentum"), axis=1).max())
+    momentum = max(result.start["mass"] * speed, turning / laws.RADIUS, 1e-9)
+    scale = dict.fromkeys(LOSSES, 1.0) | {"momentum": momentum, "angular_momentum": momentum * laws.RADIUS}
+    sums = {name: np.linalg.norm(np.atleast_2d(result[f"transport_{name}"].T), axis=0).sum() for name in LOSSES}
+    return {name: float(sums[name] / scale[name] / seconds) for name in LOSSES}
+
+
+def judge_transport(results: Results, tier: str) -> list[Line]:
+    lines = []
+    for result in found(results, energy_runs(tier)):
+        run = result.run
+        at = conditions(result, run.scene)
+        bars = LOSS_BARS.get((loss_key(run), run.across), (None,) * len(LOSSES))
+        for (name, value), bar in zip(losses(result).items(), bars, strict=True):
+            result.numbers[f"transport {name.replace('_', ' ')} [1/s]"] = value
+            text = f"{name.replace('_', ' ')} changed by the transport" + ("" if bar is None else f" <= {bar:g}")
+            lines.append(Line("transport", text, value, "1/s", None if bar is None else 0, bar, at))
+    return lines
+
+
+def loss_key(run: Experiment) -> str:
+    """Name of a run in LOSS_BARS: scene, shape and density ratio."""
+    return f"{run.scene}, {run.shape}, {'vacuum' if run.density_ratio is None else f'{run.density_ratio:g}:1'}"
