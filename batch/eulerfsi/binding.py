@@ -224,6 +224,7 @@ class Energy(Structure):
 class EnergyLedger(Structure):
     _fields_ = [
         ("end", Energy),
+        ("at_start", Energy),
         ("change", Energy * len(ENERGY_STAGES)),
         ("source_work", c_double),
     ]

@@ -304,14 +304,16 @@ class Simulation:
         return to_dict(out)
 
     def energy_ledger(self) -> dict[str, Any]:
-        """Of the last step [J]: {"end": {form: energy}, "change": {stage: {form: change}}, "source_work": work}.
+        """Of the last step [J]: {"end": {form: energy}, "at_start": the same, "change": {stage: {form: change}},
+        "source_work": work}.
 
         Forms: fields of EfsiEnergy; stages: binding.ENERGY_STAGES. Raises LibraryError where energy_ledger is off.
         """
         out = binding.EnergyLedger()
         self._check(self._lib.efsi_simulation_get_energy_ledger(self._handle, byref(out)))
         change = dict(zip(binding.ENERGY_STAGES, map(to_dict, out.change), strict=True))
-        return {"end": to_dict(out.end), "change": change, "source_work": out.source_work}
+        energies = {"end": to_dict(out.end), "at_start": to_dict(out.at_start)}
+        return {**energies, "change": change, "source_work": out.source_work}
 
     def profile(self) -> dict[str, Any]:
         """Fields of EfsiProfile; seconds, tiles and bytes are dicts by stage."""

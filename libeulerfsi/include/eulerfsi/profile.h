@@ -114,9 +114,11 @@ typedef struct EfsiEnergy {
   double solid_kinetic, elastic, fluid_kinetic, potential; /* [J] */
 } EfsiEnergy;
 
-/* Of the last step. end less the sum of all changes is what it began with. */
+/* Of the last step. end less the sum of all changes is what it began with. A step ends with the velocity that has moved
+ * u, that of half a step before; at_start has u and v of the time at which the step began. */
 typedef struct EfsiEnergyLedger {
   EfsiEnergy end;
+  EfsiEnergy at_start;
   EfsiEnergy change[EFSI_ENERGY_STAGE_COUNT];
   double source_work; /* of the pressure through the volume source: part of the stage pressure [J] */
 } EfsiEnergyLedger;

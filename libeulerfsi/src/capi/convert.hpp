@@ -208,6 +208,7 @@ inline EfsiEnergy to_c(const sim::Energy& e) { return {e.solid_kinetic, e.elasti
 inline EfsiEnergyLedger to_c(const sim::EnergyRecord& r) {
   EfsiEnergyLedger c{};
   c.end = to_c(r.end);
+  c.at_start = to_c(r.at_start);
   for (std::size_t s = 0; s < sim::kEnergyStages; ++s) c.change[s] = to_c(r.change[s]);
   c.source_work = r.source_work;
   return c;

@@ -29,6 +29,26 @@ double push_work(const Vec3& push, double mass, const Vec3d& momentum) {
   return p.dot(momentum) + 0.5 * mass * p.squaredNorm();
 }
 
+// 1/2 sum m w^2 of a solid, w the mean of its velocity and that of the nodes of `common`, and `back` added.
+double mean_energy(const Parallel& parallel, const Grid& common, const solid::SolidState& state,
+                   const std::vector<Real>& mass, const grid::VectorField& velocity, const solid::RigidMotion& back) {
+  const Grid& g = state.band.grid;
+  const Vec3i lo = grid::offset(g, common);
+  return parallel.sum(g.cells[2] + 1, [&](std::int64_t kk) {
+    const int k = static_cast<int>(kk);
+    double sum = 0.0;
+    for (int j = 0; j <= g.cells[1]; ++j)
+      for (int i = 0; i <= g.cells[0]; ++i) {
+        const std::size_t n = g.node(i, j, k);
+        if (!(mass[n] > 0)) continue;
+        const Vec3d now = velocity.at(common.node(i + lo[0], j + lo[1], k + lo[2])).cast<double>();
+        const Vec3d w = 0.5 * (state.v.at(n).cast<double>() + now) + back.at(g.node_position(i, j, k));
+        sum += 0.5 * static_cast<double>(mass[n]) * w.squaredNorm();
+      }
+    return sum;
+  });
+}
+
 }  // namespace
 
 Energy& Energy::operator+=(const Energy& other) {
@@ -114,7 +134,8 @@ void EnergyLedger::open(const Grid& common, const std::vector<Real>& fluid_mass,
     const solid::SolidState& state = solids_.state[l];
     first_.push_back(solid::measure_momenta(parallel_, state.band, solids_.work[l], state.band.grid, state.v));
   }
-  record_.end = of_states(fluid_mass_, fluid_velocity, true);
+  record_.end = record_.at_start = of_states(fluid_mass_, fluid_velocity, true);
+  if (around_.fluid) fluid_velocity_ = fluid_velocity;
 }
 
 void EnergyLedger::weigh(const grid::VectorField& fluid_velocity, const Vec3& fluid, std::span<const Vec3> solids) {
@@ -136,6 +157,26 @@ void EnergyLedger::book_nodes(EnergyStage stage, system::SlipNodes& slip, grid::
     now.solid_kinetic +=
         solid::measure_momenta(parallel_, solids_.state[l].band, solids_.work[l], common_, velocity).kinetic_energy;
   book(stage, now);
+}
+
+void EnergyLedger::meet(system::SlipNodes& slip, grid::VectorField& velocity, std::span<const solid::RigidStep> frames,
+                        double dt) {
+  if (!on_) return;
+  if (around_.fluid) {
+    for (std::size_t a = 0; a < 3; ++a)
+      for (std::size_t n = 0; n < velocity.size(); ++n)
+        fluid_velocity_.c[a][n] = Real(0.5) * (fluid_velocity_.c[a][n] + velocity.c[a][n]);
+    record_.at_start.fluid_kinetic = fluid_energy(fluid_mass_, fluid_velocity_);
+  }
+  record_.at_start.solid_kinetic = 0.0;
+  const system::SolidView view(parallel_, slip, velocity);
+  for (std::size_t l = 0; l < solids_.state.size(); ++l) {
+    const solid::RigidStep& f = frames[l];
+    const solid::RigidMotion back{f.velocity.center, f.shift / dt - f.velocity.linear,
+                                  f.turn / dt - f.velocity.angular};
+    record_.at_start.solid_kinetic +=
+        mean_energy(parallel_, common_, solids_.state[l], solids_.work[l].mass, velocity, back);
+  }
 }
 
 void EnergyLedger::book_source(const std::vector<Real>& pressure, const std::vector<Real>& source, double dt) {

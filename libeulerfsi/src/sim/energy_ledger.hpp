@@ -43,6 +43,7 @@ Energy operator-(const Energy& a, const Energy& b);
 // A step's columns. end less the sum of all changes is what the step began with.
 struct EnergyRecord {
   Energy end;
+  Energy at_start;  // with the velocities of the time at which the step begins, see EnergyLedger::meet
   std::array<Energy, kEnergyStages> change{};
   double source_work = 0.0;  // dt sum of p b h^3, part of kPressure [J]
 };
@@ -78,6 +79,10 @@ class EnergyLedger {
   void weigh(const grid::VectorField& fluid_velocity, const Vec3& fluid, std::span<const Vec3> solids);
   // The velocities are those of the nodes of `common`, with that of the fluid at slip nodes.
   void book_nodes(EnergyStage stage, system::SlipNodes& slip, grid::VectorField& velocity);
+  // Transport moves u by the velocity that a step ends with, so that this is the one of the middle of the step, and the
+  // mean of those that it begins and ends with is the one of its start. The rigid motion is different: transport moves
+  // it by the mean, so that it belongs to the ends of the steps. frames: of the transport that follows.
+  void meet(system::SlipNodes& slip, grid::VectorField& velocity, std::span<const solid::RigidStep> frames, double dt);
   void book_source(const std::vector<Real>& pressure, const std::vector<Real>& source, double dt);
   // Solid l at the start of its transport: its velocity has been extended, the masses are those of the start.
   void leave(std::size_t l);
@@ -102,6 +107,7 @@ class EnergyLedger {
   Surroundings around_;
   grid::Grid common_;
   std::vector<Real> fluid_mass_;       // at the start
+  grid::VectorField fluid_velocity_;   // at the start
   std::vector<solid::Momenta> first_;  // of the solids at the start
   Energy shape_;                       // of the solids, before their transport
   EnergyRecord record_;

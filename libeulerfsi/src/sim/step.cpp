@@ -35,6 +35,12 @@ const EnergyRecord& close_ledger(const Parallel& parallel, const Scene& scene, S
   return ledger.record();
 }
 
+std::vector<solid::RigidStep> transport_frames(const Scene& scene, const Workspace& work, double dt) {
+  std::vector<solid::RigidStep> frames;
+  for (std::size_t l = 0; l < scene.solids.size(); ++l) frames.push_back(transport_frame(scene, work, l, dt));
+  return frames;
+}
+
 // Line 7 after the masses, and the right-hand side's forces.
 void apply_forces(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
                   Profile& profile, EnergyLedger& ledger) {
@@ -112,6 +118,8 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   ledger.book_source(state.fluid.pressure, work.source, dt);
 
   if (numerics.conserve_momentum) measure_momentum(parallel, scene, state, work);
+  const std::vector<solid::RigidStep> frames = transport_frames(scene, work, dt);
+  ledger.meet(work.slip, work.velocity, frames, dt);
   std::vector<VolumeTarget> targets;
 
   work.pressure_system.exchange_scratch(work.solid_advect.storage());
@@ -124,15 +132,14 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
     }
     ledger.leave(l);
     targets.push_back(volume_target(scene.solids[l], state.solids[l], work.solids[l]));
-    const solid::RigidStep frame = transport_frame(scene, work, l, dt);
     {
       ScopedTimer timer(profile, Stage::kSolidAdvection);
-      solid::advect(parallel, numerics.solid_advection, dt, frame,  // Alg. 1 lines 19, 20
+      solid::advect(parallel, numerics.solid_advection, dt, frames[l],  // Alg. 1 lines 19, 20
                     work.solids[l], state.solids[l], work.solid_advect);
     }
     {
       ScopedTimer timer(profile, Stage::kSurface);
-      solid::predict_surface(parallel, dt, frame, work.solid_advect, state.solids[l]);
+      solid::predict_surface(parallel, dt, frames[l], work.solid_advect, state.solids[l]);
       solid::correct_surface(parallel, scene.solids[l], state.solids[l]);
       solid::measure_leak(scene.solids[l], work.solids[l], state.solids[l]);
       state.solids[l].whole = solid::is_whole(box, params.walls, state.solids[l]);

@@ -205,7 +205,7 @@ def observe(simulation: Simulation, rest: np.ndarray, areas: np.ndarray) -> dict
 def record(simulation: Simulation) -> dict[str, Any]:
     """What the last step did: repairs, what the transport of solid 1 changed, the columns of the energy ledger.
 
-    energy_change: (stages, forms) [J]; energy_end: (forms,) [J]; stages and forms as in the binding.
+    energy_change: (stages, forms) [J]; energy_end, energy_at_start: (forms,) [J]; stages and forms as in the binding.
     """
     repairs, moved, ledger = simulation.repairs(), simulation.transport_change(1), simulation.energy_ledger()
     return {
@@ -213,6 +213,7 @@ def record(simulation: Simulation) -> dict[str, Any]:
         "det_f_before": [repairs["min_det_f_before"], repairs["max_det_f_before"]],
         **{f"transport_{name}": value for name, value in moved.items()},
         "energy_end": list(ledger["end"].values()),
+        "energy_at_start": list(ledger["at_start"].values()),
         "energy_change": [list(column.values()) for column in ledger["change"].values()],
         "source_work": ledger["source_work"],
     }

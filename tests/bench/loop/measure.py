@@ -101,16 +101,20 @@ def ledger(result: Result) -> np.ndarray:
 
 
 def total_energy(result: Result) -> np.ndarray:
-    """All energy of a run less outside work, start and every step [J]; potential energy above its lowest.
+    """All energy at the start of every step, u and v of one time, less outside work (the stage "outside") [J].
 
-    Outside work: the stage "outside", and what the laboratory does between two steps (a load).
+    Potential energy counts from its lowest. What the laboratory does between two steps stays in.
     """
-    inside = ledger(result).sum(axis=2)
-    inside[:, binding.ENERGY_STAGES.index("outside")] = 0
-    first = result["energy_end"][0] - ledger(result)[0].sum(axis=0)
-    forms = np.concatenate([first[None], result["energy_end"]])
-    above = forms[0].sum() - forms[:, FORMS.index("potential")].min()
-    return above + np.concatenate([[0.0], np.cumsum(inside.sum(axis=1))])
+    forms = result["energy_at_start"]
+    work = ledger(result)[:, binding.ENERGY_STAGES.index("outside")].sum(axis=1)
+    potential = forms[:, FORMS.index("potential")]
+    return forms.sum(axis=1) - potential.min() - (np.cumsum(work) - work / 2)
+
+
+def half_steps(result: Result) -> np.ndarray:
+    """At the start of every step, what the energy of one time has more than that of the velocities as they are [J]."""
+    began = result["energy_end"].sum(axis=1) - ledger(result).sum(axis=(1, 2))
+    return result["energy_at_start"].sum(axis=1) - began
 
 
 @dataclasses.dataclass
