@@ -123,8 +123,8 @@ static void check_refusals(void) {
   EfsiTransportChange change;
   CHECK(efsi_solid_get_transport_change(sim, 7, &change) == EFSI_ERROR_ARGUMENT);
   efsi_simulation_destroy(sim);
-  EfsiSimulationDef def = box_def();
   EfsiEnergyLedger ledger;
+  def = box_def();
   def.energy_ledger = 0;
   CHECK_OK(NULL, efsi_simulation_create(&def, &sim, NULL));
   CHECK(efsi_simulation_get_energy_ledger(sim, &ledger) == EFSI_ERROR_ARGUMENT);

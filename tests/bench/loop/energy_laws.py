@@ -9,12 +9,11 @@ from eulerfsi import binding
 
 from . import elastic_laws, laws
 from .experiment import Experiment
-from .laws import Line, Results, conditions, found
+from .laws import Line, Results, conditions, found, out_of_bounds, resolved
 from .measure import FORMS, Result, Rise, half_steps, largest_rise, ledger, total_energy
 
 MOST_RISE = 0.02  # of the largest energy so far
 CLOSES = 1e-3  # of the largest energy so far
-FREE_OF_FOLDS = ("ball", "box", "torus")  # every feature is 4 cells or more
 
 # What belongs together: (stage, form) pairs whose sum is what a mechanism makes of energy. The stress moves energy from
 # one form to the other and back, and so does weight.
@@ -100,9 +99,9 @@ def judge_repairs(results: Results, tier: str) -> list[Line]:
     for result in found(results, energy_runs(tier)):
         run = result.run
         at = conditions(result, run.scene)
-        counts = {name: int(result[name].sum()) for name in ("clamped", "rejected", "broken", "put_back")}
+        counts = out_of_bounds(result)
         result.numbers |= {name.replace("_", " "): float(count) for name, count in counts.items() if count}
-        judged = run.shape in FREE_OF_FOLDS and not run.compressible
+        judged = resolved(run)
         low, high = float(result["det_f_before"][:, 0].min()), float(result["det_f_before"][:, 1].max())
         words = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in counts.items())
         zero = (0, 0) if judged else (None, None)
