@@ -16,15 +16,20 @@ MOST_RISE = 0.02  # of the largest energy so far
 CLOSES = 1e-3  # of the largest energy so far
 
 # What belongs together: (stage, form) pairs whose sum is what a mechanism makes of energy. The stress moves energy from
-# one form to the other and back, and so does weight.
+# one form to the other and back, and so does weight. A solid that lies on a floor gives the pressure what the stress
+# takes, and the coupling step mixes both.
 MECHANISMS: Mapping[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
     "weight": (("weight", tuple(FORMS)), ("solid_transport", ("potential",)), ("remap", ("potential",))),
-    "elasticity": (("velocity", tuple(FORMS)), ("solid_transport", ("elastic",))),
+    "elasticity and pressure": (
+        ("velocity", tuple(FORMS)),
+        ("pressure", tuple(FORMS)),
+        ("solid_transport", ("elastic",)),
+    ),
     "transport of v": (("solid_transport", ("solid_kinetic",)),),
     "remapping": (("remap", ("solid_kinetic", "elastic", "fluid_kinetic")),),
 } | {
     stage.replace("_", " "): ((stage, tuple(FORMS)),)
-    for stage in ("mixing", "outside", "walls", "pressure", "fluid_transport", "repair", "momentum")
+    for stage in ("mixing", "outside", "walls", "fluid_transport", "repair", "momentum")
 }
 
 
