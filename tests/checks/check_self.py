@@ -21,6 +21,14 @@ void step() {
 """
 LINES = (1, 3, 4, 7, 8, 9, 10, 11, 13, 14, 18, 19, 20, 22)
 EQUATIONS = (1, 8, 12, 13, 14, 15)
+MECHANISM = """# Stage
+| `kLimit` | 3 | - | most |
+
+**Guarded by** `tests/unit/test_stage.cpp`: "A stage is
+a stage".
+
+**Trials.** [index](README.md#index-of-all)
+"""
 GOOD = {
     "libeulerfsi/include/eulerfsi/base.h": "#define EFSI_API\n/* Does it. */\nEFSI_API int efsi_do(int a);\n",
     "libeulerfsi/src/base/error.hpp": "// Purpose: errors.\nnamespace efsi { inline const int kLimit = 3; }\n",
@@ -29,6 +37,11 @@ GOOD = {
     "libeulerfsi/src/system/stage.cpp": '// Purpose: stage.\n#include "system/stage.hpp"\nvoid stage() {\n}\n',
     "libeulerfsi/src/sim/step.cpp": STEP % "".join(f"  stage();  // Alg. 1 line {n}\n" for n in LINES),
     "libeulerfsi/src/io/vdb_io.cpp": "#include <openvdb/openvdb.h>\n",
+    "tests/unit/test_stage.cpp": 'TEST_CASE("A stage is a stage") {}\n',
+    "README.md": "[lines](docs/algorithm.md), `system/stage.cpp`, <https://example.org/a/b.cpp>\n",
+    "docs/architecture.md": "| `tests/unit/` | `src/` |\n",
+    "docs/numerics/README.md": "# Index of `all`\n[stage](stage.md)\n",
+    "docs/numerics/stage.md": MECHANISM,
     "tests/capi/client.c": "int main(void) { return efsi_do(1); }\n",
     "docs/algorithm.md": "".join(f"| {n} | `stage` | `system/stage.cpp` |\n" for n in LINES)
     + "".join(f"| Eq. {n} | `system/stage.hpp` |\n" for n in EQUATIONS),
@@ -58,6 +71,20 @@ FAULTS = [
     ("check_algorithm.py lines", "docs/deviations.md", "Alg. 1 line 14 is missing\n"),
     ("check_algorithm.py equations", "docs/algorithm.md", "| Eq. 8 | `system/stage.cpp` |\n"),
     ("check_algorithm.py equations", "libeulerfsi/src/system/stage.hpp", "=// Eq. 1\n"),
+    ("check_docs.py links", "docs/algorithm.md", "[gone](gone.md)\n"),
+    ("check_docs.py links", "README.md", "[index](docs/numerics/README.md#trials)\n"),
+    ("check_docs.py links", "CHANGELOG.md", "[gone](docs/gone.md)\n"),
+    ("check_docs.py paths", "docs/algorithm.md", "see `system/gone.cpp`\n"),
+    ("check_docs.py paths", "README.md", "see examples/c/gone.c\n"),
+    ("check_docs.py paths", "docs/architecture.md", "| `tests/gone/` |\n"),
+    ("check_docs.py paths", "libeulerfsi/src/base/error.hpp", "// docs/gone.md\n"),
+    ("check_docs.py numerics", "libeulerfsi/src/base/error.hpp", "=inline const int kLimit = 4;\n"),
+    ("check_docs.py numerics", "docs/numerics/stage.md", "| `kMost` | 3 | - | not in the code |\n"),
+    ("check_docs.py numerics", "docs/numerics/stage.md", "\n" * 60),
+    ("check_docs.py numerics", "docs/numerics/stage.md", "x" * 121 + "\n"),
+    ("check_docs.py numerics", "docs/numerics/stage.md", "=# Stage\nGuarded by nothing.\n"),
+    ("check_docs.py numerics", "docs/numerics/README.md", "=# Index\n"),
+    ("check_docs.py numerics", "tests/unit/test_stage.cpp", '=TEST_CASE("Another") {}\n'),
     ("check_api.py client", "libeulerfsi/include/eulerfsi/base.h", "/* More. */\nEFSI_API int efsi_more(void);\n"),
     ("check_api.py headers", "libeulerfsi/include/eulerfsi/base.h", "// a C++ comment is fine in C11\nbool x;\n"),
     ("check_api.py exports", "libeulerfsi/include/eulerfsi/base.h", "/* More. */\nEFSI_API int efsi_more(void);\n"),

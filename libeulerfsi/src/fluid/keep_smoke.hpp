@@ -5,7 +5,7 @@
 //   missing = sum psi(x) s - sum psi(X) r         what there was and what has arrived from there
 //   r += q w,  w = |r| (1 - |r| / top),  q = sum of psi(x) missing / sum psi(x) w over the functions, |q| <= 1
 // So the sum is kept, |r| stays below top, no sign changes and nothing comes where nothing is. Smooth functions, since
-// kinks would make of every motion of the cells across them a loss here and a gain there (docs/numerics-choices.md).
+// kinks would make of every motion of the cells across them a loss here and a gain there (docs/lab/smoke.md).
 #pragma once
 
 #include <array>

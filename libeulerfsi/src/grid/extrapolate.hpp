@@ -1,6 +1,7 @@
 // Purpose: linear extension of node fields outwards, layer by layer, by weighted least squares.
 // Reference: Rycroft et al. 2020 (reference map technique); weights 1/r^4 over a box of 7^3 nodes
-// (docs/numerics-choices.md). Layer k reads only layers below k, so the nodes of a layer are independent of each other.
+// (docs/numerics/extension.md). Layer k reads only layers below k, so the nodes of a layer are independent of each
+// other.
 #pragma once
 
 #include <cstdint>

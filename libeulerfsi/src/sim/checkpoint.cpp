@@ -13,34 +13,6 @@ namespace {
 
 constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', '7'};
 
-// One walk over the state serves writing, reading and hashing.
-template <class S, class Archive>
-void walk(S& state, Archive& archive) {
-  archive.value(state.time);
-  archive.value(state.steps);
-  archive.value(state.fluid_speed);
-  for (auto& c : state.fluid.velocity.c) archive.array(c);
-  archive.array(state.fluid.pressure);
-  if (state.fluid.velocity.size() == 0) archive.value(state.window);  // with fluid the whole box
-  archive.array(state.fluid.smoke);
-  archive.array(state.fluid.temperature);
-  for (auto& s : state.solids) {
-    archive.value(s.band.grid.cells);
-    archive.value(s.band.grid.h);
-    for (int a = 0; a < 3; ++a) archive.value(s.band.grid.origin[a]);
-    archive.value(s.band.grid.lo);
-    for (auto& c : s.u.c) archive.array(c);
-    for (auto& c : s.v.c) archive.array(c);
-    archive.array(s.valid);
-    archive.array(s.stiff);
-    archive.array(s.surface);
-    archive.value(s.rest_volume_cells);
-    archive.value(s.whole);
-    archive.value(s.speed);
-    archive.value(s.leak);
-  }
-}
-
 struct HashArchive {
   Hash hash;
   template <class T>
@@ -109,7 +81,7 @@ void Hash::add(const void* data, std::size_t bytes) {
 
 std::uint64_t state_hash(const State& state) {
   HashArchive archive;
-  walk(state, archive);
+  visit_fields(state, archive);
   return archive.hash.value();
 }
 
@@ -163,7 +135,7 @@ void save_checkpoint(const Simulation& simulation, const std::string& path) {
     archive.value(simulation.scene_hash());
     archive.value(state_hash(simulation.state()));
     archive.value(static_cast<std::uint64_t>(simulation.state().solids.size()));
-    walk(simulation.state(), archive);
+    visit_fields(simulation.state(), archive);
     out.flush();
     if (!out) {
       const std::string reason = system_reason();
@@ -199,7 +171,7 @@ void restore_checkpoint(Simulation& simulation, const std::string& path) {
     throw Error(ErrorCode::kCheckpoint, path + ": belongs to another scene or other parameters");
   State state;
   state.solids.resize(solids);
-  walk(state, archive);
+  visit_fields(state, archive);
   if (!in || state_hash(state) != hash) throw Error(ErrorCode::kIo, path + ": is damaged");
   simulation.set_state(std::move(state));
 }

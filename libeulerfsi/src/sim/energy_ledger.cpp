@@ -1,5 +1,7 @@
 #include "sim/energy_ledger.hpp"
 
+#include "solid/energy.hpp"
+
 namespace efsi::sim {
 
 using grid::Grid;
@@ -51,19 +53,6 @@ double mean_energy(const Parallel& parallel, const Grid& common, const solid::So
 
 }  // namespace
 
-Energy& Energy::operator+=(const Energy& other) {
-  solid_kinetic += other.solid_kinetic;
-  elastic += other.elastic;
-  fluid_kinetic += other.fluid_kinetic;
-  potential += other.potential;
-  return *this;
-}
-
-Energy operator-(const Energy& a, const Energy& b) {
-  return {a.solid_kinetic - b.solid_kinetic, a.elastic - b.elastic, a.fluid_kinetic - b.fluid_kinetic,
-          a.potential - b.potential};
-}
-
 double kinetic_energy(const Parallel& parallel, const Grid& g, const std::vector<Real>& mass,
                       const grid::VectorField& velocity, const Vec3& push) {
   const Vec3d shift = push.cast<double>();
@@ -92,128 +81,134 @@ double source_work(const Parallel& parallel, const Grid& g, const std::vector<Re
   });
 }
 
+EnergyLedger::EnergyLedger(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
+                           const Matter& matter, const grid::VectorField& fluid_velocity)
+    : parallel_(step.parallel), scene_(step.scene), dt_(step.dt), states_(states), solids_(solids) {
+  if (!scene_.params.energy_ledger) return;
+  record_ = &step.info.energy.emplace();
+  const fluid::FluidParams& fluid = scene_.params.fluid;
+  common_ = matter.common.grid;
+  if (fluid.present) {
+    fluid_mass_ = states.empty() ? uniform_mass(common_, fluid.density) : matter.fluid_mass;
+    fluid_velocity_ = fluid_velocity;
+  }
+  for (std::size_t l = 0; l < states.size(); ++l)
+    first_.push_back(solid::measure_momenta(parallel_, states[l].band, solids[l], states[l].band.grid, states[l].v));
+  Energy start = with_solids({});
+  start.fluid_kinetic = fluid_energy(fluid_mass_, fluid_velocity);
+  record_->end = record_->at_start = start;
+}
+
 void EnergyLedger::book(EnergyStage stage, const Energy& now) {
-  record_.change[static_cast<std::size_t>(stage)] += now - record_.end;
-  record_.end = now;
+  record_->change[static_cast<std::size_t>(stage)] += now - record_->end;
+  record_->end = now;
 }
 
 double EnergyLedger::fluid_energy(const std::vector<Real>& mass, const grid::VectorField& velocity) const {
-  return around_.fluid ? kinetic_energy(parallel_, common_, mass, velocity) : 0.0;
+  return scene_.params.fluid.present ? kinetic_energy(parallel_, common_, mass, velocity) : 0.0;
 }
 
 double EnergyLedger::potential(std::size_t l, const Vec3d& center) const {
-  const solid::SolidWork& work = solids_.work[l];
-  const double volume = solids_.rest[l].compressible ? work.volume : work.total_mass / solids_.rest[l].density;
-  const double displaced = around_.fluid ? around_.density * volume : 0.0;
-  return -(work.total_mass - displaced) * around_.gravity.dot(center);
+  const fluid::FluidParams& fluid = scene_.params.fluid;
+  const solid::SolidWork& work = solids_[l];
+  const solid::SolidRest& rest = scene_.solids[l];
+  const double volume = rest.compressible ? work.volume : work.total_mass / rest.density;
+  const double displaced = fluid.present ? fluid.density * volume : 0.0;
+  return -(work.total_mass - displaced) * scene_.params.gravity.dot(center);
 }
 
-Energy EnergyLedger::of_states(const std::vector<Real>& fluid_mass, const grid::VectorField& fluid_velocity,
-                               bool deformed) const {
-  Energy now;
-  if (!deformed) now.elastic = record_.end.elastic;
-  for (std::size_t l = 0; l < solids_.state.size(); ++l) {
-    const solid::SolidState& state = solids_.state[l];
-    const solid::SolidWork& work = solids_.work[l];
-    const solid::Momenta momenta = solid::measure_momenta(parallel_, state.band, work, state.band.grid, state.v);
+Energy EnergyLedger::shape_of(std::size_t l) const {
+  const solid::ShapeEnergies shape = solid::measure_shape(parallel_, scene_.solids[l], states_[l], solids_[l],
+                                                          scene_.params.numerics.points_per_element);
+  return {shape.kinetic, shape.elastic, 0.0, potential(l, shape.center)};
+}
+
+Energy EnergyLedger::with_solids(Energy now) const {
+  now.solid_kinetic = now.elastic = now.potential = 0.0;
+  for (std::size_t l = 0; l < states_.size(); ++l) {
+    const solid::SolidState& state = states_[l];
+    const solid::Momenta momenta = solid::measure_momenta(parallel_, state.band, solids_[l], state.band.grid, state.v);
     now.solid_kinetic += momenta.kinetic_energy;
     now.potential += potential(l, momenta.center);
-    if (deformed)
-      now.elastic += solid::elastic_energy(parallel_, solids_.rest[l], state, work, solids_.points_per_element);
+    now.elastic += solid::elastic_energy(parallel_, scene_.solids[l], state, solids_[l],
+                                         scene_.params.numerics.points_per_element);
   }
-  now.fluid_kinetic = fluid_energy(solids_.state.empty() ? fluid_mass_ : fluid_mass, fluid_velocity);
   return now;
 }
 
-void EnergyLedger::open(const Grid& common, const std::vector<Real>& fluid_mass,
-                        const grid::VectorField& fluid_velocity) {
-  if (!on_) return;
-  common_ = common;
-  fluid_mass_ = solids_.state.empty() ? uniform_mass(common, around_.density) : fluid_mass;
-  for (std::size_t l = 0; l < solids_.state.size(); ++l) {
-    const solid::SolidState& state = solids_.state[l];
-    first_.push_back(solid::measure_momenta(parallel_, state.band, solids_.work[l], state.band.grid, state.v));
-  }
-  record_.end = record_.at_start = of_states(fluid_mass_, fluid_velocity, true);
-  if (around_.fluid) fluid_velocity_ = fluid_velocity;
-}
-
-void EnergyLedger::weigh(const grid::VectorField& fluid_velocity, const Vec3& fluid, std::span<const Vec3> solids) {
-  if (!on_) return;
-  Energy now = record_.end;
-  for (std::size_t l = 0; l < solids.size(); ++l)
-    now.solid_kinetic += push_work(solids[l], first_[l].mass, first_[l].linear);
-  if (!fluid.isZero(0)) now.fluid_kinetic = kinetic_energy(parallel_, common_, fluid_mass_, fluid_velocity, fluid);
+void EnergyLedger::book_weight(const StepWeight& weight, const grid::VectorField& fluid_velocity) {
+  if (!on()) return;
+  Energy now = record_->end;
+  for (std::size_t l = 0; l < weight.solids.size(); ++l)
+    now.solid_kinetic += push_work(weight.solids[l], first_[l].mass, first_[l].linear);
+  if (!weight.fluid.isZero(0))
+    now.fluid_kinetic = kinetic_energy(parallel_, common_, fluid_mass_, fluid_velocity, weight.fluid);
   book(EnergyStage::kWeight, now);
 }
 
-void EnergyLedger::book_nodes(EnergyStage stage, system::SlipNodes& slip, grid::VectorField& velocity) {
-  if (!on_) return;
-  Energy now = record_.end;
-  now.fluid_kinetic = fluid_energy(fluid_mass_, velocity);
+void EnergyLedger::book_nodes(EnergyStage stage, NodeVelocity& velocity) {
+  if (!on()) return;
+  Energy now = record_->end;
+  now.fluid_kinetic = fluid_energy(fluid_mass_, velocity.field);
   now.solid_kinetic = 0.0;
-  const system::SolidView view(parallel_, slip, velocity);
-  for (std::size_t l = 0; l < solids_.state.size(); ++l)
+  const system::SolidView view(parallel_, velocity.slip, velocity.field);
+  for (std::size_t l = 0; l < states_.size(); ++l)
     now.solid_kinetic +=
-        solid::measure_momenta(parallel_, solids_.state[l].band, solids_.work[l], common_, velocity).kinetic_energy;
+        solid::measure_momenta(parallel_, states_[l].band, solids_[l], common_, velocity.field).kinetic_energy;
   book(stage, now);
 }
 
-void EnergyLedger::meet(system::SlipNodes& slip, grid::VectorField& velocity, std::span<const solid::RigidStep> frames,
-                        double dt) {
-  if (!on_) return;
-  if (around_.fluid) {
-    for (std::size_t a = 0; a < 3; ++a)
-      for (std::size_t n = 0; n < velocity.size(); ++n)
-        fluid_velocity_.c[a][n] = Real(0.5) * (fluid_velocity_.c[a][n] + velocity.c[a][n]);
-    record_.at_start.fluid_kinetic = fluid_energy(fluid_mass_, fluid_velocity_);
-  }
-  record_.at_start.solid_kinetic = 0.0;
-  const system::SolidView view(parallel_, slip, velocity);
-  for (std::size_t l = 0; l < solids_.state.size(); ++l) {
-    const solid::RigidStep& f = frames[l];
-    const solid::RigidMotion back{f.velocity.center, f.shift / dt - f.velocity.linear,
-                                  f.turn / dt - f.velocity.angular};
-    record_.at_start.solid_kinetic +=
-        mean_energy(parallel_, common_, solids_.state[l], solids_.work[l].mass, velocity, back);
-  }
+void EnergyLedger::book_source(const std::vector<Real>& pressure, const std::vector<Real>& source) {
+  if (on()) record_->source_work += source_work(parallel_, common_, pressure, source, dt_);
 }
 
-void EnergyLedger::book_source(const std::vector<Real>& pressure, const std::vector<Real>& source, double dt) {
-  if (on_) record_.source_work += source_work(parallel_, common_, pressure, source, dt);
+void EnergyLedger::meet(NodeVelocity& velocity, std::span<const solid::RigidStep> frames) {
+  if (!on()) return;
+  if (scene_.params.fluid.present) {
+    for (std::size_t a = 0; a < 3; ++a)
+      for (std::size_t n = 0; n < velocity.field.size(); ++n)
+        fluid_velocity_.c[a][n] = Real(0.5) * (fluid_velocity_.c[a][n] + velocity.field.c[a][n]);
+    record_->at_start.fluid_kinetic = fluid_energy(fluid_mass_, fluid_velocity_);
+  }
+  record_->at_start.solid_kinetic = 0.0;
+  const system::SolidView view(parallel_, velocity.slip, velocity.field);
+  for (std::size_t l = 0; l < states_.size(); ++l) {
+    const solid::RigidStep& f = frames[l];
+    const solid::RigidMotion back{f.velocity.center, f.shift / dt_ - f.velocity.linear,
+                                  f.turn / dt_ - f.velocity.angular};
+    record_->at_start.solid_kinetic +=
+        mean_energy(parallel_, common_, states_[l], solids_[l].mass, velocity.field, back);
+  }
 }
 
 void EnergyLedger::leave(std::size_t l) {
-  if (!on_) return;
-  const solid::ShapeEnergies shape =
-      solid::measure_shape(parallel_, solids_.rest[l], solids_.state[l], solids_.work[l], solids_.points_per_element);
-  shape_ += {shape.kinetic, shape.elastic, 0.0, potential(l, shape.center)};
+  if (on()) left_ += shape_of(l);
 }
 
 void EnergyLedger::book_fluid(const grid::VectorField& fluid_velocity) {
-  if (!on_) return;
-  Energy now = record_.end;
+  if (!on()) return;
+  Energy now = record_->end;
   now.fluid_kinetic = fluid_energy(fluid_mass_, fluid_velocity);
   book(EnergyStage::kFluidTransport, now);
 }
 
-void EnergyLedger::arrive(const std::vector<Real>& fluid_mass, const grid::VectorField& fluid_velocity) {
-  if (!on_) return;
-  Energy moved;
-  for (std::size_t l = 0; l < solids_.state.size(); ++l) {
-    const solid::ShapeEnergies shape =
-        solid::measure_shape(parallel_, solids_.rest[l], solids_.state[l], solids_.work[l], solids_.points_per_element);
-    moved += {shape.kinetic, shape.elastic, 0.0, potential(l, shape.center)};
-  }
-  Energy transported = record_.end;
-  transported += moved - shape_;
-  book(EnergyStage::kSolidTransport, transported);
-  book(EnergyStage::kRemap, of_states(fluid_mass, fluid_velocity, true));
+void EnergyLedger::arrive() {
+  if (!on()) return;
+  Energy transported = record_->end;
+  for (std::size_t l = 0; l < states_.size(); ++l) transported += shape_of(l);
+  book(EnergyStage::kSolidTransport, transported - left_);
+  book_solids(EnergyStage::kRemap);
 }
 
-void EnergyLedger::book_state(EnergyStage stage, const std::vector<Real>& fluid_mass,
-                              const grid::VectorField& fluid_velocity, bool deformed) {
-  if (on_) book(stage, of_states(fluid_mass, fluid_velocity, deformed));
+void EnergyLedger::book_solids(EnergyStage stage) {
+  if (on()) book(stage, with_solids(record_->end));
+}
+
+void EnergyLedger::book_fluid(EnergyStage stage, const Matter& matter, const grid::VectorField& fluid_velocity) {
+  if (!on()) return;
+  Energy now = record_->end;
+  now.fluid_kinetic = fluid_energy(states_.empty() ? fluid_mass_ : matter.fluid_mass, fluid_velocity);
+  book(stage, now);
 }
 
 }  // namespace efsi::sim

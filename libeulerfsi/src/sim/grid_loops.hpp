@@ -3,7 +3,9 @@
 
 #include <algorithm>
 
-#include "sim/workspace.hpp"
+#include "base/parallel.hpp"
+#include "grid/grid.hpp"
+#include "solid/solid.hpp"
 
 namespace efsi::sim {
 
@@ -40,14 +42,21 @@ void for_band_cells(const Parallel& parallel, const grid::Grid& common, const so
                     [&](int i, int j, int k) { body(band.grid.cell(i - lo[0], j - lo[1], k - lo[2]), i, j, k); });
 }
 
-// Calls body(padded cell) for the cells that a solid owns.
+// Calls body(padded cell of the common grid) for the cells that a solid owns.
 template <class Body>
-void for_owned_cells(const Parallel& parallel, const State& state, const Workspace& work, std::size_t l,
-                     const Body& body) {
-  const grid::Grid& g = work.common.grid;
-  for_band_cells(parallel, g, state.solids[l].band, [&](std::size_t c, int i, int j, int k) {
-    if (work.solids[l].element[c] >= 0) body(g.padded(i, j, k));
+void for_owned_cells(const Parallel& parallel, const grid::Grid& common, const solid::SolidState& state,
+                     const solid::SolidWork& work, const Body& body) {
+  for_band_cells(parallel, common, state.band, [&](std::size_t c, int i, int j, int k) {
+    if (work.element[c] >= 0) body(common.padded(i, j, k));
   });
+}
+
+// Cells of a grid that touch a node.
+inline int adjacent_cells(const grid::Grid& g, int i, int j, int k) {
+  const int index[3] = {i, j, k};
+  int cells = 1;
+  for (std::size_t a = 0; a < 3; ++a) cells *= g.periodic[a] || (index[a] > 0 && index[a] < g.cells[a]) ? 2 : 1;
+  return cells;
 }
 
 // Calls body(node, i, j, k) for the nodes on the faces of a grid.

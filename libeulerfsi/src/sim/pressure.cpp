@@ -8,7 +8,8 @@
 #include "grid/boundary.hpp"
 #include "linalg/reduce.hpp"
 #include "sim/grid_loops.hpp"
-#include "solid/surface.hpp"
+#include "sim/velocity_solve.hpp"
+#include "sim/volume_source.hpp"
 
 namespace efsi::sim {
 
@@ -24,77 +25,16 @@ bool has_pressure(const Scene& scene) {
 }
 
 // Padded cells with a pressure; empty: all. In vacuum p = 0 outside the solids, in compressible ones p = 0 inside.
-std::vector<std::uint8_t> pressure_cells(const Parallel& parallel, const Scene& scene, const State& state,
-                                         const Workspace& work) {
+std::vector<std::uint8_t> pressure_cells(const Parallel& parallel, const Scene& scene, const SolidStates& states,
+                                         const SolidWorks& solids, const Matter& matter) {
   std::vector<std::uint8_t> active;
-  if (!scene.params.fluid.present) active = work.owned;
+  if (!scene.params.fluid.present) active = matter.owned;
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     if (!scene.solids[l].compressible) continue;
-    if (active.empty()) active.assign(work.common.grid.padded_count(), 1);
-    for_owned_cells(parallel, state, work, l, [&](std::size_t c) { active[c] = 0; });
+    if (active.empty()) active.assign(matter.common.grid.padded_count(), 1);
+    for_owned_cells(parallel, matter.common.grid, states[l], solids[l], [&](std::size_t c) { active[c] = 0; });
   }
   return active;
-}
-
-constexpr double kLargestGrowth = 0.02;  // of a solid's volume in a step, to make up for what its surface has lost
-constexpr double kFilm = 0.005;          // cells: thickness over a free surface; its loss under a load stays below that
-constexpr double kAhead = 0.5;           // of what the last step lost: losses last for many steps
-
-// What a solid as a whole is asked to gain in this step, over its volume at rest: what its mesh has lost and part of
-// what this step will lose. While nothing holds the solid a film does not count.
-double asked_volume(const Scene& scene, const State& state, const Workspace& work, std::size_t l, double volume) {
-  double lost = 1.0 - volume;
-  if (!work.velocity_system.touches(l)) {
-    const double film = kFilm * scene.grid.h * scene.solids[l].area / scene.solids[l].volume;
-    lost -= std::clamp(lost, -film, film);
-  }
-  if (lost == 0.0) return 0.0;
-  return std::clamp(lost + kAhead * state.solids[l].leak, -kLargestGrowth, kLargestGrowth);
-}
-
-// b of Eq. 11: where det F has drifted from 1 the solid is asked to grow or shrink back, slowly, since det F is rough
-// at the surface. What a solid has lost as a whole its inside gains in the same step. What solids gain the fluid of the
-// box loses, so that the sum vanishes.
-void compute_volume_source(const Parallel& parallel, const Scene& scene, const State& state, double dt,
-                           Workspace& work) {
-  const Grid& g = work.common.grid;
-  linalg::fill(parallel, work.source, g.padded_count(), Real(0));
-  const double tau = std::max(4.0 * dt, 1.0 / 24.0), limit = 0.1 / dt;
-  double fluid_cells = static_cast<double>(g.cell_count());
-  for (std::size_t l = 0; l < scene.solids.size(); ++l) {
-    solid::SolidWork& solid = work.solids[l];
-    solid.next_volume = 0.0;
-    fluid_cells -= static_cast<double>(solid.element_cell.size());
-    if (scene.solids[l].compressible) continue;
-    double growth = 0.0;
-    if (state.solids[l].whole && solid::encloses(scene.solids[l])) {
-      const double volume = solid::volume_ratio(scene.solids[l], state.solids[l]);
-      const double asked = asked_volume(scene, state, work, l, volume);
-      solid.next_volume = volume + asked;
-      growth = asked / dt;
-    }
-    for_band_cells(parallel, g, state.solids[l].band, [&](std::size_t c, int i, int j, int k) {
-      if (solid.element[c] < 0) return;
-      const double det = static_cast<double>(solid.volume_ratio[c]);
-      const double rate = growth + std::clamp((1.0 - det) / (det * tau), -limit, limit);
-      work.source[g.padded(i, j, k)] = static_cast<Real>(rate * static_cast<double>(solid.fraction[c]));
-    });
-  }
-  if (!scene.params.fluid.present || scene.params.walls.any_open() || fluid_cells < 1.0) return;
-  const double total = parallel.sum(g.cells[2], [&](std::int64_t k) {
-    double sum = 0.0;
-    for (int j = 0; j < g.cells[1]; ++j)
-      for (int i = 0; i < g.cells[0]; ++i) sum += static_cast<double>(work.source[g.padded(i, j, static_cast<int>(k))]);
-    return sum;
-  });
-  const Real share = static_cast<Real>(total / fluid_cells);
-  parallel.for_each(g.cells[2], [&](std::int64_t k) {
-    for (int j = 0; j < g.cells[1]; ++j)
-      for (int i = 0; i < g.cells[0]; ++i) {
-        const std::size_t c = g.padded(i, j, static_cast<int>(k));
-        if (!work.owned[c]) work.source[c] -= share;
-      }
-  });
 }
 
 constexpr double kLastHolds = 0.7;       // of f*: the last pressure acts at once where it leaves less
@@ -114,28 +54,27 @@ bool needs_coupling(const Scene& scene, const system::DivergenceNorms& divergenc
 }
 
 // The pressure system of this step and what it shall reach.
-void assemble_pressure_system(const Parallel& parallel, const Scene& scene, double dt, const State& state,
-                              Workspace& work) {
-  if (!work.uniform_ready) {
+void assemble_pressure_system(const Parallel& parallel, const Scene& scene, double dt, const SolidStates& states,
+                              SolidWorks& solids, const Matter& matter, const Holds& holds, system::SlipNodes& slip,
+                              PressureEquation& pressure) {
+  if (!pressure.lasts) {
     std::vector<std::uint8_t> active;
-    if (!scene.solids.empty()) active = pressure_cells(parallel, scene, state, work);
-    work.pressure_system.assemble(parallel, work.common.grid, work.common.walls, work.fixed, work.specific_volume,
-                                  std::move(active), work.owned, &work.slip);
-    work.uniform_ready = scene.solids.empty();
+    if (!scene.solids.empty()) active = pressure_cells(parallel, scene, states, solids, matter);
+    pressure.system.assemble(parallel, matter.common.grid, matter.common.walls, matter.fixed, matter.specific_volume,
+                             std::move(active), matter.owned, &slip);
+    pressure.lasts = scene.solids.empty();
   }
   if (scene.params.numerics.volume_source && !scene.solids.empty())
-    compute_volume_source(parallel, scene, state, dt, work);
+    compute_volume_source(parallel, scene, dt, states, holds, matter, solids, pressure.source);
   else
-    work.source.clear();
+    pressure.source.clear();
 }
 
 // J^T q on the unknowns, where walls leave them free. Fills the ghosts of q.
-void compute_impulses(const Parallel& parallel, const Workspace& work, std::vector<Real>& q,
-                      std::vector<Real>& impulse) {
-  const auto& system = work.velocity_system;
-  const Grid& grid = work.common.grid;
+void compute_impulses(const Parallel& parallel, const Grid& grid, const system::VelocitySystem& system,
+                      const system::SlipNodes& slip, std::vector<Real>& q, std::vector<Real>& impulse) {
   grid::fill_ghosts(grid, q, Real(0));
-  const std::vector<Vec3> slides = work.slip.sliding_impulse(parallel, q);
+  const std::vector<Vec3> slides = slip.sliding_impulse(parallel, q);
   const auto& nodes = system.nodes();
   impulse.resize(3 * nodes.size());
   parallel.for_each(system.unknowns(), [&](std::int64_t u) {
@@ -147,7 +86,7 @@ void compute_impulses(const Parallel& parallel, const Workspace& work, std::vect
     }
   });
   for (std::size_t t = 0; t < slides.size(); ++t) {
-    const std::size_t u = system.unknown_of(work.slip.nodes()[t].node);
+    const std::size_t u = system.unknown_of(slip.nodes()[t].node);
     for (std::size_t a = 0; a < 3; ++a) impulse[3 * u + a] -= slides[t][static_cast<Eigen::Index>(a)];
   }
 }
@@ -187,155 +126,158 @@ double fluid_level(const Parallel& parallel, const Grid& g, const std::vector<st
 
 }  // namespace
 
-void prepare_pressure(const Parallel& parallel, const Scene& scene, double dt, const State& state, Workspace& work,
-                      Profile& profile) {
-  work.takes = false;
+void prepare_pressure(const StepContext& step, const SolidStates& states, SolidWorks& solids, const Matter& matter,
+                      const std::vector<Real>& last, VelocityEquation& elasticity, NodeVelocity& velocity,
+                      PressureEquation& pressure) {
+  const auto& [parallel, scene, time, dt, profile, info] = step;
+  pressure.takes = false;
   if (!has_pressure(scene)) return;
   ScopedTimer timer(profile, Stage::kPressureSolve);
-  assemble_pressure_system(parallel, scene, dt, state, work);
-  const std::vector<Real>& p = state.fluid.pressure;
-  if (!scene.params.numerics.coupling_step || scene.solids.empty() || p.empty()) return;
+  const Grid& g = matter.common.grid;
+  assemble_pressure_system(parallel, scene, dt, states, solids, matter, elasticity.holds, velocity.slip, pressure);
+  if (!scene.params.numerics.coupling_step || scene.solids.empty() || last.empty()) return;
   // Within the solids, over the fluid's level; the fluid's own pressure would feed what it moves.
-  const double level = scene.params.fluid.present ? fluid_level(parallel, work.common.grid, work.owned, p) : 0.0;
-  std::vector<Real>& q = work.pressure_system.scratch();
-  linalg::fill(parallel, q, p.size(), Real(0));
+  const double level = scene.params.fluid.present ? fluid_level(parallel, g, matter.owned, last) : 0.0;
+  std::vector<Real>& held = pressure.system.scratch();  // -dt times it
+  linalg::fill(parallel, held, last.size(), Real(0));
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     if (scene.solids[l].compressible) continue;
-    for_owned_cells(parallel, state, work, l,
-                    [&](std::size_t c) { q[c] = static_cast<Real>(-dt * (static_cast<double>(p[c]) - level)); });
+    for_owned_cells(parallel, g, states[l], solids[l],
+                    [&](std::size_t c) { held[c] = static_cast<Real>(-dt * (static_cast<double>(last[c]) - level)); });
   }
-  std::vector<Real>& impulse = work.correction;
-  compute_impulses(parallel, work, q, impulse);
+  compute_impulses(parallel, g, elasticity.system, velocity.slip, held, pressure.impulse);
   double with = 0.0, without = 0.0;
-  for (std::size_t i = 0; i < impulse.size(); ++i) {
-    const double f = static_cast<double>(work.velocity_system.free()[i]) * static_cast<double>(work.f_star[i]);
+  for (std::size_t i = 0; i < pressure.impulse.size(); ++i) {
+    const double f = static_cast<double>(elasticity.system.free()[i]) * static_cast<double>(elasticity.f_star[i]);
+    const double left = f - static_cast<double>(pressure.impulse[i]);
     without += f * f;
-    with += (f - static_cast<double>(impulse[i])) * (f - static_cast<double>(impulse[i]));
+    with += left * left;
   }
-  work.takes = with < kLastHolds * kLastHolds * without;
-  if (!work.takes) return;
-  for (std::size_t i = 0; i < impulse.size(); ++i) {
-    work.f_star[i] -= impulse[i];
-    work.momentum[i] -= impulse[i];
+  pressure.takes = with < kLastHolds * kLastHolds * without;
+  if (!pressure.takes) return;
+  for (std::size_t i = 0; i < pressure.impulse.size(); ++i) {
+    elasticity.f_star[i] -= pressure.impulse[i];
+    elasticity.momentum[i] -= pressure.impulse[i];
   }
-  std::fill(work.v_star.begin(), work.v_star.end(), Real(0));  // the start of the solve: nearly at rest
-  work.pressure_system.project(parallel, q, work.velocity);
-  linalg::copy(parallel, work.taken, q);
+  std::fill(elasticity.v_star.begin(), elasticity.v_star.end(), Real(0));  // the start of the solve: nearly at rest
+  pressure.system.project(parallel, held, velocity.field);
+  linalg::copy(parallel, pressure.taken, held);
 }
 
 namespace {
 
-// Eq. 13: work.correction = G^-1 J^T q on the nodes that carry solids.
-void solve_correction(const Parallel& parallel, const Scene& scene, std::vector<Real>& q, Workspace& work,
-                      Profile& profile, StepInfo& info) {
+// Eq. 13: pressure.correction = G^-1 J^T q on the nodes that carry solids.
+void solve_correction(const StepContext& step, const Grid& g, const system::SlipNodes& slip, std::vector<Real>& q,
+                      system::VelocitySystem& elasticity, PressureEquation& pressure) {
+  const auto& [parallel, scene, time, dt, profile, info] = step;
   ScopedTimer timer(profile, Stage::kVelocitySolve);
   const Numerics& numerics = scene.params.numerics;
-  auto& system = work.velocity_system;
-  std::vector<Real>& impulse = work.f_star;
-  compute_impulses(parallel, work, q, impulse);
-  work.correction.assign(impulse.size(), 0);
-  const linalg::SolveStats stats =
-      system.solve(parallel, numerics.velocity_solver, impulse, work.correction, numerics.velocity_tolerance);
+  compute_impulses(parallel, g, elasticity, slip, q, pressure.impulse);
+  pressure.correction.assign(pressure.impulse.size(), 0);
+  const linalg::SolveStats stats = elasticity.solve(parallel, numerics.velocity_solver, pressure.impulse,
+                                                    pressure.correction, numerics.velocity_tolerance);
   info.velocity_iterations += static_cast<std::uint64_t>(stats.iterations);
   info.unconverged += !stats.converged;
-  if (numerics.conserve_momentum) system.conserve_momentum(parallel, impulse, work.correction);
+  if (numerics.conserve_momentum) elasticity.conserve_momentum(parallel, pressure.impulse, pressure.correction);
 }
 
 // v -= M^-1 J^T q, but v = v* - share G^-1 J^T q on the nodes that carry solids.
-void correct_velocity(const Parallel& parallel, std::vector<Real>& q, Real share, Workspace& work, Profile& profile) {
+void correct_velocity(const StepContext& step, std::vector<Real>& q, Real share, const VelocityEquation& elasticity,
+                      PressureEquation& pressure, NodeVelocity& velocity) {
+  const auto& [parallel, scene, time, dt, profile, info] = step;
   ScopedTimer timer(profile, Stage::kPressureSolve);
-  work.pressure_system.project(parallel, q, work.velocity);
-  std::vector<Real>& corrected = work.f_star;
+  pressure.system.project(parallel, q, velocity.field);
+  std::vector<Real>& corrected = pressure.corrected;
+  corrected.resize(elasticity.v_star.size());
   parallel.for_ranges(static_cast<std::int64_t>(corrected.size()), [&](std::int64_t begin, std::int64_t end) {
     for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
-      corrected[i] = work.v_star[i] - share * work.correction[i];
+      corrected[i] = elasticity.v_star[i] - share * pressure.correction[i];
   });
-  {
-    const system::SolidView view(parallel, work.slip, work.velocity);
-    work.velocity_system.scatter(parallel, corrected, work.velocity);
-  }
-  work.slip.follow_solid(parallel, work.velocity);
+  write_back(parallel, elasticity.system, corrected, velocity);
 }
 
 // One step of conjugate gradients towards the pressure of J A^-1 J^T q = J v* - b, A = G on the nodes that carry solids
 // and M elsewhere, with the preconditioner of Cahouet and Chabat (1988): to a gradient G is M (1 + d2 (2 mu + lambda) /
 // h^3 J M^-1 J^T), so that the inverse is that of J M^-1 J^T, roughly, and d2 (2 mu + lambda) / h^3 in the solids'
 // cells; d2 K: the stiffness in G. What it leaves the projection takes.
-void couple_pressure(const Parallel& parallel, const Scene& scene, const State& state, Workspace& work,
-                     Profile& profile, StepInfo& info) {
+void couple_pressure(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Grid& g,
+                     VelocityEquation& elasticity, PressureEquation& pressure, NodeVelocity& velocity) {
+  const auto& [parallel, scene, time, dt, profile, info] = step;
   const double volume = scene.grid.h * scene.grid.h * scene.grid.h;
-  std::vector<Real> q;
+  std::vector<Real> way;  // of q
   {
     ScopedTimer timer(profile, Stage::kPressureSolve);
-    const linalg::SolveStats stats = work.pressure_system.estimate(parallel, kEstimate, q);
+    const linalg::SolveStats stats = pressure.system.estimate(parallel, kEstimate, way);
     info.pressure_iterations += static_cast<std::uint64_t>(stats.iterations);
     for (std::size_t l = 0; l < scene.solids.size(); ++l) {
       const solid::SolidRest& solid = scene.solids[l];
       if (solid.compressible) continue;
-      const double modulus = work.solids[l].element_weight * (2.0 * solid.elastic.mu + solid.elastic.lambda);
+      const double modulus = solids[l].element_weight * (2.0 * solid.elastic.mu + solid.elastic.lambda);
       const Real share =
-          static_cast<Real>(static_cast<double>(work.velocity_system.stiffness_factor(l)) * modulus / volume);
-      for_owned_cells(parallel, state, work, l,
-                      [&](std::size_t c) { q[c] += share * work.pressure_system.right_side()[c]; });
+          static_cast<Real>(static_cast<double>(elasticity.system.stiffness_factor(l)) * modulus / volume);
+      for_owned_cells(parallel, g, states[l], solids[l],
+                      [&](std::size_t c) { way[c] += share * pressure.system.right_side()[c]; });
     }
   }
-  solve_correction(parallel, scene, q, work, profile, info);
-  correct_velocity(parallel, q, 1, work, profile);
-  const Real length = static_cast<Real>(work.pressure_system.step_length(parallel, work.velocity, work.source, q));
-  if (!work.takes) linalg::fill(parallel, work.taken, q.size(), Real(0));
-  work.takes = true;
-  linalg::add_scaled(parallel, work.taken, length, q);
-  linalg::scale(parallel, q, length - 1);
-  correct_velocity(parallel, q, length, work, profile);
+  solve_correction(step, g, velocity.slip, way, elasticity.system, pressure);
+  correct_velocity(step, way, 1, elasticity, pressure, velocity);
+  const Real length = static_cast<Real>(pressure.system.step_length(parallel, velocity.field, pressure.source, way));
+  if (!pressure.takes) linalg::fill(parallel, pressure.taken, way.size(), Real(0));
+  pressure.takes = true;
+  linalg::add_scaled(parallel, pressure.taken, length, way);
+  linalg::scale(parallel, way, length - 1);
+  correct_velocity(step, way, length, elasticity, pressure, velocity);
 }
 
 }  // namespace
 
-void solve_pressure(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
-                    Profile& profile, StepInfo& info) {
+void solve_pressure(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Grid& g,
+                    std::vector<Real>& last, VelocityEquation& elasticity, NodeVelocity& velocity,
+                    PressureEquation& pressure) {
+  const auto& [parallel, scene, time, dt, profile, info] = step;
   if (!has_pressure(scene)) return;
   const Numerics& numerics = scene.params.numerics;
   system::DivergenceNorms before;
   {
     ScopedTimer timer(profile, Stage::kPressureSolve);
-    before = work.pressure_system.set_right_side(parallel, work.velocity, work.source);
+    before = pressure.system.set_right_side(parallel, velocity.field, pressure.source);
     info.divergence_before = before.all;
     info.divergence_before_solid = before.solid;
   }
   // A body at rest that the step now serves and now does not would never come to rest.
-  const bool couples = work.takes || needs_coupling(scene, before);
-  if (couples) couple_pressure(parallel, scene, state, work, profile, info);
+  const bool couples = pressure.takes || needs_coupling(scene, before);
+  if (couples) couple_pressure(step, states, solids, g, elasticity, pressure, velocity);
   ScopedTimer timer(profile, Stage::kPressureSolve);
-  if (couples) work.pressure_system.set_right_side(parallel, work.velocity, work.source);
-  // Holds the pressure between steps and the multiplier of J during one: J^T is minus the gradient, so q = -dt p. The
-  // coupling step's part is added after the projection.
-  std::vector<Real>& q = state.fluid.pressure;
-  q.resize(work.common.grid.padded_count(), 0);
-  linalg::scale(parallel, q, -dt);
-  if (work.takes) linalg::add_scaled(parallel, q, -1.0, work.taken);
+  if (couples) pressure.system.set_right_side(parallel, velocity.field, pressure.source);
+  // The solve starts from the last pressure, less what acts already.
+  std::swap(pressure.q, last);
+  pressure.q.resize(g.padded_count(), 0);
+  linalg::scale(parallel, pressure.q, -dt);
+  if (pressure.takes) linalg::add_scaled(parallel, pressure.q, -1.0, pressure.taken);
   const linalg::SolveStats stats =
-      work.pressure_system.solve(parallel, numerics.pressure_solver, numerics.pressure_tolerance, before, q);
+      pressure.system.solve(parallel, numerics.pressure_solver, numerics.pressure_tolerance, before, pressure.q);
   info.pressure_iterations += static_cast<std::uint64_t>(stats.iterations);
   info.pressure_residual = stats.residual;
   info.unconverged += !stats.converged;
-  timer.visited(work.common.grid.cell_count(), 12 * sizeof(Real));
+  timer.visited(g.cell_count(), 12 * sizeof(Real));
 }
 
-void project_velocity(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
-                      Profile& profile, StepInfo& info) {
+void project_velocity(const StepContext& step, const Grid& g, VelocityEquation& elasticity, PressureEquation& pressure,
+                      NodeVelocity& velocity, std::vector<Real>& next) {
+  const auto& [parallel, scene, time, dt, profile, info] = step;
   if (!has_pressure(scene)) return;
-  std::vector<Real>& q = state.fluid.pressure;
   if (scene.params.numerics.stiff_correction && !scene.solids.empty()) {
-    solve_correction(parallel, scene, q, work, profile, info);
-    correct_velocity(parallel, q, 1, work, profile);
+    solve_correction(step, g, velocity.slip, pressure.q, elasticity.system, pressure);
+    correct_velocity(step, pressure.q, 1, elasticity, pressure, velocity);
   } else {
     ScopedTimer timer(profile, Stage::kPressureSolve);
-    work.pressure_system.project(parallel, q, work.velocity);
+    pressure.system.project(parallel, pressure.q, velocity.field);
   }
   ScopedTimer timer(profile, Stage::kPressureSolve);
-  if (work.takes) linalg::add_scaled(parallel, q, 1.0, work.taken);
-  linalg::scale(parallel, q, -1.0 / dt);
-  const system::DivergenceNorms after = work.pressure_system.norms(parallel, work.velocity, work.source);
+  if (pressure.takes) linalg::add_scaled(parallel, pressure.q, 1.0, pressure.taken);  // the q of all the step
+  std::swap(pressure.q, next);
+  linalg::scale(parallel, next, -1.0 / dt);
+  const system::DivergenceNorms after = pressure.system.norms(parallel, velocity.field, pressure.source);
   info.divergence_after = after.all;
   info.divergence_after_solid = after.solid;
 }

@@ -7,6 +7,7 @@
 #include <sstream>
 #include <thread>
 
+#include "base/byte_count.hpp"
 #include "base/error.hpp"
 #include "base/kernel.hpp"
 #include "fluid/forces.hpp"
@@ -86,6 +87,19 @@ bool finite(const Parallel& parallel, const std::vector<Real>& values) {
 bool finite(const Parallel& parallel, const grid::VectorField& field) {
   return finite(parallel, field.c[0]) && finite(parallel, field.c[1]) && finite(parallel, field.c[2]);
 }
+
+// Copies the fields of one state to another.
+struct Copy {
+  const Parallel& parallel;
+  template <class T>
+  void value(T& to, const T& from) {
+    to = from;
+  }
+  template <class T>
+  void array(std::vector<T>& to, const std::vector<T>& from) {
+    linalg::copy(parallel, to, from);
+  }
+};
 
 }  // namespace
 
@@ -263,15 +277,9 @@ StepInfo Simulation::advance(double duration, const Progress& progress) {
 
 // The fields of the fluid are most of the state.
 void Simulation::keep_backup() {
-  fluid::FluidState& to = work_.backup.fluid;
-  const fluid::FluidState& from = state_.fluid;
-  for (std::size_t a = 0; a < 3; ++a) linalg::copy(parallel_, to.velocity.c[a], from.velocity.c[a]);
-  linalg::copy(parallel_, to.pressure, from.pressure);
-  linalg::copy(parallel_, to.smoke, from.smoke);
-  linalg::copy(parallel_, to.temperature, from.temperature);
-  work_.backup.time = state_.time;
-  work_.backup.steps = state_.steps;
-  work_.backup.fluid_speed = state_.fluid_speed;
+  Copy copy{parallel_};
+  const State& from = state_;
+  visit_box_fields(copy, work_.backup, from);
   work_.backup.window = state_.window;
   work_.backup.solids = state_.solids;
 }
@@ -326,7 +334,7 @@ StepInfo Simulation::checked_step(double remaining) {
     }
     shrink = std::min(0.5 * info.dt / remaining, 0.5 * shrink);
     state_ = work_.backup;
-    work_.uniform_ready = work_.masses_ready = false;
+    work_.forget();
   }
   throw Error(ErrorCode::kDiverged,
               diverged(state_.time, reason + " after " + std::to_string(kMaxRetries) + " retries with smaller steps"));
@@ -445,7 +453,7 @@ std::vector<Vec3d> Simulation::surface_velocity(std::size_t index) const {
 }
 
 const std::vector<Real>& Simulation::solid_fraction() {
-  std::vector<Real>& fraction = fills_box() ? work_.cell_fraction : box_.fraction;
+  std::vector<Real>& fraction = fills_box() ? work_.matter.cell_fraction : box_.fraction;
   fraction.clear();
   if (solids_.empty()) return fraction;
   fraction.assign(grid_.cell_count(), 0);
@@ -474,21 +482,25 @@ const grid::VectorField& Simulation::fluid_velocity() {
 }
 
 std::uint64_t Simulation::memory_bytes() const {
-  const auto reals = [](const std::vector<Real>& v) { return static_cast<std::uint64_t>(v.capacity() * sizeof(Real)); };
-  const auto state_bytes = [&](const State& s) {
-    std::uint64_t sum = 3 * s.fluid.velocity.size() * sizeof(Real) + reals(s.fluid.pressure) + reals(s.fluid.smoke) +
-                        reals(s.fluid.temperature);
-    for (const auto& solid : s.solids) sum += solid::state_bytes(solid);
-    return sum;
-  };
-  std::uint64_t sum = state_bytes(state_) + state_bytes(work_.backup) + 3 * work_.velocity.size() * sizeof(Real) +
-                      reals(work_.mass) + reals(work_.specific_volume) + reals(work_.cell_fraction) +
-                      work_.owned.capacity() + reals(work_.f_star) + reals(work_.momentum) + reals(work_.v_star) +
-                      work_.slip.bytes() + reals(work_.source) + reals(work_.taken) + work_.velocity_system.bytes() +
-                      work_.pressure_system.bytes();
-  sum += reals(box_.fraction) + reals(box_.pressure) + 3 * box_.velocity.size() * sizeof(Real);
+  const Matter& matter = work_.matter;
+  const VelocityEquation& elasticity = work_.elasticity;
+  const PressureEquation& pressure = work_.pressure;
+  ByteCount count;
+  visit_fields(state_, count);
+  visit_fields(work_.backup, count);
+  for (const auto* field : {&work_.velocity.field, &box_.velocity})
+    for (const auto& c : field->c) count.array(c);
+  for (const auto* values :
+       {&matter.fluid_mass, &matter.mass, &matter.specific_volume, &matter.cell_fraction, &elasticity.f_star,
+        &elasticity.v_star, &elasticity.momentum, &pressure.source, &pressure.q, &pressure.taken, &pressure.impulse,
+        &pressure.correction, &pressure.corrected, &box_.fraction, &box_.pressure})
+    count.array(*values);
+  count.array(matter.fixed);
+  count.array(matter.owned);
+  std::uint64_t sum = count.bytes + work_.velocity.slip.bytes() + elasticity.system.bytes() + pressure.system.bytes() +
+                      work_.advect.bytes() + work_.solid_advect.bytes();
   for (const auto& solid : work_.solids) sum += solid.bytes();
-  return sum + work_.advect.bytes() + work_.solid_advect.bytes();
+  return sum;
 }
 
 void Simulation::set_velocity(const float* values) {
@@ -528,7 +540,7 @@ void Simulation::set_state(State state) {
   prepare();
   if (fills_box()) state.window = state_.window;
   state_ = std::move(state);
-  work_.uniform_ready = work_.masses_ready = false;
+  work_.forget();
 }
 
 }  // namespace efsi::sim

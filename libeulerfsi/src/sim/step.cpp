@@ -1,166 +1,171 @@
 #include "sim/step.hpp"
 
+#include <algorithm>
+
 #include "fluid/advect.hpp"
-#include "fluid/forces.hpp"
-#include "sim/coupling.hpp"
+#include "sim/carry_surface.hpp"
 #include "sim/energy_ledger.hpp"
+#include "sim/fluid_transport.hpp"
+#include "sim/masses.hpp"
+#include "sim/momentum_balance.hpp"
+#include "sim/node_velocity.hpp"
 #include "sim/pressure.hpp"
+#include "sim/repair_maps.hpp"
 #include "sim/time_step.hpp"
+#include "sim/velocity_solve.hpp"
 #include "solid/displacement.hpp"
 #include "solid/mass.hpp"
 #include "solid/material_force.hpp"
-#include "solid/surface.hpp"
 
 namespace efsi::sim {
 namespace {
 
-EnergyLedger make_ledger(const Parallel& parallel, const Scene& scene, const State& state, const Workspace& work) {
-  const Params& params = scene.params;
-  return {parallel,
-          params.energy_ledger,
-          {scene.solids, state.solids, work.solids, params.numerics.points_per_element},
-          {params.fluid.present, params.fluid.density, params.gravity}};
-}
-
-// The columns of the step. Where nothing needed the masses of the new state yet they are computed here; in a scene
-// without fluid only the solids', since the common grid moves with the state of the next step.
-const EnergyRecord& close_ledger(const Parallel& parallel, const Scene& scene, State& state, Workspace& work,
-                                 Profile& profile, EnergyLedger& ledger) {
-  if (work.masses_ready) return ledger.record();
-  if (scene.params.fluid.present)
-    compute_masses(parallel, scene, state, work, profile);
+// Which cells carry stiffness, for the next step's choice.
+void remember_elements(const StepContext& step, const Hold& hold, const solid::SolidWork& work,
+                       solid::SolidState& state) {
+  if (choice_lags(hold, work.max_speed * step.dt / step.scene.grid.h))
+    solid::remember_elements(work, state);
   else
-    compute_solid_masses(parallel, scene, state, work, profile);
-  ledger.arrive(work.mass, state.fluid.velocity);
-  return ledger.record();
+    state.stiff.clear();
 }
 
-std::vector<solid::RigidStep> transport_frames(const Scene& scene, const Workspace& work, double dt) {
-  std::vector<solid::RigidStep> frames;
-  for (std::size_t l = 0; l < scene.solids.size(); ++l) frames.push_back(transport_frame(scene, work, l, dt));
+// Of the transport, per solid; at rest where nothing keeps momenta.
+std::vector<solid::RigidStep> transport_frames(const StepContext& step, const Holds& holds,
+                                               const TransportMomenta& momenta) {
+  std::vector<solid::RigidStep> frames(step.scene.solids.size());
+  for (std::size_t l = 0; l < momenta.solids.size(); ++l)
+    frames[l] = transport_frame(holds.of(l), momenta.first[l], momenta.solids[l], step.dt);
   return frames;
 }
 
-// Line 7 after the masses, and the right-hand side's forces.
-void apply_forces(const Parallel& parallel, const Scene& scene, double dt, State& state, Workspace& work,
-                  Profile& profile, EnergyLedger& ledger) {
-  ledger.open(work.common.grid, work.mass, state.fluid.velocity);
-  ScopedTimer timer(profile, Stage::kFluidForces);
-  const Weight weight = weight_in_step(scene, dt, work);
-  ledger.weigh(state.fluid.velocity, weight.fluid, weight.solids);
-  combine_velocities(parallel, scene, weight, state, work);
-  ledger.book_nodes(EnergyStage::kMixing, work.slip, work.velocity);
-  add_external_forces(parallel, scene, dt, state, work, timer);
-  ledger.book_nodes(EnergyStage::kOutside, work.slip, work.velocity);
-  impose_walls(parallel, work);
-  ledger.book_nodes(EnergyStage::kWalls, work.slip, work.velocity);
+// After the transport: lines 3 and 7 of the next step, of the solids where they are now, and what gives back what the
+// transport has not kept.
+void settle(const StepContext& step, const std::vector<VolumeTarget>& targets, State& state, Workspace& work,
+            EnergyLedger& ledger) {
+  const auto& [parallel, scene, time, dt, profile, info] = step;
+  const Numerics& numerics = scene.params.numerics;
+  auto& [solids, matter, velocity, elasticity, pressure, momenta, advect, solid_advect, backup, ready] = work;
+  SolidStates& states = state.solids;
+  fluid::FluidState& fluid = state.fluid;
+  ready = numerics.repair_map || numerics.conserve_momentum;
+  if (ready) {
+    compute_masses(step, states, solids);
+    ledger.arrive();
+  }
+  inspect_before(scene.solids, solids, info.repairs);
+  info.transport = transport_changes(parallel, scene.solids, states, solids, targets, momenta.solids);
+  if (numerics.repair_map) repair_maps(step, states, solids);
+  if (info.repairs.put_back > 0) ledger.book_solids(EnergyStage::kRepair);
+  if (ready) {
+    combine_masses(step, states, solids, state.window, fluid.pressure, matter, velocity.slip);
+    ledger.book_fluid(EnergyStage::kRemap, matter, fluid.velocity);
+  }
+  if (numerics.conserve_momentum) {
+    restore_momenta(step, momenta, solids, matter, states, fluid.velocity);
+    ledger.book_solids(EnergyStage::kMomentum);
+    ledger.book_fluid(EnergyStage::kMomentum, matter, fluid.velocity);
+  }
+  ScopedTimer timer(profile, Stage::kSmoke);
+  fluid::settle_smoke(parallel, matter.common.grid, matter.common.walls, matter.cell_fraction, fluid, advect);
 }
 
-// What production does after line 22 with the solids, and what the step reports of it.
-void repair_and_restore(const Parallel& parallel, const Scene& scene, const std::vector<VolumeTarget>& targets,
-                        State& state, Workspace& work, Profile& profile, EnergyLedger& ledger, StepInfo& info) {
-  const Numerics& numerics = scene.params.numerics;
-  ledger.book_fluid(state.fluid.velocity);
-  work.masses_ready = false;
-  if (numerics.repair_map || numerics.conserve_momentum) {
-    compute_masses(parallel, scene, state, work, profile);
-    ledger.arrive(work.mass, state.fluid.velocity);
-  }
-  inspect_before(scene.solids, work.solids, info.repairs);
-  for (std::size_t l = 0; numerics.conserve_momentum && l < scene.solids.size(); ++l)
-    info.transport.push_back(transport_change(parallel, scene.solids[l], state.solids[l], work.solids[l], targets[l],
-                                              work.solid_momenta[l]));
-  if (numerics.repair_map) info.repairs.put_back = repair_maps(parallel, scene, state, work, profile);
-  if (info.repairs.put_back > 0) {
-    info.degenerate_cells += info.repairs.put_back;
-    inspect_after(scene.solids, work.solids, info.repairs);
-    ledger.book_state(EnergyStage::kRepair, work.mass, state.fluid.velocity, true);
-  }
-  if (!numerics.conserve_momentum) return;
-  restore_momentum(parallel, scene, state, work, profile);
-  ledger.book_state(EnergyStage::kMomentum, work.mass, state.fluid.velocity, false);
+// The last columns of the ledger where nothing has needed the masses of the new state: these are computed here. Without
+// fluid only the solids', since the common grid moves with the state of the next step.
+void close_ledger(const StepContext& step, State& state, Workspace& work, EnergyLedger& ledger) {
+  if (!ledger.on() || work.masses_ready) return;
+  compute_masses(step, state.solids, work.solids);
+  ledger.arrive();
+  if (!step.scene.params.fluid.present) return;
+  combine_masses(step, state.solids, work.solids, state.window, state.fluid.pressure, work.matter, work.velocity.slip);
+  ledger.book_fluid(EnergyStage::kRemap, work.matter, state.fluid.velocity);
+}
+
+// The state after a step of dt, and what the step reports.
+void finish(const StepContext& step, const SolidWorks& solids, State& state) {
+  const auto& [parallel, scene, time, dt, profile, info] = step;
+  info.time = state.time += dt;
+  info.steps = 1;
+  ++state.steps;
+  for (std::size_t l = 0; l < solids.size(); ++l) state.solids[l].speed = solids[l].max_speed;
+  report_solids(solids, info);
+  if (!scene.params.fluid.present) return;
+  info.max_speed_fluid = state.fluid_speed = largest_component(parallel, scene.grid, state.fluid.velocity);
 }
 
 }  // namespace
 
 StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, double shrink, State& state,
               Workspace& work, Profile& profile) {
-  const Params& params = scene.params;
-  const Numerics& numerics = params.numerics;
-  const grid::Grid &box = scene.grid, &common = work.common.grid;
-  const std::size_t solids = scene.solids.size();
+  const Numerics& numerics = scene.params.numerics;
+  auto& [solids, matter, velocity, elasticity, pressure, momenta, advect, solid_advect, backup, ready] = work;
+  const grid::Grid& common = matter.common.grid;
+  SolidStates& states = state.solids;
+  fluid::FluidState& fluid = state.fluid;
   StepInfo info;
-
-  // Alg. 1 line 1
-  double dt = compute_time_step(parallel, scene, state, remaining);
+  double dt = compute_time_step(parallel, scene, states, state.fluid_speed, remaining);  // Alg. 1 line 1
   if (shrink < 1.0) dt = std::min(dt, shrink * remaining);
   info.dt = dt;
+  const StepContext step{parallel, scene, state.time, dt, profile, info};
 
-  EnergyLedger ledger = make_ledger(parallel, scene, state, work);
-
-  if (!work.masses_ready) compute_masses(parallel, scene, state, work, profile);  // Alg. 1 lines 3, 7
-  if (numerics.conserve_momentum) measure_first_momenta(parallel, state, work);
-  for (std::size_t l = 0; l < solids; ++l) {  // lines 2-6
+  if (!ready) {                            // else the last step has left them
+    compute_masses(step, states, solids);  // Alg. 1 line 3
+    combine_masses(step, states, solids, state.window, fluid.pressure, matter, velocity.slip);  // Alg. 1 line 7
+  }
+  EnergyLedger ledger(step, states, solids, matter, fluid.velocity);
+  if (numerics.conserve_momentum) measure_first_momenta(step, states, solids, momenta);
+  for (std::size_t l = 0; l < scene.solids.size(); ++l) {  // lines 2-6
     ScopedTimer timer(profile, Stage::kComputeG);
-    solid::compute_material(parallel, scene.solids[l], state.solids[l], numerics.points_per_element,  // Alg. 1 line 4
-                            work.solids[l]);
-    timer.visited(work.solids[l].element_cell.size(), sizeof(solid::ElementPoint));
+    solid::compute_material(parallel, scene.solids[l], states[l], numerics.points_per_element,  // Alg. 1 line 4
+                            solids[l]);
+    timer.visited(solids[l].element_cell.size(), sizeof(solid::ElementPoint));
   }
-  apply_forces(parallel, scene, dt, state, work, profile, ledger);
-  assemble_velocity_system(parallel, scene, dt, state, work, profile);  // Alg. 1 line 8
-  prepare_pressure(parallel, scene, dt, state, work, profile);
-  ledger.book_nodes(EnergyStage::kPressure, work.slip, work.velocity);
-  solve_velocity(parallel, scene, work, profile, info);  // Alg. 1 line 9
-  ledger.book_nodes(EnergyStage::kVelocity, work.slip, work.velocity);
-  solve_pressure(parallel, scene, dt, state, work, profile, info);    // Alg. 1 line 10
-  project_velocity(parallel, scene, dt, state, work, profile, info);  // Alg. 1 line 11
-  ledger.book_nodes(EnergyStage::kPressure, work.slip, work.velocity);
-  ledger.book_source(state.fluid.pressure, work.source, dt);
+  ledger.book_weight(weight_in_step(scene, dt, solids), fluid.velocity);
+  combine_velocities(step, states, solids, matter, fluid.velocity, velocity);
+  ledger.book_nodes(EnergyStage::kMixing, velocity);
+  add_external_forces(step, matter, fluid, velocity);
+  ledger.book_nodes(EnergyStage::kOutside, velocity);
+  impose_walls(step, matter, velocity);
+  ledger.book_nodes(EnergyStage::kWalls, velocity);
+  assemble_velocity_system(step, states, solids, matter, velocity, elasticity);  // Alg. 1 line 8
+  prepare_pressure(step, states, solids, matter, fluid.pressure, elasticity, velocity, pressure);
+  ledger.book_nodes(EnergyStage::kPressure, velocity);
+  solve_velocity(step, elasticity, velocity);  // Alg. 1 line 9
+  ledger.book_nodes(EnergyStage::kVelocity, velocity);
+  solve_pressure(step, states, solids, common, fluid.pressure, elasticity, velocity, pressure);  // Alg. 1 line 10
+  project_velocity(step, common, elasticity, pressure, velocity, fluid.pressure);                // Alg. 1 line 11
+  ledger.book_nodes(EnergyStage::kPressure, velocity);
+  ledger.book_source(fluid.pressure, pressure.source);
+  if (numerics.conserve_momentum) measure_momenta(step, states, solids, matter, velocity, momenta);
+  const std::vector<solid::RigidStep> frames = transport_frames(step, elasticity.holds, momenta);
+  const std::vector<VolumeTarget> targets = volume_targets(scene.solids, states, solids);
+  ledger.meet(velocity, frames);
 
-  if (numerics.conserve_momentum) measure_momentum(parallel, scene, state, work);
-  const std::vector<solid::RigidStep> frames = transport_frames(scene, work, dt);
-  ledger.meet(work.slip, work.velocity, frames, dt);
-  std::vector<VolumeTarget> targets;
-
-  work.pressure_system.exchange_scratch(work.solid_advect.storage());
-  for (std::size_t l = 0; l < solids; ++l) {  // lines 12-21
-    {
-      ScopedTimer timer(profile, Stage::kSolidAdvection);
-      const system::SolidView view(parallel, work.slip, work.velocity);
-      solid::update_velocity(parallel, common, work.velocity, state.solids[l], work.solids[l]);  // Alg. 1 lines 13, 18
-      timer.visited(work.solids[l].layer.size(), 12 * sizeof(Real));
-    }
-    ledger.leave(l);
-    targets.push_back(volume_target(scene.solids[l], state.solids[l], work.solids[l]));
-    {
-      ScopedTimer timer(profile, Stage::kSolidAdvection);
-      solid::advect(parallel, numerics.solid_advection, dt, frames[l],  // Alg. 1 lines 19, 20
-                    work.solids[l], state.solids[l], work.solid_advect);
-    }
-    {
-      ScopedTimer timer(profile, Stage::kSurface);
-      solid::predict_surface(parallel, dt, frames[l], work.solid_advect, state.solids[l]);
-      solid::correct_surface(parallel, scene.solids[l], state.solids[l]);
-      solid::measure_leak(scene.solids[l], work.solids[l], state.solids[l]);
-      state.solids[l].whole = solid::is_whole(box, params.walls, state.solids[l]);
-      timer.visited(state.solids[l].surface.size(), sizeof(Vec3d));
-    }
+  for (std::size_t l = 0; l < scene.solids.size(); ++l) {  // lines 12-16
     ScopedTimer timer(profile, Stage::kSolidAdvection);
-    remember_elements(scene, work, l, dt, state);
-    solid::follow_solid(box, scene.solids[l], state.solids[l]);
+    const system::SolidView view(parallel, velocity.slip, velocity.field);
+    solid::take_velocity(parallel, common, velocity.field, states[l], solids[l]);  // Alg. 1 line 13
   }
-  work.pressure_system.exchange_scratch(work.solid_advect.storage());
-  advect_fluid(parallel, scene, dt, state, work, profile);  // Alg. 1 line 22
-  repair_and_restore(parallel, scene, targets, state, work, profile, ledger, info);
-  {
-    ScopedTimer timer(profile, Stage::kSmoke);
-    fluid::settle_smoke(parallel, common, work.common.walls, work.cell_fraction, state.fluid, work.advect);
+  pressure.system.exchange_scratch(solid_advect.storage());
+  for (std::size_t l = 0; l < scene.solids.size(); ++l) {  // lines 17-21
+    {
+      ScopedTimer timer(profile, Stage::kSolidAdvection);
+      solid::extend(parallel, states[l], solids[l]);  // Alg. 1 line 18
+      ledger.leave(l);
+      solid::advect(parallel, numerics.solid_advection, dt, frames[l], solids[l], states[l],  // Alg. 1 lines 19, 20
+                    solid_advect);
+      timer.visited(solids[l].layer.size(), 12 * sizeof(Real));
+    }
+    carry_surface(step, l, frames[l], solid_advect, solids[l], states[l]);
+    ScopedTimer timer(profile, Stage::kSolidAdvection);
+    remember_elements(step, elasticity.holds.of(l), solids[l], states[l]);
+    solid::follow_solid(scene.grid, scene.solids[l], states[l]);
   }
-
-  state.time += dt;
-  ++state.steps;
-  measure(parallel, scene, state, work, info);
-  if (ledger.on()) info.energy = close_ledger(parallel, scene, state, work, profile, ledger);
+  pressure.system.exchange_scratch(solid_advect.storage());
+  advect_fluid(step, velocity.field, velocity.slip, matter, fluid, advect, pressure.system);  // Alg. 1 line 22
+  ledger.book_fluid(fluid.velocity);
+  settle(step, targets, state, work, ledger);
+  finish(step, solids, state);
+  close_ledger(step, state, work, ledger);
   return info;
 }
 

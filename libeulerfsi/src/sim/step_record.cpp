@@ -8,7 +8,7 @@ namespace efsi::sim {
 namespace {
 
 // The quality of all solids' maps as one.
-solid::MapQuality inspect(const std::vector<solid::SolidRest>& rest, const std::vector<solid::SolidWork>& work) {
+solid::MapQuality inspect(const std::vector<solid::SolidRest>& rest, const SolidWorks& work) {
   solid::MapQuality all;
   for (std::size_t l = 0; l < work.size(); ++l) {
     const solid::MapQuality one = solid::inspect_map(rest[l], work[l]);
@@ -21,8 +21,7 @@ solid::MapQuality inspect(const std::vector<solid::SolidRest>& rest, const std::
 
 }  // namespace
 
-void inspect_before(const std::vector<solid::SolidRest>& rest, const std::vector<solid::SolidWork>& work,
-                    Repairs& out) {
+void inspect_before(const std::vector<solid::SolidRest>& rest, const SolidWorks& work, Repairs& out) {
   const solid::MapQuality quality = inspect(rest, work);
   out.broken = quality.broken;
   out.min_det_f_before = out.min_det_f_after = quality.min_det_f;
@@ -34,7 +33,7 @@ void inspect_before(const std::vector<solid::SolidRest>& rest, const std::vector
   }
 }
 
-void inspect_after(const std::vector<solid::SolidRest>& rest, const std::vector<solid::SolidWork>& work, Repairs& out) {
+void inspect_after(const std::vector<solid::SolidRest>& rest, const SolidWorks& work, Repairs& out) {
   const solid::MapQuality quality = inspect(rest, work);
   out.min_det_f_after = quality.min_det_f;
   out.max_det_f_after = quality.max_det_f;
@@ -46,6 +45,13 @@ VolumeTarget volume_target(const solid::SolidRest& rest, const solid::SolidState
   target.cells += work.next_volume - target.mesh;
   target.mesh = work.next_volume;
   return target;
+}
+
+std::vector<VolumeTarget> volume_targets(const std::vector<solid::SolidRest>& rest, const SolidStates& states,
+                                         const SolidWorks& work) {
+  std::vector<VolumeTarget> targets;
+  for (std::size_t l = 0; l < states.size(); ++l) targets.push_back(volume_target(rest[l], states[l], work[l]));
+  return targets;
 }
 
 TransportChange transport_change(const Parallel& parallel, const solid::SolidRest& rest, const solid::SolidState& state,
@@ -60,6 +66,16 @@ TransportChange transport_change(const Parallel& parallel, const solid::SolidRes
   change.momentum = now.linear - before.linear;
   change.angular_momentum = now.angular - before.angular;
   return change;
+}
+
+std::vector<TransportChange> transport_changes(const Parallel& parallel, const std::vector<solid::SolidRest>& rest,
+                                               const SolidStates& states, const SolidWorks& work,
+                                               const std::vector<VolumeTarget>& targets,
+                                               const std::vector<solid::Momenta>& before) {
+  std::vector<TransportChange> changes;
+  for (std::size_t l = 0; l < before.size(); ++l)
+    changes.push_back(transport_change(parallel, rest[l], states[l], work[l], targets[l], before[l]));
+  return changes;
 }
 
 }  // namespace efsi::sim

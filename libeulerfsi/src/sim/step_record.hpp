@@ -3,7 +3,8 @@
 
 #include <vector>
 
-#include "sim/state.hpp"
+#include "base/parallel.hpp"
+#include "sim/scene.hpp"
 #include "solid/momentum.hpp"
 #include "solid/repair.hpp"
 
@@ -19,8 +20,8 @@ struct Repairs {
   double min_det_f_before = 1.0, max_det_f_before = 1.0, min_det_f_after = 1.0, max_det_f_after = 1.0;
 };
 // After the transport, and after the repair.
-void inspect_before(const std::vector<solid::SolidRest>& rest, const std::vector<solid::SolidWork>& work, Repairs& out);
-void inspect_after(const std::vector<solid::SolidRest>& rest, const std::vector<solid::SolidWork>& work, Repairs& out);
+void inspect_before(const std::vector<solid::SolidRest>& rest, const SolidWorks& work, Repairs& out);
+void inspect_after(const std::vector<solid::SolidRest>& rest, const SolidWorks& work, Repairs& out);
 
 // What the transport of a step changes in a solid's volume and momenta before anything restores them
 // (EfsiTransportChange).
@@ -35,9 +36,16 @@ struct VolumeTarget {
 };
 // Before the transport. What the pressure has been asked to give: SolidWork::next_volume.
 VolumeTarget volume_target(const solid::SolidRest& rest, const solid::SolidState& state, const solid::SolidWork& work);
-// After it, with the masses of the new state. before: the momenta at the start of the transport.
+std::vector<VolumeTarget> volume_targets(const std::vector<solid::SolidRest>& rest, const SolidStates& states,
+                                         const SolidWorks& work);
+// After it, with the masses of the new state. before: the momenta at the start of the transport; without them no
+// changes.
 TransportChange transport_change(const Parallel& parallel, const solid::SolidRest& rest, const solid::SolidState& state,
                                  const solid::SolidWork& work, const VolumeTarget& target,
                                  const solid::Momenta& before);
+std::vector<TransportChange> transport_changes(const Parallel& parallel, const std::vector<solid::SolidRest>& rest,
+                                               const SolidStates& states, const SolidWorks& work,
+                                               const std::vector<VolumeTarget>& targets,
+                                               const std::vector<solid::Momenta>& before);
 
 }  // namespace efsi::sim

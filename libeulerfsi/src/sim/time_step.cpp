@@ -85,10 +85,10 @@ double wall_limit(const Parallel& parallel, const Scene& scene, std::size_t l, c
 }
 
 using Box = Eigen::AlignedBox3d;
-std::vector<Box> surface_boxes(const State& state) {
-  std::vector<Box> boxes(state.solids.size());
+std::vector<Box> surface_boxes(const SolidStates& states) {
+  std::vector<Box> boxes(states.size());
   for (std::size_t l = 0; l < boxes.size(); ++l)
-    for (const Vec3d& x : state.solids[l].surface) boxes[l].extend(x);
+    for (const Vec3d& x : states[l].surface) boxes[l].extend(x);
   return boxes;
 }
 
@@ -120,17 +120,18 @@ double speed_limit(const Parallel& parallel, const Scene& scene, const solid::So
 
 }  // namespace
 
-double compute_time_step(const Parallel& parallel, const Scene& scene, const State& state, double remaining) {
+double compute_time_step(const Parallel& parallel, const Scene& scene, const SolidStates& states, double fluid_speed,
+                         double remaining) {
   const Params& params = scene.params;
   const grid::Grid& g = scene.grid;
   double limit = params.max_time_step > 0.0 ? std::min(params.max_time_step, remaining) : remaining;
-  const std::vector<Box> boxes = surface_boxes(state);
+  const std::vector<Box> boxes = surface_boxes(states);
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
-    const Gaps gaps = measure_gaps(scene, state.solids[l]);
-    limit = std::min(limit, wall_limit(parallel, scene, l, state.solids[l], gaps));
-    limit = speed_limit(parallel, scene, state.solids[l], free_cells(scene, boxes, l, gaps), limit);
+    const Gaps gaps = measure_gaps(scene, states[l]);
+    limit = std::min(limit, wall_limit(parallel, scene, l, states[l], gaps));
+    limit = speed_limit(parallel, scene, states[l], free_cells(scene, boxes, l, gaps), limit);
   }
-  if (params.fluid.present) limit = std::min(limit, time_to_move(state.fluid_speed, 0.0, params.cfl_fluid * g.h));
+  if (params.fluid.present) limit = std::min(limit, time_to_move(fluid_speed, 0.0, params.cfl_fluid * g.h));
   return remaining / std::ceil(remaining / limit - 1e-6);
 }
 

@@ -1,9 +1,11 @@
-// Purpose: what does not survive a step; never read across steps.
+// Purpose: what does not survive a step, in parts of one meaning each; a stage gets the parts that it names.
 #pragma once
 
 #include <vector>
 
 #include "fluid/advect.hpp"
+#include "sim/hold.hpp"
+#include "sim/scene.hpp"
 #include "sim/state.hpp"
 #include "solid/displacement.hpp"
 #include "solid/momentum.hpp"
@@ -13,32 +15,66 @@
 
 namespace efsi::sim {
 
-struct Workspace {
-  CommonGrid common;                  // of the stages that join solids and fluid; nodes and cells below are its
-  grid::VectorField velocity;         // the velocity of Eq. 11 at the nodes, at slip nodes the fluid's [m/s]
-  system::SlipNodes slip;             // nodes where the fluid slips along a solid
+// The common grid of the stages that join solids and fluid, and what matter is where on it. Made of the solids' places.
+struct Matter {
+  CommonGrid common;
   std::vector<std::uint8_t> fixed;    // per node: bit a: component a is fixed by a wall
-  std::vector<Real> mass;             // all matter per node [kg]
+  std::vector<Real> fluid_mass;       // per node, where solids leave room [kg]; empty without solids
+  std::vector<Real> mass;             // of all matter per node [kg]; empty without solids
   std::vector<Real> specific_volume;  // 1/density per node [m^3/kg]
   std::vector<std::uint8_t> owned;    // padded cells that carry a solid's stiffness; empty without solids
   std::vector<Real> cell_fraction;    // part of each cell that solids fill; empty without solids
-  std::vector<Real> source;           // wanted divergence per padded cell [1/s]; empty: none
-  std::vector<solid::SolidWork> solids;
-  system::VelocitySystem velocity_system;
-  system::PressureSystem pressure_system;
-  std::vector<Real> f_star, v_star;  // Eq. 8 on the unknowns
-  std::vector<Real> momentum;        // M v + dt f on the unknowns [kg m/s]
-  std::vector<Real> correction;      // G^-1 J^T q of Eq. 13 on the unknowns [m/s]
-  std::vector<Real> taken;           // q that acts on the velocity before the projection, padded cells [Pa s];
-  bool takes = false;                // if this
+};
+
+// The velocity of Eq. 11.
+struct NodeVelocity {
+  grid::VectorField field;  // at the nodes of the common grid, at slip nodes the fluid's [m/s]
+  system::SlipNodes slip;   // nodes where the fluid slips along a solid, with the solid's velocity there
+};
+
+// Eq. 8 on its unknowns.
+struct VelocityEquation {
+  system::VelocitySystem system;
+  Holds holds;                 // what holds the solids while it is solved and after
+  std::vector<Real> f_star;    // the right-hand side [kg m/s]
+  std::vector<Real> v_star;    // start of the solve, then v* [m/s]
+  std::vector<Real> momentum;  // M v + dt f, which v* has to have [kg m/s]
+};
+
+// Eqs. 11 to 13. The multiplier q of J has v = v* - M^-1 J^T q [Pa s]; J^T is minus the gradient, so q = -dt p.
+struct PressureEquation {
+  system::PressureSystem system;
+  bool lasts = false;            // the system of a scene without solids is built
+  std::vector<Real> source;      // wanted divergence per padded cell [1/s]; empty: none
+  std::vector<Real> q;           // the multiplier, padded cells; the state's pressure is put away in it meanwhile
+  std::vector<Real> taken;       // the part of q that acts before the projection, padded cells
+  bool takes = false;            // if this
+  std::vector<Real> impulse;     // J^T q on the unknowns of Eq. 8 [kg m/s]
+  std::vector<Real> correction;  // G^-1 J^T q on them [m/s]
+  std::vector<Real> corrected;   // v* less a share of the correction on them [m/s]
+};
+
+// What the transport has to keep.
+struct TransportMomenta {
+  std::vector<solid::Momenta> first;   // of the solids, at the start of the step
+  std::vector<solid::Momenta> solids;  // the same before the transport
+  Vec3d fluid = Vec3d::Zero();         // the fluid's before the transport [kg m/s]
+};
+
+struct Workspace {
+  SolidWorks solids;
+  Matter matter;
+  NodeVelocity velocity;
+  VelocityEquation elasticity;
+  PressureEquation pressure;
+  TransportMomenta momenta;
   fluid::AdvectWorkspace advect;
   solid::AdvectWorkspace solid_advect;
-  std::vector<solid::Momenta> first_momenta;  // of the solids, at the start of the step
-  std::vector<solid::Momenta> solid_momenta;  // the same before the transport
-  Vec3d fluid_momentum = Vec3d::Zero();
-  State backup;                // the last good state
-  bool masses_ready = false;   // the masses are those of the state
-  bool uniform_ready = false;  // mass and pressure system of a scene without solids are built
+  State backup;               // the last good state
+  bool masses_ready = false;  // solids' masses and matter are those of the state
+
+  // Another state: nothing that was made of the last one holds.
+  void forget() { masses_ready = pressure.lasts = false; }
 };
 
 }  // namespace efsi::sim

@@ -12,8 +12,8 @@ using grid::PackedField;
 using grid::PackedSampler;
 using grid::Quad;
 
-void update_velocity(const Parallel& parallel, const Grid& global, const VectorField& velocity, SolidState& state,
-                     SolidWork& work) {
+void take_velocity(const Parallel& parallel, const Grid& global, const VectorField& velocity, SolidState& state,
+                   SolidWork& work) {
   const Grid& g = state.band.grid;
   const Vec3i lo = grid::offset(g, global);
   work.layer.assign(g.node_count(), grid::kNoLayer);
@@ -32,12 +32,15 @@ void update_velocity(const Parallel& parallel, const Grid& global, const VectorF
     }
     return static_cast<double>(top);
   });
+}
+
+void extend(const Parallel& parallel, SolidState& state, SolidWork& work) {
   std::array<Real*, 6> fields;
   for (std::size_t a = 0; a < 3; ++a) {
     fields[a] = state.u.c[a].data();
     fields[3 + a] = state.v.c[a].data();
   }
-  grid::extend_linear(parallel, g, kExtensionLayers, work.layer, fields);
+  grid::extend_linear(parallel, state.band.grid, kExtensionLayers, work.layer, fields);
 }
 
 namespace {

@@ -1,5 +1,5 @@
 // Purpose: motion of a solid's reference map and of its own velocity.
-// Paper: Alg. 1 lines 13, 18 (velocity), 19 (u += dt v), 20 (semi-Lagrangian advection of u); Sec. 4.3.
+// Paper: Alg. 1 lines 13 (velocity), 18 (extension), 19 (u += dt v), 20 (semi-Lagrangian advection of u); Sec. 4.3.
 //   u^{n+1}(x) = u^n(x_d) + (x - x_d), x_d the point from which the solid's velocity leads to x
 // Departs from the paper: the back-trace is third order, in a frame that moves with the solid, and the advection is
 // corrected (MacCormack); no particles (docs/deviations.md). The paper's own way (u + dt v, then linear
@@ -18,10 +18,12 @@ namespace efsi::solid {
 
 enum class AdvectionScheme : std::int32_t { kMacCormack = 0, kPaper = 1 };
 
-// Lines 13, 18: takes the solid's velocity from the global field at the nodes that carry it and extends u and v
-// outwards.
-void update_velocity(const Parallel& parallel, const Grid& global, const VectorField& velocity, SolidState& state,
-                     SolidWork& work);
+// Line 13: takes the solid's velocity from the global field at the nodes that carry it: state.v, work.max_speed;
+// work.layer is 0 there and none elsewhere.
+void take_velocity(const Parallel& parallel, const Grid& global, const VectorField& velocity, SolidState& state,
+                   SolidWork& work);
+// Line 18: extends u and v from these nodes outwards; work.layer: by which layer.
+void extend(const Parallel& parallel, SolidState& state, SolidWork& work);
 
 // Packed fields of the band, shared by the solids: u, and v seen from the frame, before the advection; x_d; u and v
 // after its first sweep, and half the error of that. The fourth value of an error is 1 where it is known, 0 elsewhere.
@@ -46,7 +48,7 @@ struct AdvectWorkspace {
 // frame: the velocity field keeps its shape for the step in a frame with this motion, against which its velocity is
 // seen; at rest: in that of the grid, as always in kPaper. Elastic waves ride on the solid: where the field stays on
 // the grid while the solid moves, a wave's displacement gets out of step with its velocity by half of what the solid
-// moves, and waves that run with it grow (docs/numerics-choices.md).
+// moves, and waves that run with it grow (docs/numerics/transport-frame.md).
 void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const RigidStep& frame, const SolidWork& work,
             SolidState& state, AdvectWorkspace& packed);
 // Where the same motion takes the vertices of the embedded surface; packed: as the advection leaves it.

@@ -17,7 +17,7 @@ struct ShapeEnergies {
   double kinetic = 0.0, elastic = 0.0;  // [J]
   Vec3d center = Vec3d::Zero();         // of mass [m]
 };
-// Over the cells that are solid in part, in which u and v must be known (update_velocity, advect), for the mass
+// Over the cells that are solid in part, in which u and v must be known (extend, advect), for the mass
 // work.total_mass.
 ShapeEnergies measure_shape(const Parallel& parallel, const SolidRest& rest, const SolidState& state,
                             const SolidWork& work, int points_per_element);

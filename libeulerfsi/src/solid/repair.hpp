@@ -1,6 +1,6 @@
 // Purpose: puts broken cells of an incompressible solid back in shape.
 // Where a solid folds onto itself, the maps of both sides meet at one node; the cells between are stretched or turned
-// over step by step, and with them what they push (docs/numerics-choices.md). The paper has no such step; its filter,
+// over step by step, and with them what they push (docs/numerics/repair.md). The paper has no such step; its filter,
 // which acts everywhere, serves this too.
 #pragma once
 

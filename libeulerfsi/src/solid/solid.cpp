@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "base/byte_count.hpp"
+
 namespace efsi::solid {
 
 std::size_t SolidWork::bytes() const {
@@ -11,8 +13,9 @@ std::size_t SolidWork::bytes() const {
 }
 
 std::size_t state_bytes(const SolidState& state) {
-  return 6 * state.u.size() * sizeof(Real) + state.valid.size() + state.stiff.size() +
-         state.surface.size() * sizeof(Vec3d);
+  ByteCount count;
+  visit_fields(state, count);
+  return count.bytes;
 }
 
 void SolidWork::resize_elements(int points) {

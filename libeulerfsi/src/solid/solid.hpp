@@ -52,6 +52,25 @@ struct SolidState {
   double leak = 0.0;                // volume that the last step lost by the mesh, over that at rest
 };
 
+// Calls fields.value(x) or fields.array(x) for all that a solid's state holds. One list serves checkpoint, hash and
+// memory count.
+template <class State, class Fields>
+void visit_fields(State& s, Fields& fields) {
+  fields.value(s.band.grid.cells);
+  fields.value(s.band.grid.h);
+  for (int a = 0; a < 3; ++a) fields.value(s.band.grid.origin[a]);
+  fields.value(s.band.grid.lo);
+  for (auto& c : s.u.c) fields.array(c);
+  for (auto& c : s.v.c) fields.array(c);
+  fields.array(s.valid);
+  fields.array(s.stiff);
+  fields.array(s.surface);
+  fields.value(s.rest_volume_cells);
+  fields.value(s.whole);
+  fields.value(s.speed);
+  fields.value(s.leak);
+}
+
 // One quadrature point of an element: the linearised material in the frame of the principal axes.
 // With E = U^T (sum_a v_a grad N_a^T) U the change of Kirchhoff stress is U T U^T,
 //   T_ii = sum_j normal_ij E_jj,  (T_ij, T_ji) = 2x2 pair matrix (E_ij, E_ji).

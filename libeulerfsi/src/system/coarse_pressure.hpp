@@ -1,7 +1,7 @@
 // Purpose: the pressure operator of the coarse levels of multigrid: fluxes through faces, seven points.
 // J W J^T of the finest level hardly sees what alternates along two axes. On a coarse grid the same operator would
 // amplify such corrections several times over; -div (1/density) grad by faces treats smooth ones alike and never
-// overshoots (docs/numerics-choices.md).
+// overshoots (docs/lab/pressure.md).
 #pragma once
 
 #include <array>

@@ -1,7 +1,7 @@
 // Purpose: one V-cycle of geometric multigrid as the preconditioner of the pressure equation.
 // Coarse levels go by the faces of cells (system/coarse_pressure) and by full-weighted averages of 1/density: heavy
 // solids are inclusions of low mobility, and the harmonic average keeps the number of iterations independent of the
-// density ratio (docs/numerics-choices.md). They have slip walls even where the scene's are no-slip.
+// density ratio (docs/numerics/pressure-solve.md). They have slip walls even where the scene's are no-slip.
 #pragma once
 
 #include <span>

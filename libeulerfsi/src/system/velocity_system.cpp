@@ -43,6 +43,7 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
   past_factor_.clear();
   unknown_begin_.assign(1, 0);
   held_.assign(solids_.size(), 0);
+  touching_.clear();
 
   // Unknowns in node order per solid, solids in order.
   std::vector<double> damping;
@@ -64,9 +65,11 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
             for (unsigned a = 0; a < 3; ++a) free_.push_back(fixed[n] & (1u << a) ? Real(0) : Real(1));
             held_[l] = static_cast<std::uint8_t>(held_[l] | fixed[n]);
           } else {
-            const auto first =
+            const auto next =
                 std::upper_bound(unknown_begin_.begin(), unknown_begin_.end(), static_cast<std::size_t>(unknown));
-            held_[static_cast<std::size_t>(first - unknown_begin_.begin()) - 1] = held_[l] = kAllAxes;
+            const auto first = static_cast<std::size_t>(next - unknown_begin_.begin()) - 1;
+            held_[first] = held_[l] = kAllAxes;
+            touching_.insert({first, l});
           }
           damping[static_cast<std::size_t>(unknown)] +=
               dt * s.rest->rayleigh_alpha * static_cast<double>(s.work->mass[local]);

@@ -3,7 +3,9 @@
 // K. For nodes that carry no solid G is the diagonal mass matrix and v* is known at once.
 #pragma once
 
+#include <set>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "base/parallel.hpp"
@@ -21,7 +23,7 @@ using grid::VectorField;
 
 // What stands for K v* in Eq. 8: ahead K v* - behind K v^n. {1, 0} is backward Euler, {1/4, 1/4} the trapezoidal rule.
 // A linear material is stable from ahead + behind = 1/2 on; a mode of frequency omega loses (ahead - behind) (omega
-// dt)^2 of its energy in a step (docs/numerics-choices.md).
+// dt)^2 of its energy in a step (docs/numerics/stiffness-shares.md).
 struct StiffnessShares {
   double ahead = 1.0, behind = 0.0;
 };
@@ -76,6 +78,8 @@ class VelocitySystem {
   // Along which axes walls hold a node of a solid: bit a: axis a; 7 where another solid does.
   unsigned held_axes(std::size_t solid) const { return held_[solid]; }
   bool touches(std::size_t solid) const { return held_[solid] != 0; }
+  // Pairs of solids that share a node; of three or more at a node all with the first.
+  const std::set<std::pair<std::size_t, std::size_t>>& touching() const { return touching_; }
   std::size_t bytes() const;
 
  private:
@@ -95,8 +99,9 @@ class VelocitySystem {
                           const Finish& finish, std::vector<Real>& out);
 
   std::vector<SolidRef> solids_;
-  std::vector<std::int32_t> unknown_of_node_;        // global node -> unknown, -1
-  std::vector<std::size_t> unknown_begin_;           // first unknown of each solid, and the end
+  std::vector<std::int32_t> unknown_of_node_;  // global node -> unknown, -1
+  std::vector<std::size_t> unknown_begin_;     // first unknown of each solid, and the end
+  std::set<std::pair<std::size_t, std::size_t>> touching_;
   std::vector<std::uint8_t> held_;                   // per solid: bit a: a wall fixes axis a; 7: shares a node
   std::vector<std::size_t> node_;                    // unknown -> global node
   std::vector<std::size_t> block_begin_;             // first block of each solid, and the end

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from eulerfsi import binding
 from eulerfsi.errors import LibraryError
-from eulerfsi.solver import Simulation
+from eulerfsi.solver import Mesh, Simulation
 
-from .shapes import RADIUS, SIZE, make_shape, vertex_areas
+from .shapes import RADIUS, SIZE, make_shape, rigid_misfit, vertex_areas
 
 FRAME = 1 / 24  # s
 GRAVITY = 9.8  # m/s^2
@@ -24,6 +24,7 @@ TOKENS = {"preset": binding.PRESETS, "wall": binding.WALLS, "material": binding.
 OPEN_FACE = {"openBottom": 2, "openTop": 3}  # walls -> face -x +x -y +y -z +z
 FASTEST = 5.0  # m/s: no solid of these scenes is faster; one that needs the steps of twice this speed has blown up
 TORN = 20.0  # an interior det F above this or below its inverse has blown up
+OUT_OF_TIME = "out of time"  # how the failure of a run begins that its wall-clock limit has ended
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,6 +85,25 @@ class Experiment:
         step = min(self.dt, settings.get("max_time_step") or self.dt, cfl * self.spacing / FASTEST)
         return 100 + int(4 * (1 + self.halved) * self.duration / step)
 
+    @property
+    def face_kinds(self) -> tuple[str, ...]:
+        """What the faces -x +x -y +y -z +z are."""
+        if self.walls not in OPEN_FACE:
+            return (self.walls,) * 6
+        return tuple("open" if face == OPEN_FACE[self.walls] else "slip" for face in range(6))
+
+    def mesh(self) -> Mesh:
+        """The solid's surface where it starts [m]."""
+        mesh = make_shape(self.shape, self.across, self.turn)
+        mesh.points += self.middle.astype(np.float32)
+        if self.floor is not None:
+            mesh.points[:, 1] += self.floor - mesh.points[:, 1].min()
+        return mesh
+
+    def ends(self, observed: dict[str, Any]) -> bool:
+        """Whether the run is over before its time: there is nothing left to see. observed: what `observe` gave."""
+        return False
+
     def simulation(self) -> dict[str, Any]:
         """Fields of EfsiSimulationDef."""
         heavy = 1000.0
@@ -96,11 +116,7 @@ class Experiment:
             "fluid_density": heavy / max(1.0, ratio or 1.0),
             "threads": 1,
         }
-        kinds = [self.walls] * 6
-        if self.walls in OPEN_FACE:
-            kinds = ["slip"] * 6
-            kinds[OPEN_FACE[self.walls]] = "open"
-        for face, kind in enumerate(kinds):
+        for face, kind in enumerate(self.face_kinds):
             values[f"wall[{face}]"] = binding.WALLS[kind]
         if self.cfl is not None:
             values["cfl_solid"] = self.cfl
@@ -136,22 +152,20 @@ def field_of(name: str) -> type | None:
 
 def simulate(run: Experiment) -> dict[str, Any]:
     """Runs an experiment: {"failure": text or "", "start": ..., "columns": {name: one value per step}}."""
-    mesh = make_shape(run.shape, run.across, run.turn)
-    mesh.points += run.middle.astype(np.float32)
-    if run.floor is not None:
-        mesh.points[:, 1] += run.floor - mesh.points[:, 1].min()
+    mesh = run.mesh()
     areas = vertex_areas(mesh.points, mesh.triangles())
     rest, columns, failure = mesh.points.astype(float), [], ""
     ends = step_ends(run)
     begun = time.perf_counter()
     with Simulation(run.simulation()) as simulation:
-        simulation.add_solid(mesh, **run.solid())
+        report = simulation.add_solid(mesh, **run.solid())[1]
         if run.stretch:
             stretch(simulation, run)
-        start = observe(simulation, rest, areas)
+        last = observe(simulation, rest, areas)
+        start = {name: report[name] for name in ("surface_volume", "solid_volume", "thinnest_feature")} | last
         try:
             for end in ends:
-                while end - simulation.time > 1e-9:
+                while end - simulation.time > 1e-9 and not run.ends(last):
                     if run.load:
                         push_inwards(simulation, run, end - simulation.time)
                     clock = time.perf_counter()
@@ -159,14 +173,15 @@ def simulate(run: Experiment) -> dict[str, Any]:
                     seconds = time.perf_counter() - clock
                     if run.load and abs(info["dt"] - run.dt) > 1e-6:
                         raise ValueError(f"the load was given for a step of {run.dt:g} s, it was {info['dt']:g} s")
-                    columns.append(info | {"seconds": seconds} | record(simulation) | observe(simulation, rest, areas))
-                    low, high = columns[-1]["det_f_interior"]
+                    last = observe(simulation, rest, areas)
+                    columns.append(info | {"seconds": seconds} | record(simulation) | last)
+                    low, high = last["det_f_interior"]
                     if not (low > 1 / TORN and high < TORN):
                         raise ValueError(f"blown up: interior det F {low:.3g}..{high:.3g} at {simulation.time:.3g} s")
                     if len(columns) > run.most_steps:
                         raise ValueError(f"given up after {len(columns)} steps at {simulation.time:.3g} s")
                     if time.perf_counter() - begun > run.limit:
-                        raise TimeoutError(f"given up after {run.limit:g} s at time {simulation.time:.3g} s")
+                        raise TimeoutError(f"{OUT_OF_TIME} after {run.limit:g} s at time {simulation.time:.3g} s")
         except (LibraryError, ValueError, TimeoutError) as error:
             failure = str(error)
     names = columns[0].keys() if columns else ()
@@ -185,19 +200,22 @@ def observe(simulation: Simulation, rest: np.ndarray, areas: np.ndarray) -> dict
     """Diagnostics of solid 1 and of the fluid now, det F of interior and cut cells, and the shape of the surface.
 
     second_moments: mean square of the distances to the surface's centroid along x, y, z [m^2];
-    misshape: largest distance of a vertex from where the rest shape, moved to the same centroid, has it [m].
+    misshape: largest distance of a vertex from where the rest shape, moved to the same centroid, has it [m];
+    misfit: the same where the rest shape may turn as well [m].
     """
     solid, fluid = simulation.solid_diagnostics(1), simulation.fluid_diagnostics()
     points = simulation.surface(1, len(rest))[0].astype(float)
     weights = areas / areas.sum()
     points = points - weights @ points
+    centred = rest - weights @ rest
     inside = det_f_ranges(simulation)
     return {
         **{name: value for name, value in solid.items() if name not in ("min_det_f", "max_det_f")},
         "fluid_energy": fluid["kinetic_energy"],
         "fluid_momentum": fluid["momentum"],
         "second_moments": list(weights @ points**2),
-        "misshape": float(np.linalg.norm(points - (rest - weights @ rest), axis=1).max()),
+        "misshape": float(np.linalg.norm(points - centred, axis=1).max()),
+        "misfit": rigid_misfit(points, centred, weights),
         **inside,
     }
 

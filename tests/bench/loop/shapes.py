@@ -130,3 +130,15 @@ def vertex_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     a, b, c = (points[triangles[:, k]].astype(float) for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
     return np.bincount(triangles.ravel(), np.repeat(area / 3, 3), len(points))
+
+
+def rigid_misfit(points: np.ndarray, rest: np.ndarray, weights: np.ndarray) -> float:
+    """Largest distance of a point from the rest shape, turned to fit best in the weighted mean square [m].
+
+    points, rest: (n, 3), each with its weighted centre at the origin [m]; weights: (n,), sum 1.
+    """
+    if not np.isfinite(points).all():
+        return float("nan")
+    left, _, right = np.linalg.svd(rest.T @ (points * weights[:, None]))
+    mirror = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
+    return float(np.linalg.norm(points - rest @ left @ mirror @ right, axis=1).max())

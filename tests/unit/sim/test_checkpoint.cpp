@@ -3,7 +3,9 @@
 #include <fstream>
 #include <random>
 
+#include "base/byte_count.hpp"
 #include "base/error.hpp"
+#include "sim/checkpoint.hpp"
 #include "unit/sim/scene.hpp"
 
 using namespace efsi;
@@ -50,7 +52,42 @@ int refused(const std::function<void()>& body) {
   return 0;
 }
 
+// Changes the last byte of one field of a state, the `target`-th of those that are not empty.
+struct Touch {
+  int target, at = 0;
+  std::uint64_t bytes = 0;  // of all arrays
+  template <class T>
+  void value(T& v) {
+    if (at++ == target) reinterpret_cast<unsigned char*>(&v)[sizeof(T) - 1] ^= 1;
+  }
+  template <class T>
+  void array(std::vector<T>& v) {
+    bytes += v.size() * sizeof(T);
+    if (!v.empty() && at++ == target) reinterpret_cast<unsigned char*>(&v.back())[sizeof(T) - 1] ^= 1;
+  }
+};
+
 }  // namespace
+
+TEST_CASE("Every field in the list of a state changes its hash, and every array counts as memory") {
+  auto s = scene();
+  s->step(0.01);
+  Touch none{-1};
+  sim::State state = s->state();
+  sim::visit_fields(state, none);
+  CHECK(none.at == 3 + 6 + 6 + 6 + 3 + 4);  // time .. speed, fluid; of the solid band, u and v, other arrays, values
+  for (int field = 0; field < none.at; ++field) {
+    INFO("field " << field);
+    Touch one{field};
+    sim::State touched = s->state();
+    sim::visit_fields(touched, one);
+    CHECK(sim::state_hash(touched) != sim::state_hash(s->state()));
+  }
+  ByteCount count;
+  sim::visit_fields(state, count);
+  CHECK(count.bytes == none.bytes);
+  CHECK(s->memory_bytes() > 2 * none.bytes);  // the last good state, too
+}
 
 TEST_CASE("Restoring and going on equals the uninterrupted run bit for bit", "[determinism]") {
   const TemporaryFile file;

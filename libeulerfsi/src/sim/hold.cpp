@@ -1,0 +1,49 @@
+#include "sim/hold.hpp"
+
+#include <algorithm>
+#include <limits>
+#include <numeric>
+
+namespace efsi::sim {
+
+Holds find_holds(std::size_t solids, const system::VelocitySystem& system) {
+  std::vector<std::size_t> first(solids);  // of each solid's cluster
+  std::iota(first.begin(), first.end(), std::size_t{0});
+  for (const auto& [one, other] : system.touching()) {
+    const auto [low, high] = std::minmax({first[one], first[other]});
+    for (std::size_t& f : first)
+      if (f == high) f = low;
+  }
+  Holds holds;
+  holds.cluster_of.resize(solids);
+  for (std::size_t l = 0; l < solids; ++l) {
+    if (first[l] == l) {
+      holds.cluster_of[l] = holds.clusters.size();
+      holds.clusters.emplace_back();
+    }
+    holds.cluster_of[l] = holds.cluster_of[first[l]];
+    Cluster& cluster = holds.clusters[holds.cluster_of[l]];
+    cluster.solids.push_back(l);
+    cluster.hold.axes |= system.held_axes(l);
+  }
+  return holds;
+}
+
+system::StiffnessShares shares_while(bool touches, double pace, double strain, double growth) {
+  return system::stiffness_shares(pace, touches ? std::numeric_limits<double>::infinity() : strain, growth);
+}
+
+solid::RigidStep transport_frame(const Hold& hold, const solid::Momenta& before, const solid::Momenta& after,
+                                 double dt) {
+  return hold.touches() ? solid::held_step(before, after, hold.axes, dt) : solid::free_step(before, after, dt);
+}
+
+bool choice_lags(const Hold& hold, double cells) { return cells < kSlow || !hold.touches(); }
+
+double lost_beyond_film(const Hold& hold, const solid::SolidRest& rest, double h, double lost) {
+  if (hold.touches()) return lost;
+  const double film = kFilm * h * rest.area / rest.volume;
+  return lost - std::clamp(lost, -film, film);
+}
+
+}  // namespace efsi::sim

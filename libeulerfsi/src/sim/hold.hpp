@@ -1,0 +1,51 @@
+// Purpose: what holds a solid in a step, and all that turns over at once when something touches it: how much of its
+// stiffness is implicit, the frame of its transport, whether the choice of its elements lags, which loss of volume
+// counts.
+#pragma once
+
+#include <vector>
+
+#include "solid/momentum.hpp"
+#include "solid/solid.hpp"
+#include "system/velocity_system.hpp"
+
+namespace efsi::sim {
+
+struct Hold {
+  unsigned axes = 0;  // bit a: walls hold it along axis a; 7: it shares nodes with another solid
+  bool touches() const { return axes != 0; }
+};
+
+// Solids joined by shared nodes, directly or through others, in ascending order; one that stands alone, too.
+struct Cluster {
+  std::vector<std::size_t> solids;
+  Hold hold;  // of each of them
+};
+
+struct Holds {
+  std::vector<Cluster> clusters;        // by their first solids
+  std::vector<std::size_t> cluster_of;  // per solid
+  const Hold& of(std::size_t solid) const { return clusters[cluster_of[solid]].hold; }
+};
+// solids: how many there are in the system.
+Holds find_holds(std::size_t solids, const system::VelocitySystem& system);
+
+// What pace and growth of a step leave of the stiffness: where something touches a solid, as if it were strained much.
+system::StiffnessShares shares_while(bool touches, double pace, double strain, double growth);
+
+// The frame in which a solid's velocity field keeps its shape for the step: that of the rigid body with its momenta,
+// which moves by the mean of those at the step's start and now. While walls hold a solid its field rests on the grid,
+// and the mean moves it along them only.
+solid::RigidStep transport_frame(const Hold& hold, const solid::Momenta& before, const solid::Momenta& after,
+                                 double dt);
+
+// Whether the cells that carry stiffness are remembered for the next step's choice. In an impact cells fill and empty
+// faster than the choice may lag. cells: that the solid moves in the step.
+inline constexpr double kSlow = 0.3;  // cells per step: a solid at rest, or sliding, at a wall
+bool choice_lags(const Hold& hold, double cells);
+
+// The part of what a solid has lost, over its volume at rest, that counts: while nothing touches it a film does not.
+inline constexpr double kFilm = 0.005;  // cells: thickness over a free surface; its loss under a load stays below that
+double lost_beyond_film(const Hold& hold, const solid::SolidRest& rest, double h, double lost);
+
+}  // namespace efsi::sim

@@ -1,0 +1,24 @@
+// Purpose: what a step does not change: parameters, grid of the box, solids at rest, emitters.
+#pragma once
+
+#include <vector>
+
+#include "fluid/fluid.hpp"
+#include "grid/grid.hpp"
+#include "sim/params.hpp"
+#include "solid/solid.hpp"
+
+namespace efsi::sim {
+
+struct Scene {
+  const Params& params;
+  const grid::Grid& grid;
+  const std::vector<solid::SolidRest>& solids;
+  const std::vector<fluid::Emitter>& emitters;
+};
+
+// Per solid, in the scene's order: what survives a step, and what does not.
+using SolidStates = std::vector<solid::SolidState>;
+using SolidWorks = std::vector<solid::SolidWork>;
+
+}  // namespace efsi::sim

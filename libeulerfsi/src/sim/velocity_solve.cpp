@@ -1,0 +1,75 @@
+#include "sim/velocity_solve.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "solid/displacement.hpp"
+
+namespace efsi::sim {
+
+void assemble_velocity_system(const StepContext& step, SolidStates& states, SolidWorks& solids, const Matter& matter,
+                              NodeVelocity& velocity, VelocityEquation& elasticity) {
+  const auto& [parallel, scene, time, dt, profile, info] = step;
+  if (scene.solids.empty()) return;
+  ScopedTimer timer(profile, Stage::kComputeG);
+  system::VelocitySystem& system = elasticity.system;
+  std::vector<Real>& momentum = elasticity.momentum;
+  std::vector<system::SolidRef> refs;
+  for (std::size_t l = 0; l < scene.solids.size(); ++l) {
+    const solid::SolidRest& rest = scene.solids[l];
+    system::SolidRef ref{&rest, &states[l], &solids[l], {}, {}};
+    if (scene.params.numerics.stiffness_by_pace) {
+      const double pace = dt * std::sqrt(rest.elastic.mu / rest.density) / scene.grid.h;
+      const double strain = dt * solid::largest_strain_rate(parallel, states[l], solids[l].carries);
+      const double growth = std::max(solids[l].max_det_f, 1.0 / solids[l].min_det_f);
+      ref.loose = shares_while(false, pace, strain, growth);
+      ref.held = shares_while(true, pace, strain, growth);
+    }
+    refs.push_back(ref);
+  }
+  system.assemble(parallel, matter.common.grid, matter.fixed, refs, matter.mass, velocity.slip, dt);
+  elasticity.holds = find_holds(scene.solids.size(), system);
+  {
+    const system::SolidView view(parallel, velocity.slip, velocity.field);
+    system.gather(parallel, velocity.field, elasticity.v_star);
+  }
+  // momentum = M (v + dt f_ext / m) + dt f_int, f* = momentum + what stands for K v^n
+  std::vector<Real> force;
+  system.internal_force(parallel, force);
+  system.multiply_mass(parallel, elasticity.v_star, momentum);
+  const Real duration = static_cast<Real>(dt);
+  parallel.for_each(system.unknowns(), [&](std::int64_t u) {
+    for (std::size_t i = 3 * static_cast<std::size_t>(u); i < 3 * static_cast<std::size_t>(u) + 3; ++i)
+      momentum[i] = system.free()[i] * (momentum[i] + duration * force[i]);
+  });
+  elasticity.f_star = momentum;
+  system.add_past_stiffness(parallel, elasticity.v_star, elasticity.f_star);
+  timer.visited(static_cast<std::uint64_t>(system.unknowns()), 30 * sizeof(Real));
+}
+
+void solve_velocity(const StepContext& step, VelocityEquation& elasticity, NodeVelocity& velocity) {
+  const auto& [parallel, scene, time, dt, profile, info] = step;
+  if (scene.solids.empty()) return;
+  ScopedTimer timer(profile, Stage::kVelocitySolve);
+  const Numerics& numerics = scene.params.numerics;
+  system::VelocitySystem& system = elasticity.system;
+  const linalg::SolveStats stats = system.solve(parallel, numerics.velocity_solver, elasticity.f_star,
+                                                elasticity.v_star, numerics.velocity_tolerance);
+  info.velocity_iterations += static_cast<std::uint64_t>(stats.iterations);
+  info.velocity_residual = stats.residual;
+  info.unconverged += !stats.converged;
+  if (numerics.conserve_momentum) system.conserve_momentum(parallel, elasticity.momentum, elasticity.v_star);
+  write_back(parallel, system, elasticity.v_star, velocity);
+  timer.visited(static_cast<std::uint64_t>(system.unknowns()), 15 * sizeof(Real));
+}
+
+void write_back(const Parallel& parallel, const system::VelocitySystem& system, const std::vector<Real>& x,
+                NodeVelocity& velocity) {
+  {
+    const system::SolidView view(parallel, velocity.slip, velocity.field);
+    system.scatter(parallel, x, velocity.field);
+  }
+  velocity.slip.follow_solid(parallel, velocity.field);
+}
+
+}  // namespace efsi::sim

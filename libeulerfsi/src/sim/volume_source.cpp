@@ -1,0 +1,70 @@
+#include "sim/volume_source.hpp"
+
+#include <algorithm>
+
+#include "linalg/reduce.hpp"
+#include "sim/grid_loops.hpp"
+#include "solid/surface.hpp"
+
+namespace efsi::sim {
+
+using grid::Grid;
+
+namespace {
+
+constexpr double kLargestGrowth = 0.02;  // of a solid's volume in a step, to make up for what its surface has lost
+constexpr double kAhead = 0.5;           // of what the last step lost: losses last for many steps
+
+// What a solid as a whole is asked to gain in this step, over its volume at rest: what its mesh has lost and part of
+// what this step will lose.
+double asked_volume(double lost, double leak) {
+  if (lost == 0.0) return 0.0;
+  return std::clamp(lost + kAhead * leak, -kLargestGrowth, kLargestGrowth);
+}
+
+}  // namespace
+
+void compute_volume_source(const Parallel& parallel, const Scene& scene, double dt, const SolidStates& states,
+                           const Holds& holds, const Matter& matter, SolidWorks& solids, std::vector<Real>& source) {
+  const Grid& g = matter.common.grid;
+  linalg::fill(parallel, source, g.padded_count(), Real(0));
+  const double tau = std::max(4.0 * dt, 1.0 / 24.0), limit = 0.1 / dt;
+  double fluid_cells = static_cast<double>(g.cell_count());
+  for (std::size_t l = 0; l < scene.solids.size(); ++l) {
+    solid::SolidWork& solid = solids[l];
+    solid.next_volume = 0.0;
+    fluid_cells -= static_cast<double>(solid.element_cell.size());
+    if (scene.solids[l].compressible) continue;
+    double growth = 0.0;
+    if (states[l].whole && solid::encloses(scene.solids[l])) {
+      const double volume = solid::volume_ratio(scene.solids[l], states[l]);
+      const double lost = lost_beyond_film(holds.of(l), scene.solids[l], scene.grid.h, 1.0 - volume);
+      const double asked = asked_volume(lost, states[l].leak);
+      solid.next_volume = volume + asked;
+      growth = asked / dt;
+    }
+    for_band_cells(parallel, g, states[l].band, [&](std::size_t c, int i, int j, int k) {
+      if (solid.element[c] < 0) return;
+      const double det = static_cast<double>(solid.volume_ratio[c]);
+      const double rate = growth + std::clamp((1.0 - det) / (det * tau), -limit, limit);
+      source[g.padded(i, j, k)] = static_cast<Real>(rate * static_cast<double>(solid.fraction[c]));
+    });
+  }
+  if (!scene.params.fluid.present || scene.params.walls.any_open() || fluid_cells < 1.0) return;
+  const double total = parallel.sum(g.cells[2], [&](std::int64_t k) {
+    double sum = 0.0;
+    for (int j = 0; j < g.cells[1]; ++j)
+      for (int i = 0; i < g.cells[0]; ++i) sum += static_cast<double>(source[g.padded(i, j, static_cast<int>(k))]);
+    return sum;
+  });
+  const Real share = static_cast<Real>(total / fluid_cells);
+  parallel.for_each(g.cells[2], [&](std::int64_t k) {
+    for (int j = 0; j < g.cells[1]; ++j)
+      for (int i = 0; i < g.cells[0]; ++i) {
+        const std::size_t c = g.padded(i, j, static_cast<int>(k));
+        if (!matter.owned[c]) source[c] -= share;
+      }
+  });
+}
+
+}  // namespace efsi::sim

@@ -1,0 +1,430 @@
+"""The random scenes of `bench random`: what is drawn, what the laws say of made-up records, and the command line."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+sys.path.insert(0, str(ROOT / "tests" / "bench"))
+
+import bench_random  # noqa: E402
+from eulerfsi import binding  # noqa: E402
+from eulerfsi.solver import Simulation, Surface  # noqa: E402
+from loop.experiment import OUT_OF_TIME  # noqa: E402
+from loop.measure import Result  # noqa: E402
+from loop.shapes import rigid_misfit  # noqa: E402
+from random_scenes import judge, solids  # noqa: E402
+from random_scenes.draw import Draw, constant, ranges  # noqa: E402
+from random_scenes.record import Record  # noqa: E402
+from random_scenes.scenes import DRIFT_GAP, Scene, make_scene  # noqa: E402
+
+SEED = 5
+FIXED = ROOT / "tests" / "bench" / "random_scenes" / "fixed.toml"
+
+
+def scenes(count: int) -> list[Scene]:
+    """The first scenes of a seed; those whose mesh file is not here are left out."""
+    made = []
+    for number in range(count):
+        try:
+            made.append(make_scene(SEED, number))
+        except solids.Absent:
+            continue
+    return made
+
+
+# --- what is drawn ---------------------------------------------------------------------------------------------------
+
+
+def test_a_scene_is_the_same_whenever_it_is_made() -> None:
+    for scene in scenes(6):
+        again = make_scene(SEED, scene.number)
+        assert again == scene and (again.surface[0] == scene.surface[0]).all()
+    assert len({scene.words for scene in scenes(6)}) == len(scenes(6))
+
+
+def test_a_value_depends_on_its_own_name_alone() -> None:
+    assert Draw(1, 2).evenly("size") == 0.5426847834977293  # on every machine, whatever else is drawn
+    assert Draw(1, 2).number("room", "x") != Draw(1, 2).number("room", "y")
+    assert Draw(1, 2).number("size") != Draw(1, 3).number("size") != Draw(2, 3).number("size")
+
+
+def test_draws_fill_their_ranges() -> None:
+    draws = [Draw(seed, 0) for seed in range(400)]
+    ratio = np.array([draw.number("density_ratio") for draw in draws])
+    assert ratio.min() >= 0.1 and ratio.max() <= 1e4
+    assert np.median(np.log10(ratio)) == pytest.approx(1.5, abs=0.3)
+    kinds = [draw.one_of("wall") for draw in draws]
+    assert set(kinds) == {"slip", "noSlip", "open"} and kinds.count("slip") > kinds.count("open")
+    mean = np.mean([draw.direction("heading") for draw in draws], axis=0)
+    assert np.abs(mean).max() < 0.1
+    turn = draws[0].rotation("turn")
+    assert turn @ turn.T == pytest.approx(np.eye(3), abs=1e-12) and np.linalg.det(turn) == pytest.approx(1)
+
+
+def within(name: str, value: float) -> bool:
+    table = ranges()[name]
+    return table["low"] * (1 - 1e-9) <= value <= table["high"] * (1 + 1e-9)
+
+
+def test_scenes_lie_within_the_ranges() -> None:
+    made = scenes(120)
+    assert {kind for scene in made for kind in scene.faces} == {"slip", "noSlip", "open", "periodic"}
+    for scene in made:
+        assert within("size", scene.size) and within("across", scene.across) and within("duration", scene.duration)
+        assert within("step", scene.dt) and within("poissons_ratio", scene.poissons_ratio)
+        assert scene.density_ratio is None or within("density_ratio", scene.density_ratio)
+        assert scene.cfl is None or within("cfl", scene.cfl)
+        assert 0 < scene.impact_pressure <= ranges()["impact_pressure"]["high"] * (1 + 1e-9)
+        assert np.prod(scene.cells) <= constant("most_cells")
+        assert np.array(scene.box) / scene.spacing == pytest.approx(np.array(scene.cells))
+        points = scene.mesh().points / scene.spacing
+        for axis in range(3):
+            periodic = scene.faces[2 * axis] == "periodic"
+            assert periodic == (scene.faces[2 * axis + 1] == "periodic")
+            least = DRIFT_GAP if periodic else constant("gap")
+            assert points[:, axis].min() > least - 1e-3
+            assert points[:, axis].max() < scene.cells[axis] - least + 1e-3
+            if periodic:  # the throw alone does not take it to the faces
+                way = scene.velocity[axis] * scene.duration / scene.spacing
+                assert scene.pull[axis] == 0
+                assert points[:, axis].min() + way > 1 and points[:, axis].max() + way < scene.cells[axis] - 1
+
+
+def test_every_scene_is_accepted_by_the_library(library) -> None:
+    for scene in scenes(25):
+        with Simulation(scene.simulation()) as simulation:
+            report = simulation.add_solid(scene.mesh(), **scene.solid())[1]
+        if scene.folds_nowhere:
+            assert report["closed"] == 1 and report["repaired"] == 0
+
+
+@pytest.mark.parametrize("kind", ["sphere", "box", "torus", "capsule", "superquadric"])
+def test_shapes_are_closed_with_faces_outwards(library, kind: str) -> None:
+    words, (points, triangles) = solids.MAKERS[kind](Draw(SEED, 0))
+    mesh = solids.shapes.Mesh(points, np.full(len(triangles), 3), triangles.ravel())
+    report = Surface(mesh, 0.1).report
+    assert report["closed"] == 1 and report["repaired"] == 0 and report["surface_volume"] > 0
+    assert solids.folds_nowhere(words)
+
+
+def test_a_capsule_has_its_volume_and_its_centre() -> None:
+    draw = Draw(SEED, 1)
+    radius = draw.number("capsule_radius")
+    _, (points, triangles) = solids.capsule(draw)
+    exact = np.pi * radius**2 * (1 - 2 * radius) + 4 / 3 * np.pi * radius**3
+    assert solids.shapes.volume(points, triangles) == pytest.approx(exact, rel=0.02)
+    assert solids.center_of_volume(points + 3.0, triangles) == pytest.approx(np.full(3, 3.0), abs=1e-6)
+
+
+def test_a_scene_whose_mesh_is_absent_is_skipped(monkeypatch, tmp_path) -> None:
+    solids.loaded.cache_clear()
+    monkeypatch.setattr(solids, "MESHES", tmp_path)
+    number = next(n for n in range(100) if Draw(SEED, n).one_of("shape") == "mesh")
+    outcome = bench_random.run_job(bench_random.Job(SEED, number), ends=0.0)
+    assert outcome.result is None and "no such file" in outcome.skipped
+
+
+# --- the laws --------------------------------------------------------------------------------------------------------
+
+RADIUS, FALL, G, DT = 0.1, 0.2, 9.8, 0.005
+PUSH = 0.04  # s on the floor
+FLOOR = 2  # the face -y
+BALL = Scene(
+    "made up",
+    "sphere",
+    across=10,
+    box=(0.4, 0.8, 0.4),
+    duration=0.6,
+    density_ratio=None,
+    spin=(0.0, 1.0, 0.0),
+    size=2 * RADIUS,
+    pull=(0.0, -G, 0.0),
+    youngs_modulus=1e5,
+    impact_pressure=0.02,
+    fastest=2.0,
+    reach=RADIUS,
+)
+
+
+def made_up(scene: Scene, times: np.ndarray, height: np.ndarray, speed: np.ndarray) -> Result:
+    """The record of a ball whose centre has these heights and speeds [m, m/s], its energy kept by the elastic one."""
+    count, mass = len(times), 4.0
+    column = {name: np.zeros(count) for name in ("degenerate_cells", "false_edges", "misfit", "fluid_energy")}
+    column |= {name: np.ones(count) for name in ("volume_mesh", "volume_cells")}
+    center = np.stack([np.full(count, 0.2), height, np.full(count, 0.2)], axis=1)
+    column |= {"mass": np.full(count, mass), "center": center, "extent_max": center + RADIUS}
+    column["extent_min"] = np.where([False, True, False], np.maximum(0, center - RADIUS), center - RADIUS)
+    column["momentum"] = mass * np.stack([0 * speed, speed, 0 * speed], axis=1)
+    column["angular_momentum"] = np.tile([0.0, 0.02, 0.0], (count, 1))
+    column["second_moments"] = np.full((count, 3), RADIUS**2 / 3)
+    column["kinetic_energy"] = mass * speed**2 / 2
+    own = column["kinetic_energy"] + mass * G * height
+    column["elastic_energy"] = own[0] - own
+    column["fluid_momentum"] = np.zeros((count, 3))
+    start = {name: values[0] for name, values in column.items()}
+    start |= {"thinnest_feature": 2 * RADIUS, "surface_volume": 0.0042, "solid_volume": 0.0042}
+    columns = {name: values[1:] for name, values in column.items()}
+    columns |= {"time": times[1:], "dt": np.diff(times), "det_f_interior": np.tile([0.9, 1.1], (count - 1, 1))}
+    return Result(scene, "", start, columns)
+
+
+def bounce() -> Result:
+    """Falls, is pushed back within PUSH seconds, rises as high as it was."""
+    impact, land = np.sqrt(2 * FALL / G), np.sqrt(2 * FALL * G)
+    times = np.concatenate([np.arange(0, 0.6, DT)])
+    since = times - impact
+    pushed, risen = (since >= 0) & (since < PUSH), since - PUSH
+    speed = np.where(since < 0, -G * times, np.where(pushed, land * (2 * since / PUSH - 1), land - G * risen))
+    height = np.where(since < 0, RADIUS + FALL - G * times**2 / 2, RADIUS + land * risen - G * risen**2 / 2)
+    height = np.where(pushed, RADIUS + land * (since**2 / PUSH - since), height)
+    return made_up(BALL, times, height, speed)
+
+
+def lying() -> Result:
+    """On the floor all the time."""
+    times = np.arange(0, 0.6, DT)
+    return made_up(BALL, times, np.full(len(times), RADIUS), 0 * times)
+
+
+def verdicts(result: Result) -> dict[str, str]:
+    return {line.law: line.verdict for line in judge.judge(result)}
+
+
+def test_a_bounce_in_vacuum_keeps_every_law() -> None:
+    judged = verdicts(bounce())
+    assert {law for law, verdict in judged.items() if verdict != "pass"} == {"depth at rest"}
+    assert verdicts(lying())["depth at rest"] == "pass"
+    assert list(judged) == list(judge.LAWS)
+    rebound = Record(bounce()).rebounds[0]
+    assert rebound.face == FLOOR and rebound.is_clear
+    assert rebound.expected == pytest.approx(10, rel=0.05) and rebound.gap == pytest.approx(10, rel=0.05)
+
+
+def change(name: str, steps: object, value: Callable | float) -> Callable[[Result], None]:
+    """Sets, or maps, some values of a column."""
+
+    def apply(result: Result) -> None:
+        old = result.columns[name][steps]
+        result.columns[name][steps] = value(old) if callable(value) else value
+
+    return apply
+
+
+def fail(result: Result) -> None:
+    result.failure = "blown up"
+
+
+LATE = slice(60, None)  # after the rebound
+BROKEN = {
+    "finished": fail,
+    "finite": change("elastic_energy", 5, np.nan),
+    "det F": change("det_f_interior", (3, 0), 0.49),
+    "repairs": change("degenerate_cells", 7, 1),
+    "energy": change("elastic_energy", LATE, lambda old: old + 0.3),
+    "rebound": change("center", (LATE, 1), lambda old: RADIUS + 0.93 * (old - RADIUS)),
+    "clear": change("extent_min", (LATE, 1), 0.01),
+    "depth": change("extent_min", (45, 1), -0.011),
+    "shape": change("misfit", -1, 0.0021),
+    "mesh": change("false_edges", 7, 1),
+    "volume by mesh": change("volume_mesh", 9, 0.96),
+    "volume by cells": change("volume_cells", 9, 1.04),
+    "momentum": change("momentum", (20, 0), 0.02),
+    "spin": change("angular_momentum", (20, 1), 0.0203),
+}
+
+
+@pytest.mark.parametrize("law", BROKEN)
+def test_a_broken_law_is_missed(law: str) -> None:
+    result = bounce()
+    BROKEN[law](result)
+    assert verdicts(result)[law] == "MISSED"
+
+
+@pytest.mark.parametrize("law", ["det F", "repairs", "depth", "shape", "volume by cells"])
+def test_a_law_is_kept_up_to_its_bar(law: str) -> None:
+    result = bounce()
+    {
+        "det F": change("det_f_interior", (3, 0), 0.51),
+        "repairs": change("degenerate_cells", 7, 0),
+        "depth": change("extent_min", (45, 1), -0.009),
+        "shape": change("misfit", -1, 0.0019),
+        "volume by cells": change("volume_cells", 9, 1.02),
+    }[law](result)
+    assert verdicts(result)[law] == "pass"
+
+
+def test_a_body_that_sinks_in_at_rest_is_seen() -> None:
+    result = lying()
+    change("extent_min", (slice(-5, None), 1), -0.006)(result)
+    assert verdicts(result)["depth at rest"] == "MISSED" and verdicts(result)["depth"] == "pass"
+
+
+def test_a_ball_that_stays_glued_misses_its_rise() -> None:
+    """Its centre turns back early: the ballistic rise counts, not the time until then."""
+    result = bounce()
+    up = result.columns["time"] > 0.26
+    result.columns["center"][up, 1] = RADIUS + 0.02
+    result.columns["momentum"][up, 1] = -0.01
+    assert verdicts(result)["rebound"] == "MISSED"
+
+
+def test_a_rise_may_be_higher_by_what_elastic_energy_lifts() -> None:
+    result = bounce()
+    fastest = int(np.argmax(result.columns["momentum"][:, 1]))
+    result.columns["center"][60:, 1] = RADIUS + 1.1 * (result.columns["center"][60:, 1] - RADIUS)
+    result.columns["elastic_energy"][fastest] = 0.0
+    assert verdicts(result)["rebound"] == "MISSED"
+    result.columns["elastic_energy"][fastest] = 0.1 * 4.0 * G * FALL
+    assert verdicts(result)["rebound"] == "pass"
+
+
+def with_ledger(result: Result) -> Result:
+    """The same record as the ledger tells it."""
+    kinetic, elastic = result.columns["kinetic_energy"], result.columns["elastic_energy"]
+    potential = 4.0 * G * result.columns["center"][:, 1]
+    energies = np.stack([kinetic, elastic, 0 * kinetic, potential], axis=1)
+    result.columns["energy_at_start"] = result.columns["energy_end"] = energies
+    result.columns["energy_change"] = np.zeros((len(kinetic), len(binding.ENERGY_STAGES), 4))
+    return result
+
+
+def test_the_ledger_judges_energy_in_fluid_less_what_came_from_outside() -> None:
+    result = with_ledger(bounce())
+    result.run = dataclasses.replace(BALL, density_ratio=50.0)
+    assert verdicts(result)["energy"] == "pass"
+    result.columns["energy_at_start"][70, 2] = 0.25  # of the fluid
+    result.columns["energy_at_start"][71:, 2] = 0.5
+    assert verdicts(result)["energy"] == "MISSED"
+    result.columns["energy_change"][70, binding.ENERGY_STAGES.index("outside"), 2] = 0.5
+    assert verdicts(result)["energy"] == "pass"
+
+
+def test_det_f_before_the_repair_counts() -> None:
+    result = bounce()
+    result.columns["det_f_before"] = np.tile([0.3, 1.0], (len(result.columns["time"]), 1))
+    assert verdicts(result)["det F"] == "MISSED"
+
+
+@pytest.mark.parametrize(
+    ("changes", "laws"),
+    [
+        ({"density_ratio": 50.0}, {"energy", "rebound", "clear", "momentum", "spin"}),
+        ({"faces": ("open",) * 6}, {"depth", "depth at rest", "rebound", "clear"}),
+        ({"compressible": True, "impact_pressure": 0.5}, {"det F", "volume by mesh", "volume by cells"}),
+        ({"folds_nowhere": False}, {"repairs"}),
+        ({"spin": (0.0, 0.0, 0.0)}, {"spin"}),
+    ],
+)
+def test_a_law_that_does_not_apply_says_why(changes: dict, laws: set[str]) -> None:
+    result = bounce()
+    result.run = dataclasses.replace(BALL, **changes)
+    silent = {line.law: line.conditions for line in judge.judge(result) if line.verdict == "not judged"}
+    assert laws <= set(silent) and all(silent.values())
+
+
+def test_what_time_or_a_periodic_face_has_ended_is_judged_as_far_as_it_went() -> None:
+    for failure in (
+        f"{OUT_OF_TIME} after 3 s",
+        "solid 1 has come within a cell of the periodic faces along x, which solids cannot cross",
+    ):
+        result = bounce()
+        result.failure = failure
+        assert verdicts(result)["finished"] == "not judged" and verdicts(result)["depth"] == "pass"
+    nothing = Result(BALL, "voxel_size: refused", {}, {})
+    assert [v for v in verdicts(nothing).values() if v != "not judged"] == ["MISSED"]
+
+
+def test_nothing_counts_after_a_part_has_left_through_an_open_face() -> None:
+    result = bounce()
+    result.run = dataclasses.replace(BALL, faces=("slip", "open", "slip", "slip", "slip", "slip"))
+    gone = slice(50, None)  # just after the floor's push
+    change("extent_max", (gone, 0), 0.5)(result)
+    change("volume_cells", gone, 0.5)(result)
+    assert verdicts(result)["volume by cells"] == "pass" and verdicts(result)["rebound"] == "not judged"
+
+
+def test_a_run_ends_when_half_the_solid_has_left_through_an_open_face() -> None:
+    scene = dataclasses.replace(BALL, faces=("slip", "open", "slip", "slip", "slip", "slip"))
+    assert not scene.ends({"extent_min": [0.29, 0.1, 0.1], "extent_max": [0.49, 0.3, 0.3]})
+    assert scene.ends({"extent_min": [0.31, 0.1, 0.1], "extent_max": [0.51, 0.3, 0.3]})
+    assert not scene.ends({"extent_min": [-0.15, 0.1, 0.1], "extent_max": [0.05, 0.3, 0.3]})
+
+
+def test_momentum_between_periodic_faces_counts_the_fluid() -> None:
+    result = bounce()
+    result.run = dataclasses.replace(BALL, density_ratio=5.0, faces=("periodic",) * 6, pull=(0.0, 0.0, 0.0))
+    result.columns["fluid_momentum"] = -result.columns["momentum"] + [4.0, 0.0, 0.0]
+    result.start["fluid_momentum"] = [4.0, 0.0, 0.0]
+    assert verdicts(result)["momentum"] == "pass"
+    result.columns["fluid_momentum"][30:, 2] = 1e-3
+    assert verdicts(result)["momentum"] == "MISSED"
+    result.columns["fluid_energy"][30:] = 1e6  # a fluid that is stirred as much rounds by as much
+    assert verdicts(result)["momentum"] == "pass"
+
+
+def test_the_misfit_leaves_out_turns_and_sees_dents() -> None:
+    points, _ = solids.shapes.ball()
+    weights = np.full(len(points), 1 / len(points))
+    turned = points @ Draw(3, 3).rotation("turn").T
+    assert rigid_misfit(turned, points, weights) < 1e-12
+    turned[0] *= 0.5
+    assert rigid_misfit(turned, points, weights) == pytest.approx(0.05, rel=0.02)
+    assert rigid_misfit(-points * [1, 1, 0.5], points, weights) > 0.04  # no mirror image fits
+
+
+# --- the command -----------------------------------------------------------------------------------------------------
+
+
+def test_a_list_names_scenes_and_known_misses(tmp_path) -> None:
+    path = tmp_path / "list.toml"
+    path.write_text('[[scene]]\nseed = 3\nscene = 4\nknown = { "depth" = "walls pull" }\n')
+    assert bench_random.read_list(path) == [bench_random.Job(3, 4)]
+    path.write_text('[[scene]]\nseed = 3\nscene = 4\nknown = { "deep" = "walls pull" }\n')
+    with pytest.raises(ValueError, match="no such law: deep"):
+        bench_random.read_list(path)
+
+
+def test_an_unexpected_miss_fails_and_says_how_to_repeat_it(library, monkeypatch, capsys, tmp_path) -> None:
+    def broken(job: bench_random.Job, ends: float) -> bench_random.Outcome:
+        result = bounce()
+        BROKEN["mesh"](result)
+        return bench_random.Outcome(job, result, judge.judge(result))
+
+    monkeypatch.setattr(bench_random, "run_job", broken)
+    monkeypatch.delenv("CI", raising=False)
+    report = tmp_path / "report.md"
+    assert bench_random.main(["--seed", "3", "--first", "4", "--count", "1", "--output", str(report)]) == 1
+    assert "repeat: ./eulerfsi bench random --seed 3 --scene 4" in capsys.readouterr().out
+    assert "| 3/4 | mesh |" in report.read_text()
+    path = tmp_path / "list.toml"
+    path.write_text('[[scene]]\nseed = 3\nscene = 4\nknown = { mesh = "a cause", depth = "another" }\n')
+    assert bench_random.main(["--seeds-file", str(path)]) == 0
+    answer = capsys.readouterr().out
+    assert "known: a cause" in answer and "depth is kept now" in answer
+    path.write_text("[[scene]]\nseed = 3\nscene = 4\n")
+    monkeypatch.setenv("CI", "true")
+    assert bench_random.main(["--seeds-file", str(path)]) == 1
+    assert bench_random.main(["--seed", "3", "--count", "1"]) == 0
+
+
+def test_a_scene_runs_in_a_process_of_its_own(library) -> None:
+    job = next(bench_random.Job(s.seed, s.number) for s in scenes(20) if s.density_ratio is None)
+    outcome = bench_random.run_job(job, ends=0.0)  # a second is left to it
+    assert outcome.result is not None and len(outcome.result["dt"]) > 0
+    assert len(outcome.lines) == len(judge.LAWS)
+    assert {line.law: line.verdict for line in outcome.lines}["finite"] == "pass"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("job", bench_random.read_list(FIXED), ids=lambda job: f"{job.seed}/{job.scene}")
+def test_the_fixed_scenes_keep_the_laws_but_for_known_misses(library, job: bench_random.Job) -> None:
+    outcome = bench_random.run_job(job, ends=float("inf"))
+    assert outcome.result is not None, outcome.skipped
+    text = [f"{line.law}: {line.bar}: {line.measured:.4g} ({line.conditions})" for line in outcome.unexpected]
+    assert not text, f"{job.command}\n" + "\n".join(text)
