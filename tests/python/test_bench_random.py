@@ -289,7 +289,7 @@ def with_ledger(result: Result) -> Result:
     kinetic, elastic = result.columns["kinetic_energy"], result.columns["elastic_energy"]
     potential = 4.0 * G * result.columns["center"][:, 1]
     energies = np.stack([kinetic, elastic, 0 * kinetic, potential], axis=1)
-    result.columns["energy_at_start"] = result.columns["energy_end"] = energies
+    result.columns["energy_end"] = energies
     result.columns["energy_change"] = np.zeros((len(kinetic), len(binding.ENERGY_STAGES), 4))
     return result
 
@@ -298,10 +298,12 @@ def test_the_ledger_judges_energy_in_fluid_less_what_came_from_outside() -> None
     result = with_ledger(bounce())
     result.run = dataclasses.replace(BALL, density_ratio=50.0)
     assert verdicts(result)["energy"] == "pass"
-    result.columns["energy_at_start"][70, 2] = 0.25  # of the fluid
-    result.columns["energy_at_start"][71:, 2] = 0.5
-    assert verdicts(result)["energy"] == "MISSED"
-    result.columns["energy_change"][70, binding.ENERGY_STAGES.index("outside"), 2] = 0.5
+    result.columns["energy_end"][70:, 2] = 0.5  # of the fluid
+    change = result.columns["energy_change"][70]
+    change[binding.ENERGY_STAGES.index("repair"), 2] = 0.5
+    energy = next(line for line in judge.judge(result) if line.law == "energy")
+    assert energy.verdict == "MISSED" and energy.conditions.endswith("repair +0.5")
+    change[:] = np.roll(change, binding.ENERGY_STAGES.index("outside") - binding.ENERGY_STAGES.index("repair"), axis=0)
     assert verdicts(result)["energy"] == "pass"
 
 

@@ -83,10 +83,14 @@ def made_by(result: Result, rise: Rise) -> str:
         return "never rises"
     parts = by_mechanism(ledger(result)[rise.begin : rise.end].sum(axis=0))
     parts["half steps"] = float(half_steps(result)[rise.end] - half_steps(result)[rise.begin])
-    parts.pop("outside")
-    large = sorted((item for item in parts.items() if abs(item[1]) > 0.1 * rise.size), key=lambda item: -item[1])
-    words = ", ".join(f"{name} {value:+.2g}" for name, value in large)
-    return f"rises by {rise.size:.3g} J from {result.times[rise.begin]:.3g} to {result.times[rise.end]:.3g} s: {words}"
+    when = f"from {result.times[rise.begin]:.3g} to {result.times[rise.end]:.3g} s"
+    return f"rises by {rise.size:.3g} J {when}: {in_words(parts, rise.size)}"
+
+
+def in_words(parts: Mapping[str, float], rise: float) -> str:
+    """Mechanisms and what they make [J], nothing from outside and nothing of less than a tenth of a rise [J]."""
+    large = [(name, value) for name, value in parts.items() if abs(value) > 0.1 * rise and name != "outside"]
+    return ", ".join(f"{name} {value:+.2g}" for name, value in sorted(large, key=lambda item: -item[1]))
 
 
 def gap(result: Result) -> np.ndarray:

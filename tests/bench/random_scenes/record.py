@@ -6,8 +6,9 @@ import dataclasses
 import functools
 
 import numpy as np
+from eulerfsi import binding
 from loop.experiment import OUT_OF_TIME
-from loop.measure import Result, total_energy
+from loop.measure import FORMS, Result, ledger
 
 from .scenes import Scene, weight_ratio
 
@@ -108,18 +109,20 @@ class Record:
     @property
     def has_ledger(self) -> bool:
         """The record holds the energies of all matter, taken at one time."""
-        return "energy_at_start" in self.result.columns
+        return "energy_end" in self.result.columns
 
     @functools.cached_property
     def energies(self) -> tuple[np.ndarray, ...]:
-        """Kinetic, elastic and potential above the lowest of the run, less what came from outside [J].
+        """Kinetic, elastic and potential above the lowest of the run, less what came from outside, (n,) [J].
 
-        By the ledger at the start of every step (n - 1,). Without it (n,) of the solid alone, in two readings: elastic
-        energy moves with the velocity at a step's end, which so belongs to its middle or to its end, as the scheme has
-        it.
+        Without the ledger of the solid alone, in two readings: elastic energy moves with the velocity at a step's end,
+        which so belongs to its middle or to its end, as the scheme has it.
         """
         if self.has_ledger:
-            return (total_energy(self.result),)
+            forms, change = self.result["energy_end"].sum(axis=1), ledger(self.result)
+            lowest = self.result["energy_end"][:, FORMS.index("potential")].min()
+            outside = np.cumsum(change[:, binding.ENERGY_STAGES.index("outside")].sum(axis=1))
+            return (np.concatenate([[forms[0] - lowest - change[0].sum()], forms - lowest - outside]),)
         height = -self.series("center") @ self.fall
         kinetic, elastic = self.series("kinetic_energy"), self.series("elastic_energy")
         moved = kinetic + self.result.start["mass"] * (height - height.min())
