@@ -59,6 +59,20 @@ STAGES = (
     "check",
     "other",
 )
+# Columns of EfsiEnergyLedger, in order.
+ENERGY_STAGES = (
+    "weight",
+    "mixing",
+    "outside",
+    "walls",
+    "velocity",
+    "pressure",
+    "solid_transport",
+    "fluid_transport",
+    "remap",
+    "repair",
+    "momentum",
+)
 LOG_INFO, LOG_WARNING = 0, 1
 
 LogCallback = ctypes.CFUNCTYPE(None, c_void_p, c_int32, c_char_p)
@@ -176,6 +190,46 @@ class SolidDiagnostics(Structure):
     ]
 
 
+class Repairs(Structure):
+    _fields_ = [
+        ("clamped", c_uint64),
+        ("rejected", c_uint64),
+        ("broken", c_uint64),
+        ("put_back", c_uint64),
+        ("min_det_f_before", c_double),
+        ("max_det_f_before", c_double),
+        ("min_det_f_after", c_double),
+        ("max_det_f_after", c_double),
+    ]
+
+
+class TransportChange(Structure):
+    _fields_ = [
+        ("volume_mesh", c_double),
+        ("volume_cells", c_double),
+        ("momentum", Vec3),
+        ("angular_momentum", Vec3),
+    ]
+
+
+class Energy(Structure):
+    _fields_ = [
+        ("solid_kinetic", c_double),
+        ("elastic", c_double),
+        ("fluid_kinetic", c_double),
+        ("potential", c_double),
+    ]
+
+
+class EnergyLedger(Structure):
+    _fields_ = [
+        ("end", Energy),
+        ("at_start", Energy),
+        ("change", Energy * len(ENERGY_STAGES)),
+        ("source_work", c_double),
+    ]
+
+
 class FluidDiagnostics(Structure):
     _fields_ = [
         ("kinetic_energy", c_double),
@@ -208,7 +262,7 @@ class SimulationDef(Structure):
         ("velocity_tolerance", c_double),
         ("pressure_tolerance", c_double),
         ("threads", c_int32),
-        ("reserved0", c_int32),
+        ("energy_ledger", c_int32),
         ("memory_limit", c_uint64),
         ("log", LogCallback),
         ("log_user", c_void_p),
@@ -283,6 +337,10 @@ STRUCTURES = {
     "EfsiStepInfo": StepInfo,
     "EfsiProfile": Profile,
     "EfsiSolidDiagnostics": SolidDiagnostics,
+    "EfsiRepairs": Repairs,
+    "EfsiTransportChange": TransportChange,
+    "EfsiEnergy": Energy,
+    "EfsiEnergyLedger": EnergyLedger,
     "EfsiFluidDiagnostics": FluidDiagnostics,
     "EfsiSimulationDef": SimulationDef,
     "EfsiMeshView": MeshView,
@@ -312,6 +370,8 @@ PROTOTYPES: dict[str, list] = {
     "efsi_simulation_restore_checkpoint": [_SIM, c_char_p],
     "efsi_simulation_get_profile": [_SIM, _P(Profile)],
     "efsi_simulation_reset_profile": [_SIM],
+    "efsi_simulation_get_repairs": [_SIM, _P(Repairs)],
+    "efsi_simulation_get_energy_ledger": [_SIM, _P(EnergyLedger)],
     "efsi_simulation_get_fluid_diagnostics": [_SIM, _P(FluidDiagnostics)],
     "efsi_mesh_load": [c_char_p, _P(_MESH), _P(Error)],
     "efsi_mesh_get_view": [_MESH, _P(MeshView)],
@@ -326,6 +386,7 @@ PROTOTYPES: dict[str, list] = {
     "efsi_solid_get_count": [_SIM, _P(c_uint32)],
     "efsi_solid_get_surface": [_SIM, c_uint32, c_void_p, c_void_p, c_uint64],
     "efsi_solid_get_diagnostics": [_SIM, c_uint32, _P(SolidDiagnostics)],
+    "efsi_solid_get_transport_change": [_SIM, c_uint32, _P(TransportChange)],
     "efsi_emitter_def_init": [_P(EmitterDef)],
     "efsi_emitter_add": [_SIM, _P(EmitterDef), _P(c_uint32)],
     "efsi_field_get_view": [_SIM, c_int32, c_uint32, _P(FieldView)],

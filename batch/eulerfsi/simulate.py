@@ -214,7 +214,7 @@ class _Run:
             if info.get("steps", 0) > sums["steps"]:
                 own = {name: info[name] - sums[name] for name in _COUNTERS}
                 sums.update({name: info[name] for name in _COUNTERS})
-                self.cache.add_stats({"event": "step", "frame": frame, **info, **own})
+                self.cache.add_stats({"event": "step", "frame": frame, **info, **own, **self._step_columns()})
 
         def between(fraction: float, step: dict[str, Any]) -> bool:
             record(step)
@@ -236,6 +236,19 @@ class _Run:
                 f"frame {frame}: {info['unconverged']} solves at their iteration limit, "
                 f"{info['degenerate_cells']} degenerate cells"
             )
+
+    def _step_columns(self) -> dict[str, Any]:
+        """What the last step did beside its counters: repairs, changes by the transport, energies if asked for."""
+        columns: dict[str, Any] = {
+            "repairs": self.simulation.repairs(),
+            "transport": {
+                solid.path: self.simulation.transport_change(identifier)
+                for solid, identifier in zip(self.scene.solids, self.solids, strict=True)
+            },
+        }
+        if self.scene.domain["energy_ledger"]:
+            columns["energy"] = self.simulation.energy_ledger()
+        return columns
 
     def _checkpoint_inside(self, frame: int, start: float, target: float) -> None:
         """A checkpoint between two frames, where continuing from it lands on the same instant to the last bit."""

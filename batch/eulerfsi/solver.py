@@ -291,6 +291,30 @@ class Simulation:
         self._check(self._lib.efsi_simulation_get_fluid_diagnostics(self._handle, byref(out)))
         return to_dict(out)
 
+    def repairs(self) -> dict[str, Any]:
+        """Fields of EfsiRepairs, of the last step."""
+        out = binding.Repairs()
+        self._check(self._lib.efsi_simulation_get_repairs(self._handle, byref(out)))
+        return to_dict(out)
+
+    def transport_change(self, solid: int) -> dict[str, Any]:
+        """Fields of EfsiTransportChange, of the last step."""
+        out = binding.TransportChange()
+        self._check(self._lib.efsi_solid_get_transport_change(self._handle, solid, byref(out)))
+        return to_dict(out)
+
+    def energy_ledger(self) -> dict[str, Any]:
+        """Of the last step [J]: {"end": {form: energy}, "at_start": the same, "change": {stage: {form: change}},
+        "source_work": work}.
+
+        Forms: fields of EfsiEnergy; stages: binding.ENERGY_STAGES. Raises LibraryError where energy_ledger is off.
+        """
+        out = binding.EnergyLedger()
+        self._check(self._lib.efsi_simulation_get_energy_ledger(self._handle, byref(out)))
+        change = dict(zip(binding.ENERGY_STAGES, map(to_dict, out.change), strict=True))
+        energies = {"end": to_dict(out.end), "at_start": to_dict(out.at_start)}
+        return {**energies, "change": change, "source_work": out.source_work}
+
     def profile(self) -> dict[str, Any]:
         """Fields of EfsiProfile; seconds, tiles and bytes are dicts by stage."""
         out = binding.Profile()

@@ -56,6 +56,7 @@ static EfsiSimulationDef box_def(void) {
   def.gravity.y = -9.8;
   def.max_time_step = 0.005;
   def.threads = 2;
+  def.energy_ledger = 1;
   return def;
 }
 
@@ -119,6 +120,15 @@ static void check_refusals(void) {
   CHECK(count == 1);
   EfsiSolidDiagnostics diagnostics;
   CHECK(efsi_solid_get_diagnostics(sim, 7, &diagnostics) == EFSI_ERROR_ARGUMENT);
+  EfsiTransportChange change;
+  CHECK(efsi_solid_get_transport_change(sim, 7, &change) == EFSI_ERROR_ARGUMENT);
+  efsi_simulation_destroy(sim);
+  EfsiEnergyLedger ledger;
+  def = box_def();
+  def.energy_ledger = 0;
+  CHECK_OK(NULL, efsi_simulation_create(&def, &sim, NULL));
+  CHECK(efsi_simulation_get_energy_ledger(sim, &ledger) == EFSI_ERROR_ARGUMENT);
+  CHECK(strstr(efsi_simulation_last_error(sim), "energy_ledger is 0"));
   efsi_simulation_destroy(sim);
   efsi_simulation_destroy(NULL);
 }
@@ -269,6 +279,18 @@ static void check_fall(const char* folder) {
   CHECK(fabs(solid.volume_mesh / solid.rest_volume - 1.0) < 0.02 && solid.momentum.y < 0.0);
   CHECK_OK(sim, efsi_simulation_get_fluid_diagnostics(sim, &fluid));
   CHECK(fluid.kinetic_energy > 0.0 && fluid.smoke > 0.0);
+
+  EfsiRepairs repairs;
+  CHECK_OK(sim, efsi_simulation_get_repairs(sim, &repairs));
+  CHECK(repairs.put_back == 0 && repairs.min_det_f_before > 0.9 && repairs.max_det_f_before < 1.1);
+  EfsiTransportChange change;
+  CHECK_OK(sim, efsi_solid_get_transport_change(sim, id, &change));
+  CHECK(fabs(change.volume_mesh) < 1e-3 && fabs(change.momentum.y) < 0.01 * fabs(solid.momentum.y));
+  EfsiEnergyLedger ledger;
+  CHECK_OK(sim, efsi_simulation_get_energy_ledger(sim, &ledger));
+  CHECK(fabs(ledger.end.solid_kinetic / solid.kinetic_energy - 1.0) < 1e-3);
+  CHECK(ledger.change[EFSI_ENERGY_WEIGHT].solid_kinetic > 0.0);
+  CHECK(ledger.change[EFSI_ENERGY_SOLID_TRANSPORT].potential < 0.0);
 
   float points[24], velocities[24];
   CHECK_OK(sim, efsi_solid_get_surface(sim, id, points, velocities, 8));

@@ -17,8 +17,9 @@ from conftest import ROOT
 sys.path.insert(0, str(ROOT / "tests" / "bench"))
 
 import bench_loop  # noqa: E402
+from eulerfsi import binding  # noqa: E402
 from eulerfsi.solver import Surface  # noqa: E402
-from loop import measure, shapes, survival, table  # noqa: E402
+from loop import energy_laws, measure, shapes, survival, table  # noqa: E402
 from loop.experiment import Experiment  # noqa: E402
 from loop.laws import Line  # noqa: E402
 
@@ -51,6 +52,37 @@ def test_crossings_give_the_period_of_a_damped_swing() -> None:
     assert np.diff(found) == pytest.approx(np.full(len(found) - 1, 0.125), abs=1e-4)
 
 
+def test_the_largest_rise_is_found_with_its_steps() -> None:
+    rise = measure.largest_rise(np.array([5.0, 3.0, 4.0, 2.0, 2.5, 3.5, 1.0]))
+    assert (rise.size, rise.begin, rise.end) == (1.5, 3, 5)
+    assert measure.largest_rise(np.array([3.0, 2.0, 2.0])).size == 0
+
+
+def test_mechanisms_hold_every_column_once() -> None:
+    shape = (len(binding.ENERGY_STAGES), len(measure.FORMS))
+    columns = np.random.default_rng(1).normal(size=shape)
+    parts = energy_laws.by_mechanism(columns)
+    empty = columns.copy()  # no stage but the solids' transport moves the fluid's energy
+    empty[binding.ENERGY_STAGES.index("solid_transport"), measure.FORMS.index("fluid_kinetic")] = 0
+    assert sum(parts.values()) == pytest.approx(empty.sum())
+
+
+def energy_result(totals: list[float], outside: list[float]) -> measure.Result:
+    """A run with these energies at the start of its steps, all of them kinetic, and this outside work in the steps."""
+    at_start = np.zeros((len(totals), len(measure.FORMS)))
+    at_start[:, 0] = totals
+    change = np.zeros((len(totals), len(binding.ENERGY_STAGES), len(measure.FORMS)))
+    change[:, binding.ENERGY_STAGES.index("outside"), 0] = outside
+    columns = {"energy_at_start": at_start, "energy_change": change}
+    return measure.Result(Experiment("test"), "", {}, columns)
+
+
+def test_energy_counts_less_outside_work() -> None:
+    result = energy_result([1.0, 1.0, 3.0, 3.0], [0.0, 2.0, 0.0, 0.0])
+    assert measure.total_energy(result) == pytest.approx([1.0, 0.0, 1.0, 1.0])  # half of it had been done at 1.0
+    assert measure.largest_rise(measure.total_energy(energy_result([2.0, 1.0, 1.5], [0, 0, 0]))).size == 0.5
+
+
 def test_a_number_that_is_missing_misses_its_bar() -> None:
     assert Line("law", "bar", math.nan, low=0, high=1).verdict == "MISSED"
     assert Line("law", "bar", 1.0, low=0, high=1).verdict == "pass"
@@ -72,6 +104,11 @@ def test_a_run_measures_what_happens_and_reports_what_goes_wrong(library) -> Non
     row = table.row(result)
     assert row["finished"] == "yes" and row["settings"] == "cfl_solid=0.5" and row["steps"] == "2"
     assert list(result["det_f_interior"][-1]) == pytest.approx([1, 1], abs=1e-3)
+    assert list(result["det_f_before"][-1]) == pytest.approx([1, 1], abs=1e-3) and result["put_back"].sum() == 0
+    energy = measure.total_energy(result)
+    assert energy.shape == (2,) and energy[1] == pytest.approx(energy[0], abs=2e-3)
+    assert energy_laws.gap(result).max() < 1e-6
+    assert set(energy_laws.losses(result)) == set(energy_laws.LOSSES)
 
     broken = bench_loop.run_child(dataclasses.replace(run, settings=(("voxel_size", -1.0),)))
     assert not broken.finished and "voxel_size" in broken.failure

@@ -13,6 +13,7 @@ from conftest import ROOT
 sys.path.insert(0, str(ROOT / "tests" / "bench"))
 
 import bench_random  # noqa: E402
+from eulerfsi import binding  # noqa: E402
 from eulerfsi.solver import Simulation, Surface  # noqa: E402
 from loop.experiment import OUT_OF_TIME  # noqa: E402
 from loop.measure import Result  # noqa: E402
@@ -287,8 +288,9 @@ def with_ledger(result: Result) -> Result:
     """The same record as the ledger tells it."""
     kinetic, elastic = result.columns["kinetic_energy"], result.columns["elastic_energy"]
     potential = 4.0 * G * result.columns["center"][:, 1]
-    result.columns["ledger_energy"] = np.stack([kinetic, elastic, 0 * kinetic, potential], axis=1)
-    result.columns["ledger_change"] = result.columns["ledger_outside"] = np.zeros(len(kinetic))
+    energies = np.stack([kinetic, elastic, 0 * kinetic, potential], axis=1)
+    result.columns["energy_end"] = energies
+    result.columns["energy_change"] = np.zeros((len(kinetic), len(binding.ENERGY_STAGES), 4))
     return result
 
 
@@ -296,10 +298,12 @@ def test_the_ledger_judges_energy_in_fluid_less_what_came_from_outside() -> None
     result = with_ledger(bounce())
     result.run = dataclasses.replace(BALL, density_ratio=50.0)
     assert verdicts(result)["energy"] == "pass"
-    result.columns["ledger_energy"][70:, 2] = 0.5  # of the fluid
-    assert verdicts(result)["energy"] == "MISSED"
-    result.columns["ledger_outside"] = np.zeros(len(result.columns["time"]))
-    result.columns["ledger_outside"][70] = 0.5
+    result.columns["energy_end"][70:, 2] = 0.5  # of the fluid
+    change = result.columns["energy_change"][70]
+    change[binding.ENERGY_STAGES.index("repair"), 2] = 0.5
+    energy = next(line for line in judge.judge(result) if line.law == "energy")
+    assert energy.verdict == "MISSED" and energy.conditions.endswith("repair +0.5")
+    change[:] = np.roll(change, binding.ENERGY_STAGES.index("outside") - binding.ENERGY_STAGES.index("repair"), axis=0)
     assert verdicts(result)["energy"] == "pass"
 
 

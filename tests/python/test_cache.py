@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import author, content_hashes, environment, make_scene, write_obj
-from eulerfsi import __version__, files
+from eulerfsi import __version__, binding, files
 from eulerfsi.errors import CacheIOError
 from eulerfsi.log import Log
 from eulerfsi.simulate import Options, simulate
@@ -163,6 +163,21 @@ def test_statistics_have_every_step_and_frame(cache):
     times = [line["time"] for line in steps]
     assert times == sorted(set(times)) and times[-1] == pytest.approx(2 / 24)
     assert frames[-1]["solids"]["/World/Ball"]["mass"] > 0 and frames[-1]["profile"]["total_seconds"] > 0
+    for line in steps:
+        assert line["repairs"]["put_back"] == 0 and 0.9 < line["repairs"]["min_det_f_before"] <= 1
+        assert abs(line["transport"]["/World/Ball"]["volume_mesh"]) < 0.01 and "energy" not in line
+
+
+def test_the_energy_ledger_adds_columns_and_changes_nothing(cache, tmp_path):
+    shutil.copy(cache.parent / "small.usda", tmp_path)
+    folder = run(tmp_path / "small.usda", settings=("Domain.energyLedger=true",))
+    assert content_hashes(folder) == content_hashes(cache)
+    lines = [json.loads(line) for line in (folder / "stats.jsonl").read_text().splitlines()]
+    steps = [line["energy"] for line in lines if line["event"] == "step"]
+    assert [list(step["change"]) for step in steps] == [list(binding.ENERGY_STAGES)] * len(steps)
+    for before, step in zip(steps[:-1], steps[1:], strict=True):  # a step begins with what the one before it left
+        changes = sum(sum(column.values()) for column in step["change"].values())
+        assert sum(step["end"].values()) - changes == pytest.approx(sum(before["end"].values()), rel=1e-6)
 
 
 def test_moved_folder_opens_without_its_scene(cache, tmp_path):

@@ -77,6 +77,52 @@ typedef struct EfsiSolidDiagnostics {
   uint64_t false_edges;  /* edges of the embedded surface longer than 4 times what max_stretch explains */
 } EfsiSolidDiagnostics;
 
+/* Cells whose map could not be, in the last step, and det F of full cells (1 where there is none; within 0.1 to 10,
+ * inverted ones 10) after the transport and after the repair. */
+typedef struct EfsiRepairs {
+  uint64_t clamped;  /* cells whose F was clamped in the forces */
+  uint64_t rejected; /* cells after the transport whose map was not believed */
+  uint64_t broken;   /* cells of incompressible solids whose det F the transport has left out of bounds */
+  uint64_t put_back; /* cells that the repair moved, with those that it broke itself */
+  double min_det_f_before, max_det_f_before;
+  double min_det_f_after, max_det_f_after;
+} EfsiRepairs;
+
+/* What the transport of the last step changed in a solid before anything restored it. Volumes over those at rest, less
+ * what the pressure was asked to give, of an incompressible solid that is whole; 0 otherwise and in preset paper2016.
+ */
+typedef struct EfsiTransportChange {
+  double volume_mesh, volume_cells;
+  EfsiVec3 momentum;         /* [kg m/s] */
+  EfsiVec3 angular_momentum; /* about the centre of mass [kg m^2/s] */
+} EfsiTransportChange;
+
+#define EFSI_ENERGY_WEIGHT 0          /* weight less buoyancy acts on the velocities */
+#define EFSI_ENERGY_MIXING 1          /* one velocity at nodes that solids and fluid share */
+#define EFSI_ENERGY_OUTSIDE 2         /* emitters, smoke and heat, vorticity confinement */
+#define EFSI_ENERGY_WALLS 3           /* walls; one normal velocity where the fluid slips */
+#define EFSI_ENERGY_VELOCITY 4        /* velocity solve */
+#define EFSI_ENERGY_PRESSURE 5        /* coupling step, pressure, projection */
+#define EFSI_ENERGY_SOLID_TRANSPORT 6 /* u and v move with the solids */
+#define EFSI_ENERGY_FLUID_TRANSPORT 7 /* the fluid's velocity moves */
+#define EFSI_ENERGY_REMAP 8           /* which cells carry stiffness, how much fluid the nodes hold */
+#define EFSI_ENERGY_REPAIR 9
+#define EFSI_ENERGY_MOMENTUM 10 /* what restores the momenta */
+#define EFSI_ENERGY_STAGE_COUNT 11
+
+typedef struct EfsiEnergy {
+  double solid_kinetic, elastic, fluid_kinetic, potential; /* [J] */
+} EfsiEnergy;
+
+/* Of the last step. end less the sum of all changes is what it began with. A step ends with the velocity that has moved
+ * u, that of half a step before; at_start has u and v of the time at which the step began. */
+typedef struct EfsiEnergyLedger {
+  EfsiEnergy end;
+  EfsiEnergy at_start;
+  EfsiEnergy change[EFSI_ENERGY_STAGE_COUNT];
+  double source_work; /* of the pressure through the volume source: part of the stage pressure [J] */
+} EfsiEnergyLedger;
+
 typedef struct EfsiFluidDiagnostics {
   double kinetic_energy; /* [J] */
   EfsiVec3 momentum;     /* [kg m/s] */

@@ -41,8 +41,8 @@ typedef struct EfsiSimulationDef {
   double velocity_tolerance;    /* of Eq. 8; 0: from the preset */
   double pressure_tolerance;    /* of Eq. 12; 0: from the preset */
   int32_t threads;              /* 0: all processors that this process may use */
-  int32_t reserved0;
-  uint64_t memory_limit; /* bytes; 0: no check */
+  int32_t energy_ledger;        /* 1: measures what each stage of a step does to the energy; changes no result */
+  uint64_t memory_limit;        /* bytes; 0: no check */
   EfsiLogCallback log;
   void* log_user;
   uint64_t reserved[2];
@@ -83,6 +83,9 @@ EFSI_API EfsiStatus efsi_simulation_restore_checkpoint(EfsiSim* sim, const char*
 /* Times, tiles and bytes per stage so far, and starting them anew; what the fluid holds now. */
 EFSI_API EfsiStatus efsi_simulation_get_profile(const EfsiSim* sim, EfsiProfile* profile);
 EFSI_API EfsiStatus efsi_simulation_reset_profile(EfsiSim* sim);
+EFSI_API EfsiStatus efsi_simulation_get_repairs(const EfsiSim* sim, EfsiRepairs* out);
+/* EFSI_ERROR_ARGUMENT where EfsiSimulationDef.energy_ledger is 0; zeros before the first step. */
+EFSI_API EfsiStatus efsi_simulation_get_energy_ledger(const EfsiSim* sim, EfsiEnergyLedger* out);
 EFSI_API EfsiStatus efsi_simulation_get_fluid_diagnostics(EfsiSim* sim, EfsiFluidDiagnostics* out);
 
 #ifdef __cplusplus

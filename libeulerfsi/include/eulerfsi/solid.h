@@ -104,6 +104,7 @@ EFSI_API EfsiStatus efsi_solid_get_count(const struct EfsiSim* sim, uint32_t* co
 EFSI_API EfsiStatus efsi_solid_get_surface(struct EfsiSim* sim, uint32_t id, float* points, float* velocities,
                                            uint64_t point_count);
 EFSI_API EfsiStatus efsi_solid_get_diagnostics(struct EfsiSim* sim, uint32_t id, EfsiSolidDiagnostics* out);
+EFSI_API EfsiStatus efsi_solid_get_transport_change(const struct EfsiSim* sim, uint32_t id, EfsiTransportChange* out);
 
 #ifdef __cplusplus
 }

@@ -23,6 +23,9 @@ static_assert(EFSI_MATERIAL_STABLE_NEO_HOOKEAN == static_cast<int>(material::Law
 static_assert(EFSI_STAGE_VELOCITY_SOLVE == static_cast<int>(sim::Stage::kVelocitySolve));
 static_assert(EFSI_STAGE_OTHER == static_cast<int>(sim::Stage::kOther));
 static_assert(EFSI_STAGE_COUNT == static_cast<int>(sim::Stage::kCount));
+static_assert(EFSI_ENERGY_VELOCITY == static_cast<int>(sim::EnergyStage::kVelocity));
+static_assert(EFSI_ENERGY_REMAP == static_cast<int>(sim::EnergyStage::kRemap));
+static_assert(EFSI_ENERGY_STAGE_COUNT == static_cast<int>(sim::EnergyStage::kCount));
 
 inline Vec3d to_vector(const EfsiVec3& v) { return {v.x, v.y, v.z}; }
 inline EfsiVec3 to_c(const Vec3d& v) { return {v[0], v[1], v[2]}; }
@@ -54,6 +57,7 @@ inline sim::Params to_params(const EfsiSimulationDef& def) {
   p.max_time_step = def.max_time_step;
   p.threads = def.threads;
   p.memory_limit = def.memory_limit;
+  p.energy_ledger = def.energy_ledger != 0;
   p.numerics = sim::numerics_of(static_cast<sim::Preset>(def.preset));
   if (def.velocity_tolerance > 0.0) p.numerics.velocity_tolerance = def.velocity_tolerance;
   if (def.pressure_tolerance > 0.0) p.numerics.pressure_tolerance = def.pressure_tolerance;
@@ -175,6 +179,39 @@ inline EfsiSolidDiagnostics to_c(const sim::SolidDiagnostics& d) {
   c.false_edges = d.false_edges;
   c.elements = d.elements;
   c.memory_bytes = d.memory_bytes;
+  return c;
+}
+
+inline EfsiRepairs to_c(const sim::Repairs& r) {
+  EfsiRepairs c{};
+  c.clamped = r.clamped;
+  c.rejected = r.rejected;
+  c.broken = r.broken;
+  c.put_back = r.put_back;
+  c.min_det_f_before = r.min_det_f_before;
+  c.max_det_f_before = r.max_det_f_before;
+  c.min_det_f_after = r.min_det_f_after;
+  c.max_det_f_after = r.max_det_f_after;
+  return c;
+}
+
+inline EfsiTransportChange to_c(const sim::TransportChange& t) {
+  EfsiTransportChange c{};
+  c.volume_mesh = t.volume_mesh;
+  c.volume_cells = t.volume_cells;
+  c.momentum = to_c(t.momentum);
+  c.angular_momentum = to_c(t.angular_momentum);
+  return c;
+}
+
+inline EfsiEnergy to_c(const sim::Energy& e) { return {e.solid_kinetic, e.elastic, e.fluid_kinetic, e.potential}; }
+
+inline EfsiEnergyLedger to_c(const sim::EnergyRecord& r) {
+  EfsiEnergyLedger c{};
+  c.end = to_c(r.end);
+  c.at_start = to_c(r.at_start);
+  for (std::size_t s = 0; s < sim::kEnergyStages; ++s) c.change[s] = to_c(r.change[s]);
+  c.source_work = r.source_work;
   return c;
 }
 

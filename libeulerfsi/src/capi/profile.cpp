@@ -5,6 +5,8 @@
 #include "capi/solid_id.hpp"
 
 using namespace efsi::capi;
+using efsi::Error;
+using efsi::ErrorCode;
 
 EfsiStatus efsi_simulation_get_profile(const EfsiSim* sim, EfsiProfile* profile) {
   return guarded(sim, [&] {
@@ -28,5 +30,30 @@ EfsiStatus efsi_solid_get_diagnostics(EfsiSim* sim, uint32_t id, EfsiSolidDiagno
   return guarded(sim, [&] {
     demand(out, "efsi_solid_get_diagnostics: out");
     *out = to_c(sim->simulation.diagnose_solid(solid_index(*sim, id, "efsi_solid_get_diagnostics")));
+  });
+}
+
+EfsiStatus efsi_simulation_get_repairs(const EfsiSim* sim, EfsiRepairs* out) {
+  return guarded(sim, [&] {
+    demand(out, "efsi_simulation_get_repairs: out");
+    *out = to_c(sim->simulation.last_step().repairs);
+  });
+}
+
+EfsiStatus efsi_simulation_get_energy_ledger(const EfsiSim* sim, EfsiEnergyLedger* out) {
+  return guarded(sim, [&] {
+    demand(out, "efsi_simulation_get_energy_ledger: out");
+    if (!sim->simulation.params().energy_ledger)
+      throw Error(ErrorCode::kArgument, "efsi_simulation_get_energy_ledger: EfsiSimulationDef.energy_ledger is 0");
+    *out = to_c(sim->simulation.last_step().energy.value_or(efsi::sim::EnergyRecord{}));
+  });
+}
+
+EfsiStatus efsi_solid_get_transport_change(const EfsiSim* sim, uint32_t id, EfsiTransportChange* out) {
+  return guarded(sim, [&] {
+    demand(out, "efsi_solid_get_transport_change: out");
+    const std::size_t index = solid_index(*sim, id, "efsi_solid_get_transport_change");
+    const auto& transport = sim->simulation.last_step().transport;
+    *out = index < transport.size() ? to_c(transport[index]) : EfsiTransportChange{};
   });
 }

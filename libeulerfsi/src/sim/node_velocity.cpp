@@ -4,7 +4,6 @@
 
 #include "fluid/forces.hpp"
 #include "linalg/reduce.hpp"
-#include "sim/fixed_components.hpp"
 #include "sim/grid_loops.hpp"
 #include "sim/step_weight.hpp"
 
@@ -90,7 +89,6 @@ void add_external_forces(const StepContext& step, const Matter& matter, fluid::F
   const std::uint64_t visited = fluid::add_body_forces(parallel, g, scene.params.fluid, fluid, scene.params.gravity, dt,
                                                        matter.specific_volume, velocity.field);
   timer.visited(visited, 4 * sizeof(Real));
-  velocity.slip.share_normal(parallel, velocity.field);
 }
 
 }  // namespace efsi::sim

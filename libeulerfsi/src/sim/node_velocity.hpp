@@ -11,8 +11,7 @@ namespace efsi::sim {
 // the two stay apart. Takes the fluid's velocity out of the state until its advection.
 void combine_velocities(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
                         const Matter& matter, grid::VectorField& fluid_velocity, NodeVelocity& velocity);
-// v += dt f_ext / m of the other forces, emitters, walls. Emitters change smoke and temperature, too. Returns the
-// number of nodes visited.
+// v += dt f_ext / m of the other forces, emitters. Emitters change smoke and temperature, too.
 void add_external_forces(const StepContext& step, const Matter& matter, fluid::FluidState& fluid,
                          NodeVelocity& velocity);
 

@@ -51,6 +51,7 @@ struct Params {
   double max_time_step = 0.0;
   int threads = 0;
   std::uint64_t memory_limit = 0;
+  bool energy_ledger = false;  // measures what each stage does to the energy; changes no result
   Numerics numerics;
 };
 

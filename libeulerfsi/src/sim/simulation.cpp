@@ -327,6 +327,7 @@ StepInfo Simulation::checked_step(double remaining) {
         throw Error(ErrorCode::kDiverged, diverged(state_.time, end));
       }
       info.retries = static_cast<std::uint64_t>(attempt);
+      last_step_ = info;
       profile_.total_seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
       ++profile_.steps;
       double staged = 0.0;

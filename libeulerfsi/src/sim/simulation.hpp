@@ -78,6 +78,8 @@ class Simulation {
   const Parallel& parallel() const { return parallel_; }
   const Log& log() const { return log_; }
   const Profile& profile() const { return profile_; }
+  // What the last good step reported; its initial value before there was one.
+  const StepInfo& last_step() const { return last_step_; }
   void reset_profile() { profile_ = Profile{}; }
 
   SolidDiagnostics diagnose_solid(std::size_t index);
@@ -121,6 +123,7 @@ class Simulation {
     grid::VectorField velocity;
   } box_;  // what was asked for where the common grid is not the box
   Profile profile_;
+  StepInfo last_step_;
   bool prepared_ = false;
 };
 

@@ -4,6 +4,7 @@
 
 #include "fluid/advect.hpp"
 #include "sim/carry_surface.hpp"
+#include "sim/energy_ledger.hpp"
 #include "sim/fluid_transport.hpp"
 #include "sim/masses.hpp"
 #include "sim/momentum_balance.hpp"
@@ -27,6 +28,57 @@ void remember_elements(const StepContext& step, const Hold& hold, const solid::S
     solid::remember_elements(work, state);
   else
     state.stiff.clear();
+}
+
+// Of the transport, per solid; at rest where nothing keeps momenta.
+std::vector<solid::RigidStep> transport_frames(const StepContext& step, const Holds& holds,
+                                               const TransportMomenta& momenta) {
+  std::vector<solid::RigidStep> frames(step.scene.solids.size());
+  for (std::size_t l = 0; l < momenta.solids.size(); ++l)
+    frames[l] = transport_frame(holds.of(l), momenta.first[l], momenta.solids[l], step.dt);
+  return frames;
+}
+
+// After the transport: lines 3 and 7 of the next step, of the solids where they are now, and what gives back what the
+// transport has not kept.
+void settle(const StepContext& step, const std::vector<VolumeTarget>& targets, State& state, Workspace& work,
+            EnergyLedger& ledger) {
+  const auto& [parallel, scene, time, dt, profile, info] = step;
+  const Numerics& numerics = scene.params.numerics;
+  auto& [solids, matter, velocity, elasticity, pressure, momenta, advect, solid_advect, backup, ready] = work;
+  SolidStates& states = state.solids;
+  fluid::FluidState& fluid = state.fluid;
+  ready = numerics.repair_map || numerics.conserve_momentum;
+  if (ready) {
+    compute_masses(step, states, solids);
+    ledger.arrive();
+  }
+  inspect_before(scene.solids, solids, info.repairs);
+  info.transport = transport_changes(parallel, scene.solids, states, solids, targets, momenta.solids);
+  if (numerics.repair_map) repair_maps(step, states, solids);
+  if (info.repairs.put_back > 0) ledger.book_solids(EnergyStage::kRepair);
+  if (ready) {
+    combine_masses(step, states, solids, state.window, fluid.pressure, matter, velocity.slip);
+    ledger.book_fluid(EnergyStage::kRemap, matter, fluid.velocity);
+  }
+  if (numerics.conserve_momentum) {
+    restore_momenta(step, momenta, solids, matter, states, fluid.velocity);
+    ledger.book_solids(EnergyStage::kMomentum);
+    ledger.book_fluid(EnergyStage::kMomentum, matter, fluid.velocity);
+  }
+  ScopedTimer timer(profile, Stage::kSmoke);
+  fluid::settle_smoke(parallel, matter.common.grid, matter.common.walls, matter.cell_fraction, fluid, advect);
+}
+
+// The last columns of the ledger where nothing has needed the masses of the new state: these are computed here. Without
+// fluid only the solids', since the common grid moves with the state of the next step.
+void close_ledger(const StepContext& step, State& state, Workspace& work, EnergyLedger& ledger) {
+  if (!ledger.on() || work.masses_ready) return;
+  compute_masses(step, state.solids, work.solids);
+  ledger.arrive();
+  if (!step.scene.params.fluid.present) return;
+  combine_masses(step, state.solids, work.solids, state.window, state.fluid.pressure, work.matter, work.velocity.slip);
+  ledger.book_fluid(EnergyStage::kRemap, work.matter, state.fluid.velocity);
 }
 
 // The state after a step of dt, and what the step reports.
@@ -60,6 +112,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
     compute_masses(step, states, solids);  // Alg. 1 line 3
     combine_masses(step, states, solids, state.window, fluid.pressure, matter, velocity.slip);  // Alg. 1 line 7
   }
+  EnergyLedger ledger(step, states, solids, matter, fluid.velocity);
   if (numerics.conserve_momentum) measure_first_momenta(step, states, solids, momenta);
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {  // lines 2-6
     ScopedTimer timer(profile, Stage::kComputeG);
@@ -67,16 +120,27 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
                             solids[l]);
     timer.visited(solids[l].element_cell.size(), sizeof(solid::ElementPoint));
   }
+  ledger.book_weight(weight_in_step(scene, dt, solids), fluid.velocity);
   combine_velocities(step, states, solids, matter, fluid.velocity, velocity);
+  ledger.book_nodes(EnergyStage::kMixing, velocity);
   add_external_forces(step, matter, fluid, velocity);
-  meet_walls(step, states, solids, matter, velocity.field, elasticity.walls);
+  ledger.book_nodes(EnergyStage::kOutside, velocity);
+  meet_walls(step, states, solids, matter, velocity, elasticity.walls);
+  ledger.book_nodes(EnergyStage::kWalls, velocity);
   assemble_velocity_system(step, states, solids, matter, velocity, elasticity);  // Alg. 1 line 8
   prepare_pressure(step, states, solids, matter, fluid.pressure, elasticity, velocity, pressure);
-  solve_velocity(step, elasticity, velocity);                                                    // Alg. 1 line 9
+  ledger.book_nodes(EnergyStage::kPressure, velocity);
+  solve_velocity(step, elasticity, velocity);  // Alg. 1 line 9
+  ledger.book_nodes(EnergyStage::kVelocity, velocity);
   solve_pressure(step, states, solids, matter, fluid.pressure, elasticity, velocity, pressure);  // Alg. 1 line 10
   project_velocity(step, common, elasticity, pressure, velocity, fluid.pressure);                // Alg. 1 line 11
+  ledger.book_nodes(EnergyStage::kPressure, velocity);
+  ledger.book_source(fluid.pressure, pressure.source);
   remember_rows(dt, elasticity.walls, states);
   if (numerics.conserve_momentum) measure_momenta(step, states, solids, matter, velocity, momenta);
+  const std::vector<solid::RigidStep> frames = transport_frames(step, elasticity.holds, momenta);
+  const std::vector<VolumeTarget> targets = volume_targets(scene.solids, states, solids);
+  ledger.meet(velocity, frames);
 
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {  // lines 12-16
     ScopedTimer timer(profile, Stage::kSolidAdvection);
@@ -85,37 +149,26 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   }
   pressure.system.exchange_scratch(solid_advect.storage());
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {  // lines 17-21
-    const Hold& hold = elasticity.holds.of(l);
-    solid::RigidStep frame;  // at rest
-    if (numerics.conserve_momentum) frame = transport_frame(hold, momenta.first[l], momenta.solids[l], dt);
     {
       ScopedTimer timer(profile, Stage::kSolidAdvection);
-      solid::extend(parallel, states[l], solids[l]);                                      // Alg. 1 line 18
-      solid::advect(parallel, numerics.solid_advection, dt, frame, solids[l], states[l],  // Alg. 1 lines 19, 20
+      solid::extend(parallel, states[l], solids[l]);  // Alg. 1 line 18
+      ledger.leave(l);
+      solid::advect(parallel, numerics.solid_advection, dt, frames[l], solids[l], states[l],  // Alg. 1 lines 19, 20
                     solid_advect);
       timer.visited(solids[l].layer.size(), 12 * sizeof(Real));
     }
-    carry_surface(step, l, frame, solid_advect, solids[l], states[l]);
+    carry_surface(step, l, frames[l], solid_advect, solids[l], states[l]);
     ScopedTimer timer(profile, Stage::kSolidAdvection);
-    remember_elements(step, hold, solids[l], states[l]);
+    remember_elements(step, elasticity.holds.of(l), solids[l], states[l]);
     solid::follow_solid(scene.grid, scene.solids[l], states[l]);
   }
   pressure.system.exchange_scratch(solid_advect.storage());
   still_fluid(elasticity.walls, velocity.field);
   advect_fluid(step, velocity.field, velocity.slip, matter, fluid, advect, pressure.system);  // Alg. 1 line 22
-
-  ready = numerics.repair_map || numerics.conserve_momentum;
-  if (ready) {  // lines 3 and 7 of the next step, of the solids where they are now
-    compute_masses(step, states, solids);
-    if (numerics.repair_map) repair_maps(step, states, solids);
-    combine_masses(step, states, solids, state.window, fluid.pressure, matter, velocity.slip);
-  }
-  if (numerics.conserve_momentum) restore_momenta(step, momenta, solids, matter, states, fluid.velocity);
-  {
-    ScopedTimer timer(profile, Stage::kSmoke);
-    fluid::settle_smoke(parallel, common, matter.common.walls, matter.cell_fraction, fluid, advect);
-  }
+  ledger.book_fluid(fluid.velocity);
+  settle(step, targets, state, work, ledger);
   finish(step, solids, state);
+  close_ledger(step, state, work, ledger);
   return info;
 }
 

@@ -2,10 +2,14 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
+#include <vector>
 
 #include "base/parallel.hpp"
 #include "grid/grid.hpp"
+#include "sim/energy_record.hpp"
 #include "sim/scene.hpp"
+#include "sim/step_record.hpp"
 
 namespace efsi::sim {
 
@@ -18,6 +22,9 @@ struct StepInfo {
   double max_speed_solid = 0.0, max_speed_fluid = 0.0;
   double min_det_f = 1.0, max_det_f = 1.0;
   std::uint64_t degenerate_cells = 0, retries = 0, unconverged = 0;
+  Repairs repairs;                         // of the last step
+  std::vector<TransportChange> transport;  // per solid, of the last step; empty where nothing restores momenta
+  std::optional<EnergyRecord> energy;      // of the last step, where the ledger is on
 };
 
 // What a step's work on the solids says of their speeds, det F and clamped cells.

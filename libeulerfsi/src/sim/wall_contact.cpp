@@ -179,25 +179,21 @@ void share_friction(double whole, std::vector<WallRow>& rows) {
   for (WallRow& row : rows) row.limit *= factor;
 }
 
-}  // namespace
-
-void meet_walls(const StepContext& step, const SolidStates& states, const SolidWorks& solids, Matter& matter,
-                grid::VectorField& velocity, std::vector<WallRow>& rows) {
+// All rows, the normal velocities of which are those in `velocity`. At nodes that solids share the first one's.
+std::vector<WallRow> find_rows(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
+                               const CommonGrid& common, const grid::VectorField& velocity) {
   const auto& [parallel, scene, time, dt, profile, info] = step;
-  rows.clear();
-  if (!scene.params.numerics.walls_push_only) {
-    enforce_walls(parallel, matter.common.grid, matter.fixed, velocity);
-    return;
-  }
+  std::vector<WallRow> rows;
   std::map<std::size_t, std::uint8_t> axes;  // node -> axes with a row
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     const LastPresses last = last_presses(states[l]);
     const bool fast = states[l].speed * dt > kSlow * scene.grid.h;
     for (std::size_t face = 0; face < 6; ++face) {
-      Footprint print = footprint(step, states[l], solids[l], l, matter.common, face);
+      Footprint print = footprint(step, states[l], solids[l], l, common, face);
       if (print.rows.empty()) continue;
       fill_gaps(states[l].band.grid, scene.solids[l], states[l], print);
-      find_vertices(matter.common, states[l], face, print);
+      find_vertices(common, states[l], face, print);
+      std::erase_if(print.rows, [&](const WallRow& row) { return axes[row.node] & bit(row.axis); });
       for (WallRow& row : print.rows) {
         const auto held = last.find({row.place[0], row.place[1], row.place[2], row.axis});
         decide(held == last.end() ? nullptr : held->second, scene.grid.h, dt, fast, scene.solids[l].friction,
@@ -208,32 +204,45 @@ void meet_walls(const StepContext& step, const SolidStates& states, const SolidW
       rows.insert(rows.end(), print.rows.begin(), print.rows.end());
     }
   }
-  std::vector<Vec3> wanted;
-  for (WallRow& row : rows) {
-    row.tangents = static_cast<std::uint8_t>(7u & ~axes[row.node]);
-    Vec3 v = velocity.at(row.node);
-    const Real mass = matter.mass[row.node];
-    if (row.holds) {
-      row.push = mass * (row.least - row.out * v[row.axis]);
-      v[row.axis] = row.out * row.least;
-    }
-    for (int a = 0; a < 3; ++a) {
-      if (!(row.tangents & bit(a))) continue;
-      if (row.rub != Rub::kSticks) {
-        row.way[a] = row.rub == Rub::kSlides ? row.way[a] : Real(0);
-        continue;
-      }
+  for (WallRow& row : rows) row.tangents = static_cast<std::uint8_t>(7u & ~axes[row.node]);
+  return rows;
+}
+
+// What a row prescribes of v, and what impulse that takes.
+Vec3 prescribe(Real mass, Vec3 v, WallRow& row) {
+  if (row.holds) {
+    row.push = mass * (row.least - row.out * v[row.axis]);
+    v[row.axis] = row.out * row.least;
+  }
+  for (int a = 0; a < 3; ++a) {
+    if (!(row.tangents & bit(a))) {
+      row.way[a] = 0;
+    } else if (row.rub == Rub::kSticks) {
       row.pull[a] = -mass * v[a];
       v[a] = 0;
-      matter.fixed[row.node] = static_cast<std::uint8_t>(matter.fixed[row.node] | bit(a));
     }
-    wanted.push_back(v);
   }
-  enforce_walls(parallel, matter.common.grid, matter.fixed, velocity);
+  return v;
+}
+
+}  // namespace
+
+void meet_walls(const StepContext& step, const SolidStates& states, const SolidWorks& solids, Matter& matter,
+                NodeVelocity& velocity, std::vector<WallRow>& rows) {
+  const auto& [parallel, scene, time, dt, profile, info] = step;
+  ScopedTimer timer(profile, Stage::kFluidForces);
+  velocity.slip.share_normal(parallel, velocity.field);
+  rows.clear();
+  if (scene.params.numerics.walls_push_only) rows = find_rows(step, states, solids, matter.common, velocity.field);
+  std::vector<Vec3> prescribed;
+  for (WallRow& row : rows) {
+    prescribed.push_back(prescribe(matter.mass[row.node], velocity.field.at(row.node), row));
+    if (row.rub == Rub::kSticks)
+      matter.fixed[row.node] = static_cast<std::uint8_t>(matter.fixed[row.node] | row.tangents);
+  }
+  enforce_walls(parallel, matter.common.grid, matter.fixed, velocity.field);
   for (std::size_t r = 0; r < rows.size(); ++r)
-    for (int a = 0; a < 3; ++a)
-      if (a == rows[r].axis || rows[r].tangents & bit(a))
-        velocity.c[static_cast<std::size_t>(a)][rows[r].node] = wanted[r][a];
+    velocity.field.c[static_cast<std::size_t>(rows[r].axis)][rows[r].node] = prescribed[r][rows[r].axis];
 }
 
 std::vector<std::uint8_t> held_components(const std::vector<std::uint8_t>& fixed, const std::vector<WallRow>& rows) {

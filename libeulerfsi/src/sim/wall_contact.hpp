@@ -11,10 +11,10 @@
 
 namespace efsi::sim {
 
-// Gives the nodes on walls the velocity that these prescribe, which comes with all forces but the solids' own, and
-// finds the rows of the step. Fixes in matter.fixed what sticks.
+// One normal velocity where the fluid slips; then the rows of the step, by the velocity that the solids have with all
+// forces but their own, and the velocity that walls and rows prescribe. Fixes in matter.fixed what sticks.
 void meet_walls(const StepContext& step, const SolidStates& states, const SolidWorks& solids, Matter& matter,
-                grid::VectorField& velocity, std::vector<WallRow>& rows);
+                NodeVelocity& velocity, std::vector<WallRow>& rows);
 // matter.fixed less the rows that do not hold.
 std::vector<std::uint8_t> held_components(const std::vector<std::uint8_t>& fixed, const std::vector<WallRow>& rows);
 // Ties the nodes of rows that do not hold to those above them.

@@ -21,6 +21,9 @@ constexpr double kLeastStretch = 0.4, kMostStretch = 2.5;  // principal stretche
 // det: det F over that of the solid.
 bool is_broken(double det) { return !(det <= kMostGrowth && det * kMostGrowth >= 1.0); }
 
+// det F of the solid as a whole.
+double mean_det(const SolidRest& rest, const SolidWork& work) { return rest.density * work.volume / work.total_mass; }
+
 // The map of a cell that has the axes of inverse_f, and stretches and a volume that a sound cell can have.
 Mat3d sound_inverse(const Mat3d& inverse_f, double mean) {
   const Eigen::JacobiSVD<Mat3d> svd(inverse_f, Eigen::ComputeFullU | Eigen::ComputeFullV);
@@ -38,11 +41,11 @@ Mat3d sound_inverse(const Mat3d& inverse_f, double mean) {
 
 // Moves the corners of broken cells to where the maps of their broken cells, made sound, have them on average. Adds
 // these cells and their corners to the sets; false: there are none.
-bool repair_cells(double density, SolidState& state, const SolidWork& work, std::set<std::size_t>& cells,
+bool repair_cells(const SolidRest& rest, SolidState& state, const SolidWork& work, std::set<std::size_t>& cells,
                   std::set<std::size_t>& nodes) {
   const Grid& g = state.band.grid;
   const auto corner = grid::corner_offsets(g);
-  const double mean = density * work.volume / work.total_mass;  // det F of the solid
+  const double mean = mean_det(rest, work);
   struct Move {
     Vec3d sum = Vec3d::Zero();
     int cells = 0;
@@ -110,11 +113,26 @@ void smooth_velocity(const std::set<std::size_t>& nodes, SolidState& state, cons
 
 }  // namespace
 
+MapQuality inspect_map(const SolidRest& rest, const SolidWork& work) {
+  MapQuality quality;
+  bool any = false;
+  for (const std::int32_t cell : work.element_cell) {
+    const auto c = static_cast<std::size_t>(cell);
+    if (work.fraction[c] < kInside) continue;
+    const double det = static_cast<double>(work.volume_ratio[c]);
+    quality.min_det_f = any ? std::min(quality.min_det_f, det) : det;
+    quality.max_det_f = any ? std::max(quality.max_det_f, det) : det;
+    quality.broken += !rest.compressible && is_broken(det / mean_det(rest, work));
+    any = true;
+  }
+  return quality;
+}
+
 std::uint64_t repair_map(const Parallel& parallel, const SolidRest& rest, SolidState& state, SolidWork& work) {
   if (rest.compressible || work.element_cell.empty()) return 0;
   std::set<std::size_t> cells, nodes;
   int sweeps = 0;
-  for (; sweeps < kMapSweeps && repair_cells(rest.density, state, work, cells, nodes); ++sweeps)
+  for (; sweeps < kMapSweeps && repair_cells(rest, state, work, cells, nodes); ++sweeps)
     compute_mass(parallel, rest, state, work);
   if (sweeps == 0) return 0;
   smooth_velocity(nodes, state, work);

@@ -120,7 +120,7 @@ class Experiment:
             values[f"wall[{face}]"] = binding.WALLS[kind]
         if self.cfl is not None:
             values["cfl_solid"] = self.cfl
-        return values | self.set_in(binding.SimulationDef)
+        return values | self.set_in(binding.SimulationDef) | {"energy_ledger": 1}
 
     def solid(self) -> dict[str, Any]:
         """Fields of EfsiSolidDef."""
@@ -155,11 +155,9 @@ def simulate(run: Experiment) -> dict[str, Any]:
     mesh = run.mesh()
     areas = vertex_areas(mesh.points, mesh.triangles())
     rest, columns, failure = mesh.points.astype(float), [], ""
-    definition = run.simulation()
-    ledger_on = bool(definition.get("energy_ledger"))
     ends = step_ends(run)
     begun = time.perf_counter()
-    with Simulation(definition) as simulation:
+    with Simulation(run.simulation()) as simulation:
         report = simulation.add_solid(mesh, **run.solid())[1]
         if run.stretch:
             stretch(simulation, run)
@@ -176,7 +174,7 @@ def simulate(run: Experiment) -> dict[str, Any]:
                     if run.load and abs(info["dt"] - run.dt) > 1e-6:
                         raise ValueError(f"the load was given for a step of {run.dt:g} s, it was {info['dt']:g} s")
                     last = observe(simulation, rest, areas)
-                    columns.append(info | {"seconds": seconds} | inside_step(simulation, ledger_on) | last)
+                    columns.append(info | {"seconds": seconds} | record(simulation) | last)
                     low, high = last["det_f_interior"]
                     if not (low > 1 / TORN and high < TORN):
                         raise ValueError(f"blown up: interior det F {low:.3g}..{high:.3g} at {simulation.time:.3g} s")
@@ -188,25 +186,6 @@ def simulate(run: Experiment) -> dict[str, Any]:
             failure = str(error)
     names = columns[0].keys() if columns else ()
     return {"failure": failure, "start": start, "columns": {name: [row[name] for row in columns] for name in names}}
-
-
-def inside_step(simulation: Simulation, ledger_on: bool) -> dict[str, Any]:
-    """What the library has measured inside the last step, as far as it does.
-
-    det_f_before: [lowest, highest] det F of full cells after the transport, before the repair. With the energy ledger:
-    ledger_energy: kinetic, elastic, the fluid's kinetic, potential; ledger_change: of their sum in the step;
-    ledger_outside: the part of it that came from outside [J].
-    """
-    values: dict[str, Any] = {}
-    if hasattr(simulation, "repairs"):
-        found = simulation.repairs()
-        values["det_f_before"] = [found["min_det_f_before"], found["max_det_f_before"]]
-    if ledger_on:
-        ledger = simulation.energy_ledger()
-        changes = {stage: sum(forms.values()) for stage, forms in ledger["change"].items()}
-        values["ledger_energy"] = list(ledger["end"].values())
-        values |= {"ledger_change": sum(changes.values()), "ledger_outside": changes["outside"]}
-    return values
 
 
 def step_ends(run: Experiment) -> list[float]:
@@ -238,6 +217,23 @@ def observe(simulation: Simulation, rest: np.ndarray, areas: np.ndarray) -> dict
         "misshape": float(np.linalg.norm(points - centred, axis=1).max()),
         "misfit": rigid_misfit(points, centred, weights),
         **inside,
+    }
+
+
+def record(simulation: Simulation) -> dict[str, Any]:
+    """What the last step did: repairs, what the transport of solid 1 changed, the columns of the energy ledger.
+
+    energy_change: (stages, forms) [J]; energy_end, energy_at_start: (forms,) [J]; stages and forms as in the binding.
+    """
+    repairs, moved, ledger = simulation.repairs(), simulation.transport_change(1), simulation.energy_ledger()
+    return {
+        **{name: repairs[name] for name in ("clamped", "rejected", "broken", "put_back")},
+        "det_f_before": [repairs["min_det_f_before"], repairs["max_det_f_before"]],
+        **{f"transport_{name}": value for name, value in moved.items()},
+        "energy_end": list(ledger["end"].values()),
+        "energy_at_start": list(ledger["at_start"].values()),
+        "energy_change": [list(column.values()) for column in ledger["change"].values()],
+        "source_work": ledger["source_work"],
     }
 
 

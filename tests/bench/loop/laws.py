@@ -14,6 +14,7 @@ import numpy as np
 from . import reference
 from .experiment import FRAME, GRAVITY, RADIUS, Experiment
 from .measure import Result, at_time, divergence_ratio, extremes, mechanical_energy, slope, volume_range
+from .shapes import NARROWEST
 
 Results = Mapping[Experiment, Result]
 
@@ -56,6 +57,16 @@ class Law:
 def found(results: Results, runs: Sequence[Experiment]) -> list[Result]:
     """The results of those runs that were made, in order."""
     return [results[run] for run in runs if run in results]
+
+
+def resolved(run: Experiment) -> bool:
+    """Whether no part of a solid that the pressure keeps is narrower than 4 cells, and none folds."""
+    return not run.compressible and NARROWEST.get(run.shape, 0.0) >= 4 * run.spacing * (1 - 1e-9)
+
+
+def out_of_bounds(result: Result) -> dict[str, int]:
+    """Cells that were, by what was wrong, summed over the steps."""
+    return {name: int(result[name].sum()) for name in ("clamped", "rejected", "broken", "put_back")}
 
 
 def conditions(result: Result, more: str = "") -> str:

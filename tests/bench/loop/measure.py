@@ -6,11 +6,13 @@ import dataclasses
 from typing import Any
 
 import numpy as np
+from eulerfsi import binding
 
 from .experiment import Experiment
 
 # Steps whose divergence before the projection is below this part of the run's largest say nothing about the ratio.
 QUIET = 0.01
+FORMS = [name for name, *_ in binding.Energy._fields_]  # of energy, in the order of the ledger
 
 
 @dataclasses.dataclass
@@ -91,6 +93,44 @@ def mechanical_energy(result: Result) -> np.ndarray:
     return (
         result.with_start("kinetic_energy") + result.with_start("elastic_energy") + mass * result.run.gravity * height
     )
+
+
+def ledger(result: Result) -> np.ndarray:
+    """Columns of the energy ledger, (steps, stages, forms) [J]."""
+    return result["energy_change"]
+
+
+def total_energy(result: Result) -> np.ndarray:
+    """All energy at the start of every step, u and v of one time, less outside work (the stage "outside") [J].
+
+    Potential energy counts from its lowest. What the laboratory does between two steps stays in.
+    """
+    forms = result["energy_at_start"]
+    work = ledger(result)[:, binding.ENERGY_STAGES.index("outside")].sum(axis=1)
+    potential = forms[:, FORMS.index("potential")]
+    return forms.sum(axis=1) - potential.min() - (np.cumsum(work) - work / 2)
+
+
+def half_steps(result: Result) -> np.ndarray:
+    """At the start of every step, what the energy of one time has more than that of the velocities as they are [J]."""
+    began = result["energy_end"].sum(axis=1) - ledger(result).sum(axis=(1, 2))
+    return result["energy_at_start"].sum(axis=1) - began
+
+
+@dataclasses.dataclass
+class Rise:
+    """The largest rise of a series above its running minimum, and the steps between which it happens."""
+
+    size: float
+    begin: int
+    end: int
+
+
+def largest_rise(values: np.ndarray) -> Rise:
+    """begin: index of the lowest value before the largest rise, end: of the value that is so much above it."""
+    above = values - np.minimum.accumulate(values)
+    end = int(np.argmax(above))
+    return Rise(float(above[end]), int(np.argmin(values[: end + 1])), end)
 
 
 def at_time(result: Result, name: str, time: float) -> float:

@@ -13,6 +13,8 @@ from eulerfsi.solver import Mesh, load_mesh
 SIZE = 0.2  # m
 RADIUS = SIZE / 2  # of the ball [m]
 SHAPES = ("ball", "box", "torus", "plate", "u", "bunny")
+# Narrowest parts [m] of the shapes that do not fold when they are thrown.
+NARROWEST = {"ball": SIZE, "box": 0.12, "torus": 0.06}
 # The Stanford bunny as Debian's package glmark2-data installs it.
 BUNNY = Path("/usr/share/glmark2/models/bunny.obj")
 

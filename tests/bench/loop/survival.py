@@ -10,7 +10,7 @@ import itertools
 import numpy as np
 
 from .experiment import FRAME, GRAVITY, Experiment
-from .laws import Line, Results, conditions, found
+from .laws import Line, Results, conditions, found, out_of_bounds, resolved
 from .measure import Result, extremes
 from .shapes import SHAPES
 
@@ -69,6 +69,25 @@ def survives(result: Result) -> bool:
     return result.finished and low >= 0.5 and high <= 2
 
 
+def judge_maps(some: list[Result], at: str) -> list[Line]:
+    """What repairs would hide, of the runs whose solids are 4 cells thick or more and do not fold."""
+    if not some:
+        return []
+    counts = [out_of_bounds(result) for result in some]
+    total = {name: sum(count[name] for count in counts) for name in counts[0]}
+    words = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in total.items())
+    shapes = ", ".join(sorted({result.run.shape for result in some}))
+    at = f"{len(some)} of {at}: {shapes}"
+    low = min(float(result["det_f_before"][:, 0].min()) for result in some)
+    high = max(float(result["det_f_before"][:, 1].max()) for result in some)
+    bars = [
+        ("lowest det F before repair >= 0.5", low, 0.5, np.inf),
+        ("highest det F before repair <= 2", high, 0.0, 2.0),
+    ]
+    lines = [Line("survival", "cells out of bounds = 0", sum(total.values()), "cells", 0, 0, f"{at}; {words}")]
+    return lines + [Line("survival", bar, value, "", least, most, at) for bar, value, least, most in bars]
+
+
 def judge_survival(results: Results, tier: str) -> list[Line]:
     lines = []
     made = found(results, survival_runs(tier))
@@ -86,6 +105,7 @@ def judge_survival(results: Results, tier: str) -> list[Line]:
         lines.append(
             Line("survival", "clamped cells, all reported", sum(r.clamps for r in some), "cells", conditions=at)
         )
+        lines += judge_maps([result for result in some if resolved(result.run)], at)
         lines.append(Line("survival", "repeated steps, all reported", sum(r.retries for r in some), "", conditions=at))
         for result in some:
             if not result.finished:

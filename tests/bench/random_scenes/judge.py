@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from loop.energy_laws import by_mechanism, in_words
 from loop.laws import Line
-from loop.measure import Result
+from loop.measure import Result, ledger
 
 from .record import WALLS, Record
 
@@ -109,12 +110,12 @@ def energy(record: Record) -> Verdict:
         raise Moot("no energy to look at")
     rises = [energy_rise(values[record.whole]) for values in record.energies]
     rise, at = min(rises)
-    return (
-        rise,
-        -np.inf,
-        ENERGY_RISE,
-        f"at {record.times[at]:.3g} s, largest {record.energies[0][: at + 1].max():.3g} J",
-    )
+    where = f"at {record.times[at]:.3g} s, largest {record.energies[0][: at + 1].max():.3g} J"
+    if record.has_ledger:
+        lowest = int(np.argmin(record.energies[0][: at + 1]))
+        made = by_mechanism(ledger(record.result)[lowest:at].sum(axis=0))
+        where += f", since {record.times[lowest]:.3g} s: {in_words(made, np.ptp(record.energies[0][[lowest, at]]))}"
+    return rise, -np.inf, ENERGY_RISE, where
 
 
 def energy_rise(values: np.ndarray) -> tuple[float, int]:

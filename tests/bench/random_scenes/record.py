@@ -6,8 +6,9 @@ import dataclasses
 import functools
 
 import numpy as np
+from eulerfsi import binding
 from loop.experiment import OUT_OF_TIME
-from loop.measure import Result
+from loop.measure import FORMS, Result, ledger
 
 from .scenes import Scene, weight_ratio
 
@@ -108,7 +109,7 @@ class Record:
     @property
     def has_ledger(self) -> bool:
         """The record holds the energies of all matter, taken at one time."""
-        return "ledger_energy" in self.result.columns
+        return "energy_end" in self.result.columns
 
     @functools.cached_property
     def energies(self) -> tuple[np.ndarray, ...]:
@@ -118,9 +119,10 @@ class Record:
         which so belongs to its middle or to its end, as the scheme has it.
         """
         if self.has_ledger:
-            forms, change = self.result["ledger_energy"], self.result["ledger_change"]
-            total = forms.sum(axis=1) - forms[:, 3].min() - np.cumsum(self.result["ledger_outside"])
-            return (np.concatenate([[forms[0].sum() - forms[:, 3].min() - change[0]], total]),)
+            forms, change = self.result["energy_end"].sum(axis=1), ledger(self.result)
+            lowest = self.result["energy_end"][:, FORMS.index("potential")].min()
+            outside = np.cumsum(change[:, binding.ENERGY_STAGES.index("outside")].sum(axis=1))
+            return (np.concatenate([[forms[0] - lowest - change[0].sum()], forms - lowest - outside]),)
         height = -self.series("center") @ self.fall
         kinetic, elastic = self.series("kinetic_energy"), self.series("elastic_energy")
         moved = kinetic + self.result.start["mass"] * (height - height.min())

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from eulerfsi import binding
 from eulerfsi.solver import Mesh
-from loop.experiment import Experiment, field_of
+from loop.experiment import Experiment
 
 from .draw import Draw, constant
 from .solids import Made, center_of_volume, folds_nowhere, make_solid
@@ -94,8 +94,7 @@ class Scene(Experiment):
         return bool((gone & (np.array(self.faces) == "open")).any())
 
     def simulation(self) -> dict[str, Any]:
-        ledger = {"energy_ledger": 1} if field_of("energy_ledger") else {}
-        return super().simulation() | {"gravity": self.pull} | ledger
+        return super().simulation() | {"gravity": self.pull}
 
     def solid(self) -> dict[str, Any]:
         return super().solid() | {

@@ -160,3 +160,19 @@ TEST_CASE("A repair has the same bits for any number of threads") {
     CHECK((s.work.mass == one.work.mass));
   }
 }
+
+TEST_CASE("Broken cells are counted before they are put back") {
+  TestSolid s = stretched_ball(volume_preserving());
+  CHECK(solid::inspect_map(s.rest, s.work).broken == 0);
+  CHECK(solid::inspect_map(s.rest, s.work).max_det_f == Approx(1.0).epsilon(1e-3));
+  disturb(s, 3.0);
+  const solid::MapQuality before = solid::inspect_map(s.rest, s.work);
+  CHECK(before.broken >= 2);
+  CHECK(std::max(before.max_det_f, 1.0 / before.min_det_f) > solid::kMostGrowth);
+  repair(s);
+  CHECK(solid::inspect_map(s.rest, s.work).broken == 0);
+  s.rest.compressible = true;  // its volume is its own
+  disturb(s, 3.0);
+  CHECK(solid::inspect_map(s.rest, s.work).broken == 0);
+  CHECK(solid::inspect_map(s.rest, s.work).min_det_f < 0.9);
+}
