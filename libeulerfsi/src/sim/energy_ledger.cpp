@@ -1,5 +1,6 @@
 #include "sim/energy_ledger.hpp"
 
+#include "sim/grid_loops.hpp"
 #include "solid/energy.hpp"
 
 namespace efsi::sim {
@@ -14,14 +15,10 @@ int node_end(const Grid& g, std::size_t axis) { return g.cells[axis] + (g.period
 // Of a fluid that fills the grid, per node [kg].
 std::vector<Real> uniform_mass(const Grid& g, double density) {
   std::vector<Real> mass(g.node_count(), 0);
-  const auto cells = [&](std::size_t axis, int i) {
-    return g.periodic[axis] || (i > 0 && i < g.cells[axis]) ? 2.0 : 1.0;
-  };
   for (int k = 0; k <= g.cells[2]; ++k)
     for (int j = 0; j <= g.cells[1]; ++j)
       for (int i = 0; i <= g.cells[0]; ++i)
-        mass[g.node(i, j, k)] =
-            static_cast<Real>(density * g.h * g.h * g.h / 8.0 * cells(0, i) * cells(1, j) * cells(2, k));
+        mass[g.node(i, j, k)] = static_cast<Real>(density * g.h * g.h * g.h / 8.0 * adjacent_cells(g, i, j, k));
   return mass;
 }
 

@@ -34,8 +34,11 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
     }
     refs.push_back(ref);
   }
-  system.assemble(parallel, matter.common.grid, held_components(matter.fixed, elasticity.walls), refs, matter.mass,
-                  velocity.slip, dt);
+  const std::vector<WallRow>& walls = elasticity.walls;
+  std::vector<std::uint8_t> held;
+  if (!walls.empty()) held = held_components(matter.fixed, walls);
+  system.assemble(parallel, matter.common.grid, walls.empty() ? matter.fixed : held, refs, matter.mass, velocity.slip,
+                  dt);
   tie_rows(elasticity.walls, system);
   elasticity.holds = find_holds(scene.solids.size(), system);
   {

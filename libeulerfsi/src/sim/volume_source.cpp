@@ -24,16 +24,31 @@ double asked_volume(double lost, double leak) {
 
 }  // namespace
 
+double count_fluid_cells(const Grid& g, const SolidWorks& solids) {
+  double cells = static_cast<double>(g.cell_count());
+  for (const solid::SolidWork& solid : solids) cells -= static_cast<double>(solid.element_cell.size());
+  return cells;
+}
+
+void take_from_fluid(const Parallel& parallel, const Matter& matter, Real share, std::vector<Real>& source) {
+  const Grid& g = matter.common.grid;
+  parallel.for_each(g.cells[2], [&](std::int64_t k) {
+    for (int j = 0; j < g.cells[1]; ++j)
+      for (int i = 0; i < g.cells[0]; ++i) {
+        const std::size_t c = g.padded(i, j, static_cast<int>(k));
+        if (!matter.owned[c]) source[c] -= share;
+      }
+  });
+}
+
 void compute_volume_source(const Parallel& parallel, const Scene& scene, double dt, const SolidStates& states,
                            const Holds& holds, const Matter& matter, SolidWorks& solids, std::vector<Real>& source) {
   const Grid& g = matter.common.grid;
   linalg::fill(parallel, source, g.padded_count(), Real(0));
   const double tau = std::max(4.0 * dt, 1.0 / 24.0), limit = 0.1 / dt;
-  double fluid_cells = static_cast<double>(g.cell_count());
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     solid::SolidWork& solid = solids[l];
     solid.next_volume = 0.0;
-    fluid_cells -= static_cast<double>(solid.element_cell.size());
     if (scene.solids[l].compressible) continue;
     double growth = 0.0;
     if (states[l].whole && solid::encloses(scene.solids[l])) {
@@ -50,6 +65,7 @@ void compute_volume_source(const Parallel& parallel, const Scene& scene, double 
       source[g.padded(i, j, k)] = static_cast<Real>(rate * static_cast<double>(solid.fraction[c]));
     });
   }
+  const double fluid_cells = count_fluid_cells(g, solids);
   if (!scene.params.fluid.present || scene.params.walls.any_open() || fluid_cells < 1.0) return;
   const double total = parallel.sum(g.cells[2], [&](std::int64_t k) {
     double sum = 0.0;
@@ -57,14 +73,7 @@ void compute_volume_source(const Parallel& parallel, const Scene& scene, double 
       for (int i = 0; i < g.cells[0]; ++i) sum += static_cast<double>(source[g.padded(i, j, static_cast<int>(k))]);
     return sum;
   });
-  const Real share = static_cast<Real>(total / fluid_cells);
-  parallel.for_each(g.cells[2], [&](std::int64_t k) {
-    for (int j = 0; j < g.cells[1]; ++j)
-      for (int i = 0; i < g.cells[0]; ++i) {
-        const std::size_t c = g.padded(i, j, static_cast<int>(k));
-        if (!matter.owned[c]) source[c] -= share;
-      }
-  });
+  take_from_fluid(parallel, matter, static_cast<Real>(total / fluid_cells), source);
 }
 
 }  // namespace efsi::sim

@@ -6,6 +6,11 @@
 
 namespace efsi::sim {
 
+// Cells that are no solid's.
+double count_fluid_cells(const grid::Grid& g, const SolidWorks& solids);
+// Takes `share` off the source of each of them.
+void take_from_fluid(const Parallel& parallel, const Matter& matter, Real share, std::vector<Real>& source);
+
 // Where det F has drifted from 1 the solid is asked to grow or shrink back, slowly, since det F is rough at the
 // surface. What a solid has lost as a whole its inside gains in the same step. What solids gain the fluid of the box
 // loses, so that the sum vanishes. Writes `source`, wanted divergence per padded cell [1/s], and the solids'

@@ -8,6 +8,7 @@
 
 #include "sim/fixed_components.hpp"
 #include "sim/grid_loops.hpp"
+#include "sim/volume_source.hpp"
 #include "system/divergence.hpp"
 
 namespace efsi::sim {
@@ -39,12 +40,6 @@ double column_gap(const solid::SolidRest& rest, const solid::SolidState& state, 
 }
 
 double least_velocity(double gap, double dt) { return -gap / (gap > 0.0 ? dt : std::max(kPushOut, 4.0 * dt)); }
-
-Vec3 normal_of(const WallRow& row) {
-  Vec3 n = Vec3::Zero();
-  n[row.axis] = row.out;
-  return n;
-}
 
 std::uint8_t bit(int axis) { return static_cast<std::uint8_t>(1u << axis); }
 
@@ -174,8 +169,10 @@ void decide(const solid::WallPress* last, double h, double dt, bool fast, double
   if (!(row.limit > 0)) return;
   row.rub = last->slides ? Rub::kSlides : Rub::kSticks;
   if (row.rub == Rub::kSticks) return;
-  const Vec3 along = v - normal * normal_of(row), pull(last->pull[0], last->pull[1], last->pull[2]);
+  Vec3 along = v;
+  along[row.axis] = 0;
   row.way = along.stableNormalized();
+  const Vec3 pull(last->pull[0], last->pull[1], last->pull[2]);
   if (row.way.dot(pull) > 0) row.way = -pull.stableNormalized();  // what just stuck has no way of its own
 }
 
@@ -282,17 +279,24 @@ void tie_rows(const std::vector<WallRow>& rows, system::VelocitySystem& system) 
     if (!row.holds && row.on_wall) system.tie(system.unknown_of(row.node), system.unknown_of(row.above), row.axis);
 }
 
-void add_friction(const std::vector<WallRow>& rows, VelocityEquation& elasticity) {
-  for (const WallRow& row : rows) {
-    if (row.rub != Rub::kSlides) continue;
-    const std::size_t u = 3 * elasticity.system.unknown_of(row.node);
-    for (std::size_t a = 0; a < 3; ++a) {
-      if (!(row.tangents & bit(static_cast<int>(a)))) continue;
-      const Real impulse = -row.limit * row.way[static_cast<Eigen::Index>(a)];
-      elasticity.f_star[u + a] += impulse;
-      elasticity.momentum[u + a] += impulse;
-    }
+namespace {
+
+// Adds to the right-hand sides, `part` times, what brakes a row that slides.
+void brake(const WallRow& row, Real part, VelocityEquation& elasticity) {
+  const std::size_t u = 3 * elasticity.system.unknown_of(row.node);
+  for (std::size_t a = 0; a < 3; ++a) {
+    if (!(row.tangents & bit(static_cast<int>(a)))) continue;
+    const Real impulse = -row.limit * row.way[static_cast<Eigen::Index>(a)];
+    elasticity.f_star[u + a] += part * impulse;
+    elasticity.momentum[u + a] += part * impulse;
   }
+}
+
+}  // namespace
+
+void add_friction(const std::vector<WallRow>& rows, VelocityEquation& elasticity) {
+  for (const WallRow& row : rows)
+    if (row.rub == Rub::kSlides) brake(row, 1, elasticity);
 }
 
 bool hold_more(std::vector<WallRow>& rows, VelocityEquation& elasticity) {
@@ -308,11 +312,9 @@ bool hold_more(std::vector<WallRow>& rows, VelocityEquation& elasticity) {
     if (row.rub != Rub::kSlides || !(v.dot(row.way) < 0)) continue;
     row.rub = Rub::kSticks;
     any = true;
+    brake(row, -1, elasticity);
     for (std::size_t a = 0; a < 3; ++a) {
       if (!(row.tangents & bit(static_cast<int>(a)))) continue;
-      const Real impulse = -row.limit * row.way[static_cast<Eigen::Index>(a)];
-      elasticity.f_star[u + a] -= impulse;
-      elasticity.momentum[u + a] -= impulse;
       elasticity.v_star[u + a] = 0;
       elasticity.system.fix(unknown, static_cast<int>(a));
     }
@@ -381,23 +383,14 @@ void balance_inflow(const StepContext& step, const SolidWorks& solids, const Mat
   double inflow = 0.0;  // [m^3/s]
   for (const WallRow& row : rows) {
     if (!row.on_wall) continue;
-    const Vec3i at = g.node_place(row.node);
-    int cells = 1;  // of the grid that touch the node
-    for (std::size_t a = 0; a < 3; ++a)
-      cells *= static_cast<int>(a) == row.axis || (!g.periodic[a] && (at[a] == 0 || at[a] == g.cells[a])) ? 1 : 2;
-    inflow += g.h * g.h / 4.0 * cells * static_cast<double>(row.out * velocity.at(row.node)[row.axis]);
+    const auto [i, j, k] = g.node_place(row.node);
+    inflow +=
+        g.h * g.h / 4.0 * adjacent_cells(g, i, j, k) * static_cast<double>(row.out * velocity.at(row.node)[row.axis]);
   }
-  double fluid_cells = static_cast<double>(g.cell_count());
-  for (const solid::SolidWork& solid : solids) fluid_cells -= static_cast<double>(solid.element_cell.size());
+  const double fluid_cells = count_fluid_cells(g, solids);
   if (inflow == balanced || fluid_cells < 1.0) return;
-  const Real share = static_cast<Real>((inflow - balanced) / (g.h * g.h * g.h * fluid_cells));
-  parallel.for_each(g.cells[2], [&](std::int64_t k) {
-    for (int j = 0; j < g.cells[1]; ++j)
-      for (int i = 0; i < g.cells[0]; ++i) {
-        const std::size_t c = g.padded(i, j, static_cast<int>(k));
-        if (!matter.owned[c]) source[c] -= share;
-      }
-  });
+  const double share = (inflow - balanced) / (g.h * g.h * g.h * fluid_cells);
+  take_from_fluid(parallel, matter, static_cast<Real>(share), source);
   balanced = inflow;
 }
 

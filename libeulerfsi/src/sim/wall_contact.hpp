@@ -15,7 +15,7 @@ namespace efsi::sim {
 // forces but their own, and the velocity that walls and rows prescribe. Fixes in matter.fixed what sticks.
 void meet_walls(const StepContext& step, const SolidStates& states, const SolidWorks& solids, Matter& matter,
                 NodeVelocity& velocity, std::vector<WallRow>& rows);
-// matter.fixed less the rows that do not hold.
+// What is fixed in the velocity solve: matter.fixed less the rows that do not hold, and what sticks above walls.
 std::vector<std::uint8_t> held_components(const std::vector<std::uint8_t>& fixed, const std::vector<WallRow>& rows);
 // Ties the nodes of rows that do not hold to those above them.
 void tie_rows(const std::vector<WallRow>& rows, system::VelocitySystem& system);

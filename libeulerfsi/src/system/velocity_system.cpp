@@ -65,9 +65,7 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
             for (unsigned a = 0; a < 3; ++a) free_.push_back(fixed[n] & (1u << a) ? Real(0) : Real(1));
             held_[l] = static_cast<std::uint8_t>(held_[l] | fixed[n]);
           } else {
-            const auto next =
-                std::upper_bound(unknown_begin_.begin(), unknown_begin_.end(), static_cast<std::size_t>(unknown));
-            const auto first = static_cast<std::size_t>(next - unknown_begin_.begin()) - 1;
+            const std::size_t first = solid_of(static_cast<std::size_t>(unknown));
             held_[first] = held_[l] = kAllAxes;
             touching_.insert({first, l});
           }
@@ -204,6 +202,11 @@ void VelocitySystem::add_past_stiffness(const Parallel& parallel, const std::vec
       [&](std::size_t u, const Vec3& past) -> Vec3 { return Vec3(f[3 * u], f[3 * u + 1], f[3 * u + 2]) + past; }, f);
 }
 
+std::size_t VelocitySystem::solid_of(std::size_t unknown) const {
+  const auto next = std::upper_bound(unknown_begin_.begin(), unknown_begin_.end(), unknown);
+  return static_cast<std::size_t>(next - unknown_begin_.begin()) - 1;
+}
+
 void VelocitySystem::tie(std::size_t unknown, std::size_t to, int axis) {
   const std::size_t from = 3 * unknown + static_cast<std::size_t>(axis), i = 3 * to + static_cast<std::size_t>(axis);
   ties_.push_back({from, i});
@@ -216,8 +219,7 @@ void VelocitySystem::fix(std::size_t unknown, int axis) {
   const std::size_t entry = 3 * unknown + static_cast<std::size_t>(axis);
   std::erase_if(ties_, [&](const Tie& t) { return t.from == entry; });
   free_[entry] = moves_[entry] = 0;
-  const auto next = std::upper_bound(unknown_begin_.begin(), unknown_begin_.end(), unknown);
-  std::uint8_t& held = held_[static_cast<std::size_t>(next - unknown_begin_.begin()) - 1];
+  std::uint8_t& held = held_[solid_of(unknown)];
   held = static_cast<std::uint8_t>(held | (1u << axis));
 }
 
@@ -286,15 +288,13 @@ linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolve
   const linalg::Operator jacobi = linalg::jacobi(parallel, inverse_diagonal_);
   // What is prescribed stands on the right; the rest is solved for.
   load_.resize(b.size());
-  const auto fixed = [this](std::size_t i) { return free_[i] == 0; };
   std::vector<Real> given(b.size(), 0);
   bool any = false;
-  for (std::size_t i = 0; i < b.size(); ++i)
-    if (fixed(i)) {
-      given[i] = moves_[i] > 0 ? Real(0) : x[i];
-      x[i] = 0;
-      any = any || given[i] != 0;
-    }
+  for (std::size_t i = 0; i < b.size(); ++i) {
+    if (moves_[i] == 0) given[i] = x[i];
+    if (free_[i] == 0) x[i] = 0;
+    any = any || given[i] != 0;
+  }
   if (any) multiply(parallel, given, load_);
   for (std::size_t i = 0; i < b.size(); ++i) load_[i] = moves_[i] > 0 ? (any ? b[i] - load_[i] : b[i]) : Real(0);
   for (const Tie& t : ties_) {

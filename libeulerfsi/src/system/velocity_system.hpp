@@ -52,7 +52,7 @@ class VelocitySystem {
   const std::vector<std::size_t>& nodes() const { return node_; }
   std::size_t unknown_of(std::size_t node) const { return static_cast<std::size_t>(unknown_of_node_[node]); }
 
-  // From now on a component of an unknown is that of another one, until a wall fixes it.
+  // After assemble(): from now on a component of an unknown is that of another one, until a wall fixes it.
   void tie(std::size_t unknown, std::size_t to, int axis);
   // Prescribes a component of an unknown from now on: a wall does.
   void fix(std::size_t unknown, int axis);
@@ -75,9 +75,9 @@ class VelocitySystem {
   // Copies between global node fields and vectors of unknowns.
   void gather(const Parallel& parallel, const VectorField& field, std::vector<Real>& x) const;
   void scatter(const Parallel& parallel, const std::vector<Real>& x, VectorField& field) const;
-  // Zero where a wall fixes a component, one elsewhere.
+  // Zero where a wall fixes a component and where it is tied to another, one elsewhere.
   const std::vector<Real>& free() const { return free_; }
-  // Zero where what acts on a component moves nothing.
+  // The same, but one where it is tied: what acts on it moves the other.
   const std::vector<Real>& moves() const { return moves_; }
   // y = M x
   void multiply_mass(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y) const;
@@ -91,6 +91,7 @@ class VelocitySystem {
   std::size_t bytes() const;
 
  private:
+  std::size_t solid_of(std::size_t unknown) const;  // the first one that has it
   // What the mass of the fluid that slips along unknown u would add to the momentum.
   Vec3 sliding_momentum(std::size_t u, const std::vector<Real>& x) const;
   Vec3d place(std::size_t u) const;  // of an unknown's node [m]
