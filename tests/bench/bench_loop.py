@@ -16,7 +16,6 @@ import json
 import os
 import platform
 import signal
-import subprocess
 import sys
 import time
 from collections.abc import Sequence
@@ -31,7 +30,7 @@ for folder in (ROOT / "batch", ROOT / "usd_plugin", Path(__file__).resolve().par
 from loop import elastic_laws, energy_laws, laws, survival, table  # noqa: E402
 from loop.experiment import TOKENS, Experiment, field_of, simulate  # noqa: E402
 from loop.laws import Law, Line, Results  # noqa: E402
-from loop.measure import Result, from_child  # noqa: E402
+from loop.measure import Result, run_process  # noqa: E402
 from loop.shapes import available  # noqa: E402
 
 LAWS = (
@@ -71,13 +70,7 @@ def parse_setting(text: str) -> tuple[str, Any]:
 def run_child(run: Experiment) -> Result:
     """Runs an experiment in a process of its own."""
     child = [sys.executable, str(Path(__file__).resolve()), "--child"]
-    job = json.dumps(dataclasses.asdict(run))
-    environment = {**os.environ, "OMP_WAIT_POLICY": "passive"}
-    done = subprocess.run(child, input=job, capture_output=True, text=True, check=False, env=environment)
-    if done.returncode == 0:
-        return from_child(run, json.loads(done.stdout))
-    last = (done.stderr.strip().splitlines() or [""])[-1]
-    return from_child(run, {"failure": f"the process ended with code {done.returncode}: {last}"})
+    return run_process(run, child, json.dumps(dataclasses.asdict(run)))
 
 
 def child() -> int:

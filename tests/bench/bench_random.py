@@ -16,7 +16,6 @@ import datetime
 import json
 import os
 import signal
-import subprocess
 import sys
 import time
 import tomllib
@@ -32,7 +31,7 @@ from bench_loop import machine  # noqa: E402
 from loop import table  # noqa: E402
 from loop.experiment import simulate  # noqa: E402
 from loop.laws import Line  # noqa: E402
-from loop.measure import Result, from_child  # noqa: E402
+from loop.measure import Result, run_process  # noqa: E402
 from random_scenes import judge  # noqa: E402
 from random_scenes.scenes import make_scene  # noqa: E402
 from random_scenes.solids import Absent  # noqa: E402
@@ -100,13 +99,7 @@ def run_job(job: Job, ends: float) -> Outcome:
     limit = min(ONE_SCENE, max(LEAST, ends - time.monotonic()))
     command = [sys.executable, str(Path(__file__).resolve()), "--child", "--seed", str(job.seed)]
     command += ["--scene", str(job.scene), "--limit", str(limit)]
-    environment = {**os.environ, "OMP_WAIT_POLICY": "passive"}
-    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
-    if done.returncode == 0:
-        result = from_child(scene, json.loads(done.stdout))
-    else:
-        last = (done.stderr.strip().splitlines() or [""])[-1]
-        result = from_child(scene, {"failure": f"the process ended with code {done.returncode}: {last}"})
+    result = run_process(scene, command)
     return Outcome(job, result, judge.judge(result))
 
 

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import json
+import os
+import subprocess
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -61,6 +65,16 @@ def from_child(run: Experiment, answer: dict[str, Any]) -> Result:
     """The answer of `simulate` as arrays."""
     columns = {name: np.array(values) for name, values in answer.get("columns", {}).items()}
     return Result(run, answer["failure"], answer.get("start", {}), columns)
+
+
+def run_process(run: Experiment, command: Sequence[str], text: str | None = None) -> Result:
+    """What a process says of an experiment on its standard output; text: its standard input."""
+    environment = {**os.environ, "OMP_WAIT_POLICY": "passive"}
+    done = subprocess.run(command, input=text, capture_output=True, text=True, check=False, env=environment)
+    if done.returncode == 0:
+        return from_child(run, json.loads(done.stdout))
+    last = (done.stderr.strip().splitlines() or [""])[-1]
+    return from_child(run, {"failure": f"the process ended with code {done.returncode}: {last}"})
 
 
 def extremes(result: Result, name: str) -> tuple[float, float]:
