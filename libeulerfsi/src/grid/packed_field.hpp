@@ -99,6 +99,11 @@ class PackedSampler {
     return (cut[0] | cut[1] | cut[2]) != 0;
   }
 
+  EFSI_INLINE bool is_inside(const Quad& g) const {
+    const auto out = (g < low_) | (g > high_);
+    return (out[0] | out[1] | out[2]) == 0;
+  }
+
   // Positions outside are clamped to the box, or wrapped where periodic.
   EFSI_INLINE Place place(const Quad& g) const {
     const Quad wrapped = wrap(g), inside = clamp(wrapped, Quad{0, 0, 0, 0}, top_), lower = lower_corner(inside);

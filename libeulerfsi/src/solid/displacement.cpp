@@ -106,7 +106,7 @@ class FrameMotion {
   Quad center_ = {0, 0, 0, 0}, shift_, linear_, spin_, column_[3], row_[3];
 };
 
-constexpr Real kBeyondWall = 1;  // cells over which what lies beyond a wall is extrapolated
+constexpr Real kBeyondWall = 1;  // cells over which what lies beyond a wall is extrapolated, there and back alike
 
 // Where what is at x after the step was before it, and where what is at x before it will be: the flow v of the frame,
 // and the frame's motion after that.
@@ -117,7 +117,7 @@ EFSI_INLINE Quad place_before(const PackedSampler& sampler, const FrameMotion& f
 }
 EFSI_INLINE Quad place_after(const PackedSampler& sampler, const FrameMotion& frame, const PackedField& v,
                              const Quad& x, const Quad& v0, Real step) {
-  return sampler.keep_inside(frame.forward(sampler.trace_rk3(v, x, v0, -step)));
+  return sampler.keep_near(frame.forward(sampler.trace_rk3(v, x, v0, -step)), kBeyondWall);
 }
 
 // First sweep: f1(x) = f(x_d). reached: what the nodes hold, kNoData where not all around x_d there is data.
@@ -156,7 +156,7 @@ EFSI_KERNEL void measure_row(const PackedSampler& nodes, const FrameMotion& moti
     Quad error_u = {0, 0, 0, 0}, error_v = error_u;
     if (layer[n] == 0) {
       const Quad x = position(row, i), v0 = grid::load_quad(packed.v.at(n));
-      const PackedSampler::Place ahead = sampler.place(place_after(sampler, frame, packed.v, x, v0, step));
+      const PackedSampler::Place ahead = sampler.place_beyond(place_after(sampler, frame, packed.v, x, v0, step));
       if (corner_marks(points, layer, ahead.node).any == 0) {
         error_u = Real(0.5) * (grid::load_quad(packed.u.at(n)) - sampler.value(packed.first_u, ahead));
         error_v = Real(0.5) * (v0 + frame.velocity(x) / step - sampler.value(packed.first_v, ahead));
@@ -171,7 +171,8 @@ EFSI_KERNEL void measure_row(const PackedSampler& nodes, const FrameMotion& moti
 constexpr Real kLeastWeight = Real(1e-3);  // of known errors around a place
 
 // Takes the error off. Where it is not known, at the edge of the data, the error at x_d is taken (the scheme of Beam
-// and Warming) and there are no new extremes. u also takes what x has moved.
+// and Warming) and there are no new extremes; what came from beyond a wall is such an extreme and stays as it is. u
+// also takes what x has moved.
 EFSI_KERNEL void correct_row(const PackedSampler& nodes, const FrameMotion& motion, const Row& row, Real step, Real h,
                              const std::uint8_t* reached, const AdvectWorkspace& packed, SolidState& state) {
   const PackedSampler sampler = nodes;
@@ -187,7 +188,7 @@ EFSI_KERNEL void correct_row(const PackedSampler& nodes, const FrameMotion& moti
       if (error_u[3] > 0) {
         u_new += error_u;
         v_new += error_v;
-      } else {
+      } else if (sampler.is_inside(from)) {
         const PackedSampler::Place behind = sampler.place(from);
         error_u = sampler.value(packed.error_u, behind);
         error_v = sampler.value(packed.error_v, behind);
