@@ -2,8 +2,10 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 
 #include "grid/interpolate.hpp"
+#include "reference/faded_range.hpp"
 
 namespace efsi::reference {
 
@@ -78,12 +80,17 @@ inline grid::VectorField carried_velocity(const grid::Grid& g, const grid::Vecto
     if (cut_by_wall(x, from) || cut_by_wall(x, to)) return;
     const Vec3 w = first.at(n) + Real(0.5) * (v.at(n) - sampler.vector(first, to));
     const grid::Trilinear source = sampler.stencil(from);
-    Vec3 low = v.at(source.base), high = low;
-    for (std::size_t offset : sampler.corners()) {
-      low = low.cwiseMin(v.at(source.base + offset));
-      high = high.cwiseMax(v.at(source.base + offset));
+    const Vec3 part(source.w[1] + source.w[3] + source.w[5] + source.w[7],
+                    source.w[2] + source.w[3] + source.w[6] + source.w[7],
+                    source.w[4] + source.w[5] + source.w[6] + source.w[7]);
+    Vec3 limited;
+    for (int a = 0; a < 3; ++a) {
+      std::array<Real, 8> values;
+      for (std::size_t c = 0; c < 8; ++c) values[c] = v.at(source.base + sampler.corners()[c])[a];
+      const auto [low, high] = faded_range(values, part);
+      limited[a] = std::clamp(w[a], low, high);
     }
-    result.set(n, w.cwiseMax(low).cwiseMin(high) - taken);
+    result.set(n, limited - taken);
   });
   return result;
 }
@@ -96,6 +103,7 @@ inline std::vector<Real> carried_scalar(const grid::Grid& g, const grid::VectorF
   struct Around {
     std::size_t cell[8];
     Real weight[8];
+    Vec3 part;
   };
   const auto around = [&](const Vec3& x) {
     Around at;
@@ -109,6 +117,7 @@ inline std::vector<Real> carried_scalar(const grid::Grid& g, const grid::VectorF
         p = g.periodic[s] ? grid::wrap(p, static_cast<Real>(n)) : std::clamp(p, Real(0), static_cast<Real>(n - 1));
         const int low = std::min(static_cast<int>(p), g.periodic[s] ? n - 1 : std::max(0, n - 2));
         index[a] = g.periodic[s] ? (low + o) % n : std::min(low + o, n - 1);
+        at.part[a] = p - static_cast<Real>(low);
         at.weight[c] *= o ? p - static_cast<Real>(low) : 1 - (p - static_cast<Real>(low));
       }
       at.cell[c] = g.cell(index[0], index[1], index[2]);
@@ -132,11 +141,9 @@ inline std::vector<Real> carried_scalar(const grid::Grid& g, const grid::VectorF
       [&](std::size_t c, const Vec3& from, const Vec3&) { first[c] = value(field, around(keep_inside(g, from))); });
   for_cells([&](std::size_t c, const Vec3& from, const Vec3& w) {
     const Around source = around(keep_inside(g, from));
-    Real low = field[source.cell[0]], high = low;
-    for (std::size_t m : source.cell) {
-      low = std::min(low, field[m]);
-      high = std::max(high, field[m]);
-    }
+    std::array<Real, 8> values;
+    for (std::size_t m = 0; m < 8; ++m) values[m] = field[source.cell[m]];
+    const auto [low, high] = faded_range(values, source.part);
     const Real back = value(first, around(keep_inside(g, from + 2 * step * w)));
     result[c] = std::clamp(first[c] + Real(0.5) * (field[c] - back), low, high);
   });

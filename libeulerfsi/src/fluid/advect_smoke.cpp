@@ -65,19 +65,20 @@ class CellSampler {
     const Real c = mix(p[y], p[y + z], at.part[2]), d = mix(p[x + y], p[x + y + z], at.part[2]);
     return mix(mix(a, c, at.part[1]), mix(b, d, at.part[1]), at.part[0]);
   }
-  // v limited to the range of the 8 values around a position.
+  // v limited to the range of the 8 values around a position (CornerShares).
   EFSI_INLINE Real limit(const Real* field, const Place& at, Real v) const {
     const Real* p = field + at.cell;
-    Real low = p[0], high = p[0];
-    for (const auto z : {std::ptrdiff_t{0}, at.next[2]})
-      for (const auto y : {std::ptrdiff_t{0}, at.next[1]})
-        for (const auto x : {std::ptrdiff_t{0}, at.next[0]}) {
-          const Real f = p[x + y + z];
-          low = f < low ? f : low;
-          high = f > high ? f : high;
-        }
-    v = v > low ? v : low;
-    return v < high ? v : high;
+    const grid::CornerShares<Real> x(at.part[0]), y(at.part[1]), z(at.part[2]);
+    Real low[2], high[2];
+    for (std::size_t i = 0; i < 2; ++i) {
+      const Real* q = i == 0 ? p : p + at.next[0];
+      const Real a = q[0], b = q[at.next[1]], c = q[at.next[2]], d = q[at.next[1] + at.next[2]];
+      low[i] = y.least(z.least(a, c), z.least(b, d));
+      high[i] = y.greatest(z.greatest(a, c), z.greatest(b, d));
+    }
+    const Real bottom = x.least(low[0], low[1]), top = x.greatest(high[0], high[1]);
+    v = v > bottom ? v : bottom;
+    return v < top ? v : top;
   }
 
  private:

@@ -44,17 +44,20 @@ SignedDistance make_grid(const Extents& box, double spacing, double margin) {
     throw Error(ErrorCode::kArgument, text("signed distance: margin = ", margin, " spacings: must be at least 1"));
   SignedDistance grid;
   grid.spacing = spacing;
+  constexpr double kWhole = 1e-5;   // cells: extents of whole cells, as single precision has them, stay whole
+  constexpr double kExact = 1e-12;  // cells
   const Vec3d cells = ((box.max - box.min) / spacing).array() + 2.0 * margin;
   double nodes = 1.0;
-  for (int axis = 0; axis < 3; ++axis) nodes *= std::ceil(cells[axis]) + 1.0;
+  for (int axis = 0; axis < 3; ++axis) nodes *= std::ceil(cells[axis] - kWhole) + 1.0;
   // Per node while the field is built: distances, nearest triangles and their points, winding numbers.
   constexpr double kBytesPerNode = 36.0;
   if (nodes > static_cast<double>(std::numeric_limits<std::int32_t>::max()))
     throw Error(ErrorCode::kMemory, text("signed distance: spacing = ", spacing, " m gives ", nodes, " nodes (",
                                          nodes * kBytesPerNode / 1e9, " GB) over the mesh: at most 2147483647"));
   for (int axis = 0; axis < 3; ++axis) {
-    grid.size[axis] = static_cast<int>(std::ceil(cells[axis])) + 1;
-    grid.origin[axis] = 0.5 * (box.min[axis] + box.max[axis]) - 0.5 * (grid.size[axis] - 1) * spacing;
+    grid.size[axis] = static_cast<int>(std::ceil(cells[axis] - kWhole)) + 1;
+    const double more = grid.size[axis] - 1 - cells[axis];
+    grid.origin[axis] = box.min[axis] - (margin + (std::abs(more) > kExact ? 0.5 * more : 0.0)) * spacing;
   }
   return grid;
 }

@@ -140,36 +140,41 @@ class LaneSampler {
     return {{value(field.c[0].data() + n, at), value(field.c[1].data() + n, at), value(field.c[2].data() + n, at)}};
   }
 
-  // v limited to the range of the field's values at the 8 corners of the cell that each point reads.
+  // v limited to the range of the field's values at the corners of the cell that each point reads (CornerShares).
   EFSI_INLINE Octet limit(const Real* field, const Cell& at, const Octet& v) const {
     const Real* p = field + at.first;
-    Octet low = load_octet(p), high = low;
-#pragma GCC unroll 8
-    for (int c = 1; c < 8; ++c) {
-      const Octet corner = load_octet(p + (c & 1) + (c >> 1 & 1) * stride_[1] + (c >> 2) * stride_[2]);
-      low = smaller(low, corner);
-      high = larger(high, corner);
+    const CornerShares<Octet> x(at.part[0]), y(at.part[1]), z(at.part[2]);
+    Octet low[2], high[2];
+#pragma GCC unroll 2
+    for (int i = 0; i < 2; ++i) {
+      const Octet a = load_octet(p + i), b = load_octet(p + i + stride_[1]);
+      const Octet c = load_octet(p + i + stride_[2]), d = load_octet(p + i + stride_[1] + stride_[2]);
+      low[i] = y.least(z.least(a, c), z.least(b, d));
+      high[i] = y.greatest(z.greatest(a, c), z.greatest(b, d));
     }
-    return smaller(larger(v, low), high);
+    return smaller(larger(v, x.least(low[0], low[1])), x.greatest(high[0], high[1]));
   }
   EFSI_INLINE Octet limit(const Real* field, const Place& at, const Octet& v) const {
     const Real* p = field + at.first;
-    Octet low[3], high[3];  // per plane
+    // From the middle tap, which is a corner of every point's cell, to the other one.
+    const CornerShares<Octet> x(Real(1) - at.weight[0][1]), y(Real(1) - at.weight[1][1]), z(Real(1) - at.weight[2][1]);
+    Octet column_low[3], column_high[3];  // per row along z
 #pragma GCC unroll 3
-    for (int z = 0; z < 3; ++z) {
-      Octet row_low[3], row_high[3];
+    for (int i = 0; i < 3; ++i) {
+      Octet low[3], high[3];
 #pragma GCC unroll 3
-      for (int y = 0; y < 3; ++y) {
-        const Real* row = p + z * stride_[2] + y * stride_[1];
-        const Octet middle = load_octet(row + 1), other = beside(0, at, load_octet(row), load_octet(row + 2));
-        row_low[y] = smaller(middle, other);
-        row_high[y] = larger(middle, other);
+      for (int j = 0; j < 3; ++j) {
+        const Real* column = p + i + j * stride_[1];
+        const Octet middle = load_octet(column + stride_[2]);
+        const Octet other = beside(2, at, load_octet(column), load_octet(column + 2 * stride_[2]));
+        low[j] = z.least(middle, other);
+        high[j] = z.greatest(middle, other);
       }
-      low[z] = smaller(row_low[1], beside(1, at, row_low[0], row_low[2]));
-      high[z] = larger(row_high[1], beside(1, at, row_high[0], row_high[2]));
+      column_low[i] = y.least(low[1], beside(1, at, low[0], low[2]));
+      column_high[i] = y.greatest(high[1], beside(1, at, high[0], high[2]));
     }
-    const Octet bottom = smaller(low[1], beside(2, at, low[0], low[2]));
-    const Octet top = larger(high[1], beside(2, at, high[0], high[2]));
+    const Octet bottom = x.least(column_low[1], beside(0, at, column_low[0], column_low[2]));
+    const Octet top = x.greatest(column_high[1], beside(0, at, column_high[0], column_high[2]));
     return smaller(larger(v, bottom), top);
   }
 

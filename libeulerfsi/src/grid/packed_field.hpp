@@ -40,6 +40,34 @@ EFSI_INLINE Quad clamp(const Quad& v, const Quad& low, const Quad& high) {
   return raised < high ? raised : high;
 }
 
+// How far the two ends of a cell along an axis count in a limiter, by where in the cell a position is: both in full but
+// within kFade of one end, where the other fades out. So a limit does not jump where a position goes over to the next
+// cell, and has no side where it lies on the border.
+template <class V>
+class CornerShares {
+ public:
+  EFSI_INLINE explicit CornerShares(const V& part)
+      : no_upper_(positive(Real(1) - part / kFade)), no_lower_(positive(Real(1) - (Real(1) - part) / kFade)) {}
+  // Of the values, or the bounds of ranges, at the lower and the upper end.
+  template <class T>
+  EFSI_INLINE T least(const T& lower, const T& upper) const {
+    return blend(lower < upper ? lower : upper, lower, upper);
+  }
+  template <class T>
+  EFSI_INLINE T greatest(const T& lower, const T& upper) const {
+    return blend(lower > upper ? lower : upper, lower, upper);
+  }
+
+ private:
+  static constexpr Real kFade = Real(1.0 / 16.0);  // cells
+  static EFSI_INLINE V positive(const V& v) { return v > V{} ? v : V{}; }
+  template <class T>
+  EFSI_INLINE T blend(const T& both, const T& lower, const T& upper) const {
+    return both + no_upper_ * (lower - both) + no_lower_ * (upper - both);
+  }
+  V no_upper_, no_lower_;
+};
+
 // Four values per node.
 class PackedField {
  public:
@@ -124,15 +152,14 @@ class PackedSampler {
     return value(field, place(g));
   }
 
-  // v limited to the range of the field's values at the 8 corners around a position.
+  // v limited to the range of the field's values at the corners around a position (CornerShares).
   template <class Field>
   EFSI_INLINE Quad limit(const Field& field, const Place& at, const Quad& v) const {
     const Octet a = edge_of(field, at.node), b = edge_of(field, at.node + row_);
     const Octet c = edge_of(field, at.node + slab_), d = edge_of(field, at.node + slab_ + row_);
-    const Octet low_ab = a < b ? a : b, low_cd = c < d ? c : d, low = low_ab < low_cd ? low_ab : low_cd;
-    const Octet high_ab = a > b ? a : b, high_cd = c > d ? c : d, high = high_ab > high_cd ? high_ab : high_cd;
-    const Quad l0 = lower_half(low), l1 = upper_half(low), h0 = lower_half(high), h1 = upper_half(high);
-    return clamp(v, l0 < l1 ? l0 : l1, h0 > h1 ? h0 : h1);
+    const CornerShares<Real> x(at.part[0]), y(at.part[1]), z(at.part[2]);
+    const Octet low = y.least(z.least(a, c), z.least(b, d)), high = y.greatest(z.greatest(a, c), z.greatest(b, d));
+    return clamp(v, x.least(lower_half(low), upper_half(low)), x.greatest(lower_half(high), upper_half(high)));
   }
 
   // Where the flow that leads to g comes from, `step` = dt/h earlier: the midpoint rule; v: velocity at g.
