@@ -12,6 +12,7 @@ from eulerfsi.errors import LibraryError
 from eulerfsi.solver import Mesh, Simulation
 
 from .shapes import RADIUS, SIZE, make_shape, rigid_misfit, vertex_areas
+from .symmetry import mirror_gaps
 
 FRAME = 1 / 24  # s
 GRAVITY = 9.8  # m/s^2
@@ -51,6 +52,7 @@ class Experiment:
     damping: float = 0.0  # rayleigh_beta [s]
     load: float = 0.0  # beta of the body force -beta (x - x_c) [N/m^4]
     settings: tuple[tuple[str, Any], ...] = ()  # fields of EfsiSimulationDef or EfsiSolidDef, the user's last word
+    mirror: bool = False  # record how far the fields are from their mirror images
     halved: bool = False  # every step half as long as without this
     limit: float = 600.0  # wall-clock seconds after which the run is given up
 
@@ -163,6 +165,8 @@ def simulate(run: Experiment) -> dict[str, Any]:
             stretch(simulation, run)
         last = observe(simulation, rest, areas)
         start = {name: report[name] for name in ("surface_volume", "solid_volume", "thinnest_feature")} | last
+        gaps = mirror_gaps if run.mirror else lambda _: {}
+        start |= gaps(simulation)
         try:
             for end in ends:
                 while end - simulation.time > 1e-9 and not run.ends(last):
@@ -174,7 +178,7 @@ def simulate(run: Experiment) -> dict[str, Any]:
                     if run.load and abs(info["dt"] - run.dt) > 1e-6:
                         raise ValueError(f"the load was given for a step of {run.dt:g} s, it was {info['dt']:g} s")
                     last = observe(simulation, rest, areas)
-                    columns.append(info | {"seconds": seconds} | record(simulation) | last)
+                    columns.append(info | {"seconds": seconds} | record(simulation) | gaps(simulation) | last)
                     low, high = last["det_f_interior"]
                     if not (low > 1 / TORN and high < TORN):
                         raise ValueError(f"blown up: interior det F {low:.3g}..{high:.3g} at {simulation.time:.3g} s")
