@@ -107,6 +107,12 @@ void fill_gaps(const Grid& band, const solid::SolidRest& rest, const solid::Soli
   }
 }
 
+// The node nearest to a place [cells] along an axis; midway, where rounding would choose, both.
+std::array<int, 2> nearest(double place) {
+  constexpr double kMidway = 1e-4;  // cells
+  return {static_cast<int>(std::lround(place - kMidway)), static_cast<int>(std::lround(place + kMidway))};
+}
+
 // Between the columns the surface may lie deeper: its vertices are seen by the nearest node. face: of the box.
 void find_vertices(const CommonGrid& common, const solid::SolidState& solid, std::size_t face, Footprint& print) {
   const Grid& g = common.grid;
@@ -121,8 +127,10 @@ void find_vertices(const CommonGrid& common, const solid::SolidState& solid, std
     const double gap = face % 2 ? wall - x[a] : x[a] - wall;
     if (gap > g.h || gap < -kDeepest * g.h) continue;
     const double i = (x[u] - g.origin[u]) / g.h, j = (x[v] - g.origin[v]) / g.h;
-    const auto near = at.find({static_cast<int>(std::lround(i)), static_cast<int>(std::lround(j))});
-    if (near != at.end()) near->second->vertex = std::min(near->second->vertex, gap);
+    for (const int p : nearest(i))
+      for (const int q : nearest(j))
+        if (const auto near = at.find({p, q}); near != at.end())
+          near->second->vertex = std::min(near->second->vertex, gap);
   }
 }
 
