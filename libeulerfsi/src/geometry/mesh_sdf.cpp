@@ -35,8 +35,8 @@ void apply_sign(const std::vector<float>& winding, SignedDistance& grid) {
   }
 }
 
-// An empty grid over the box plus at least the margin. Its middle is that of the box: the nodes around a mesh that is its
-// own mirror image are mirror images of each other.
+// An empty grid over the box plus at least the margin. Its middle is that of the box: the nodes around a mesh that is
+// its own mirror image are mirror images of each other.
 SignedDistance make_grid(const Extents& box, double spacing, double margin) {
   if (!(spacing > 0.0) || !std::isfinite(spacing))
     throw Error(ErrorCode::kArgument, text("signed distance: spacing = ", spacing, ": must be > 0"));

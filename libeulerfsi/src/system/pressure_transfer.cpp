@@ -8,11 +8,12 @@
 namespace efsi::system {
 namespace {
 
-// An even number of cells along an axis is halved: two fine cells lie in a coarse one. Of an odd number every second cell
-// stays, from the first to the last: so both ends are alike, and what is its own mirror image is that on all levels.
+// An even number of cells along an axis is halved: two fine cells lie in a coarse one. Of an odd number every second
+// cell stays, from the first to the last: so both ends are alike, and what is its own mirror image is that on all
+// levels.
 
-// Where an axis of the coarse grid reads fine cells (restriction, 1/4 3/4 3/4 1/4, or 1/2 1 1/2 0 of an odd number) with
-// walls folded in.
+// Where an axis of the coarse grid reads fine cells (restriction, 1/4 3/4 3/4 1/4, or 1/2 1 1/2 0 of an odd number)
+// with walls folded in.
 struct AxisTable {
   std::vector<std::array<int, 4>> index;
   std::vector<std::array<Real, 4>> weight;
@@ -57,8 +58,8 @@ EFSI_KERNEL void add_row(int n, Real w, const Real* source, Real* target) {
   for (int i = 0; i < n; ++i) target[i] += w * source[i];
 }
 
-// Coarse neighbours of a fine cell along one axis: nearest (3/4) and next (1/4); of an odd number of cells the same cell
-// (1), or both beside it (1/2 each).
+// Coarse neighbours of a fine cell along one axis: nearest (3/4) and next (1/4); of an odd number of cells the same
+// cell (1), or both beside it (1/2 each).
 struct Pair {
   int near, far;
   Real near_weight, far_weight;
@@ -172,8 +173,8 @@ void prolong_and_add(const Parallel& parallel, const PressureGrid& coarse, const
 void coarsen_specific_volume(const Parallel& parallel, const Grid& fine, const std::vector<Real>& f, const Grid& coarse,
                              std::vector<Real>& c) {
   c.resize(coarse.node_count());
-  // The three fine nodes that coarse node i reads along an axis (1/4 1/2 1/4; of an odd number of cells, in the middle of
-  // an edge, 1/2 1/2 0), walls folded in.
+  // The three fine nodes that coarse node i reads along an axis (1/4 1/2 1/4; of an odd number of cells, in the middle
+  // of an edge, 1/2 1/2 0), walls folded in.
   const auto odd = [&](int axis) {
     const auto a = static_cast<std::size_t>(axis);
     return !fine.periodic[a] && fine.cells[a] % 2 != 0;
@@ -198,7 +199,8 @@ void coarsen_specific_volume(const Parallel& parallel, const Grid& fine, const s
           for (int dj = -1; dj <= 1; ++dj) {
             const Real w = weight(1, dj) * weight(2, dk);
             if (w > 0)
-              add_row(static_cast<int>(row), w, f.data() + fine.node(0, source(1, j, dj), source(2, k, dk)), sum.data());
+              add_row(static_cast<int>(row), w, f.data() + fine.node(0, source(1, j, dj), source(2, k, dk)),
+                      sum.data());
           }
         Real* out = c.data() + coarse.node(0, j, k);
         const auto at = [&](int i, int d) { return sum[static_cast<std::size_t>(source(0, i, d))]; };
