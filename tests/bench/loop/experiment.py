@@ -30,12 +30,13 @@ OUT_OF_TIME = "out of time"  # how the failure of a run begins that its wall-clo
 
 @dataclasses.dataclass(frozen=True)
 class Experiment:
-    """One solid in a box whose lower corner is the origin. Lengths [m], times [s]."""
+    """One solid in a box. Lengths [m], times [s]."""
 
     scene: str
     shape: str = "ball"
     across: int = 10  # cells over SIZE
     box: tuple[float, float, float] = (0.4, 0.4, 0.4)
+    corner: tuple[float, float, float] = (0.0, 0.0, 0.0)  # the box's lower one
     center: tuple[float, float, float] | None = None  # of the solid's bounding box; None: of the box
     floor: float | None = None  # height of the solid's lowest point, instead of center's [m]
     turn: float = 0.0  # of the shape about (1,1,1) [rad]
@@ -64,7 +65,7 @@ class Experiment:
     @property
     def middle(self) -> np.ndarray:
         """Where the solid starts [m]."""
-        return np.array(self.center if self.center is not None else np.array(self.box) / 2)
+        return np.array(self.center if self.center is not None else np.array(self.corner) + np.array(self.box) / 2)
 
     @property
     def choices(self) -> str:
@@ -111,6 +112,7 @@ class Experiment:
         heavy = 1000.0
         ratio = self.density_ratio
         values: dict[str, Any] = {
+            "domain_min": self.corner,
             "domain_size": self.box,
             "voxel_size": self.spacing,
             "gravity": (0.0, -self.gravity, 0.0),

@@ -23,9 +23,7 @@ def over(across: int, cells: tuple[int, int]) -> Experiment:
     """The fall in a box of so many cells along x and z: the middle plane lies on nodes, or on cell centres if odd."""
     h = FALL.spacing * FALL.across / across
     box = (cells[0] * h, round(0.6 / h) * h, cells[1] * h)
-    return dataclasses.replace(
-        FALL, across=across, box=box, settings=(("domain_min", (-box[0] / 2, 0.0, -box[2] / 2)),)
-    )
+    return dataclasses.replace(FALL, across=across, box=box, corner=(-box[0] / 2, 0.0, -box[2] / 2))
 
 
 def mirror_runs(tier: str) -> list[Experiment]:
