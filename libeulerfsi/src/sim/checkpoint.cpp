@@ -11,7 +11,7 @@
 namespace efsi::sim {
 namespace {
 
-constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', '8'};
+constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', '9'};
 
 struct HashArchive {
   Hash hash;

@@ -136,6 +136,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   project_velocity(step, common, elasticity, pressure, velocity, fluid.pressure);                // Alg. 1 line 11
   ledger.book_nodes(EnergyStage::kPressure, velocity);
   ledger.book_source(fluid.pressure, pressure.source);
+  keep_off(parallel, matter.mass, velocity, elasticity.walls);
   remember_rows(dt, elasticity.walls, states);
   if (numerics.conserve_momentum) measure_momenta(step, states, solids, matter, velocity, momenta);
   const std::vector<solid::RigidStep> frames = transport_frames(step, elasticity.holds, momenta);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <map>
 
 #include "sim/fixed_components.hpp"
@@ -72,16 +73,22 @@ Footprint footprint(const StepContext& step, const solid::SolidState& state, con
       at[a] = plane;
       at[u] = q;
       at[v] = p;
-      const std::size_t local = band.node(at[0], at[1], at[2]);
-      if (!work.carries[local]) continue;
+      std::size_t local = band.node(at[0], at[1], at[2]);
       WallRow row;
+      row.on_wall = work.carries[local];
+      if (!row.on_wall) {  // a corner or an edge that fills little of the cell on the wall
+        at[a] += below ? 1 : -1;
+        if (at[a] < 1 || at[a] >= band.cells[a]) continue;
+        local = band.node(at[0], at[1], at[2]);
+        if (!work.carries[local]) continue;
+      }
       row.solid = l;
       row.node = g.node(at[0] + lo[0], at[1] + lo[1], at[2] + lo[2]);
       row.above = inwards(row.node, g);
       for (std::size_t c = 0; c < 3; ++c) row.place[c] = at[c] + band.lo[c];
       row.axis = axis;
       row.out = below ? Real(1) : Real(-1);
-      row.gap = column_gap(step.scene.solids[l], state, local, inwards(local, band));
+      row.gap = row.on_wall ? column_gap(step.scene.solids[l], state, local, inwards(local, band)) : kNoGap;
       out.rows.push_back(row);
       out.nodes.push_back(local);
     }
@@ -95,7 +102,7 @@ void fill_gaps(const Grid& band, const solid::SolidRest& rest, const solid::Soli
     if (print.rows[r].gap < kNoGap) known[print.nodes[r]] = print.rows[r].gap;
   for (std::size_t r = 0; r < print.rows.size(); ++r) {
     double& gap = print.rows[r].gap;
-    if (gap < kNoGap) continue;
+    if (gap < kNoGap || !print.rows[r].on_wall) continue;
     const std::size_t along = band.node_stride((print.rows[r].axis + 1) % 3),
                       across = band.node_stride((print.rows[r].axis + 2) % 3);
     for (std::size_t p = 0; p <= 2; ++p)
@@ -107,13 +114,9 @@ void fill_gaps(const Grid& band, const solid::SolidRest& rest, const solid::Soli
   }
 }
 
-// The node nearest to a place [cells] along an axis; midway, where rounding would choose, both.
-std::array<int, 2> nearest(double place) {
-  constexpr double kMidway = 1e-4;  // cells
-  return {static_cast<int>(std::lround(place - kMidway)), static_cast<int>(std::lround(place + kMidway))};
-}
-
-// Between the columns the surface may lie deeper: its vertices are seen by the nearest node. face: of the box.
+// Between the columns the surface may lie deeper: its vertices are seen by the nearest node of the columns around them;
+// midway, where rounding would choose, by all that are nearest. Above the wall only nodes that see some are kept. face:
+// of the box.
 void find_vertices(const CommonGrid& common, const solid::SolidState& solid, std::size_t face, Footprint& print) {
   const Grid& g = common.grid;
   const auto a = static_cast<Eigen::Index>(face / 2), u = (a + 1) % 3, v = (a + 2) % 3;
@@ -127,11 +130,21 @@ void find_vertices(const CommonGrid& common, const solid::SolidState& solid, std
     const double gap = face % 2 ? wall - x[a] : x[a] - wall;
     if (gap > g.h || gap < -kDeepest * g.h) continue;
     const double i = (x[u] - g.origin[u]) / g.h, j = (x[v] - g.origin[v]) / g.h;
-    for (const int p : nearest(i))
-      for (const int q : nearest(j))
-        if (const auto near = at.find({p, q}); near != at.end())
-          near->second->vertex = std::min(near->second->vertex, gap);
+    // Columns at most so far away, and the rows of the nearest.
+    constexpr double kReach = 1.5 - 1e-4, kMidway = 1e-4;  // cells, square cells
+    double least = std::numeric_limits<double>::infinity();
+    std::vector<std::pair<double, WallRow*>> around;
+    for (int p = static_cast<int>(std::ceil(i - kReach)); p <= i + kReach; ++p)
+      for (int q = static_cast<int>(std::ceil(j - kReach)); q <= j + kReach; ++q) {
+        const auto row = at.find({p, q});
+        if (row == at.end()) continue;
+        around.emplace_back((i - p) * (i - p) + (j - q) * (j - q), row->second);
+        least = std::min(least, around.back().first);
+      }
+    for (const auto& [square, row] : around)
+      if (square <= least + kMidway) row->vertex = std::min(row->vertex, gap);
   }
+  std::erase_if(print.rows, [](const WallRow& row) { return !row.on_wall && row.vertex >= kNoGap; });
 }
 
 using LastPresses = std::map<std::array<std::int32_t, 4>, const solid::WallPress*>;
@@ -240,29 +253,35 @@ void meet_walls(const StepContext& step, const SolidStates& states, const SolidW
   const auto& [parallel, scene, time, dt, profile, info] = step;
   ScopedTimer timer(profile, Stage::kFluidForces);
   velocity.slip.share_normal(parallel, velocity.field);
+  const system::SolidView view(parallel, velocity.slip, velocity.field);
   rows.clear();
   if (scene.params.numerics.walls_push_only) rows = find_rows(step, states, solids, matter.common, velocity.field);
   std::vector<Vec3> prescribed;
   for (WallRow& row : rows) {
     prescribed.push_back(prescribe(matter.mass[row.node], velocity.field.at(row.node), row));
-    if (row.rub == Rub::kSticks)
+    if (row.rub == Rub::kSticks && row.on_wall)
       matter.fixed[row.node] = static_cast<std::uint8_t>(matter.fixed[row.node] | row.tangents);
   }
   enforce_walls(parallel, matter.common.grid, matter.fixed, velocity.field);
-  for (std::size_t r = 0; r < rows.size(); ++r)
+  for (std::size_t r = 0; r < rows.size(); ++r) {
     velocity.field.c[static_cast<std::size_t>(rows[r].axis)][rows[r].node] = prescribed[r][rows[r].axis];
+    if (!rows[r].on_wall) velocity.field.set(rows[r].node, prescribed[r]);
+  }
 }
 
 std::vector<std::uint8_t> held_components(const std::vector<std::uint8_t>& fixed, const std::vector<WallRow>& rows) {
   std::vector<std::uint8_t> held = fixed;
-  for (const WallRow& row : rows)
-    if (!row.holds) held[row.node] = static_cast<std::uint8_t>(held[row.node] & ~bit(row.axis));
+  for (const WallRow& row : rows) {
+    std::uint8_t& components = held[row.node];
+    components = static_cast<std::uint8_t>(row.holds ? components | bit(row.axis) : components & ~bit(row.axis));
+    if (row.rub == Rub::kSticks) components = static_cast<std::uint8_t>(components | row.tangents);
+  }
   return held;
 }
 
 void tie_rows(const std::vector<WallRow>& rows, system::VelocitySystem& system) {
   for (const WallRow& row : rows)
-    if (!row.holds) system.tie(system.unknown_of(row.node), system.unknown_of(row.above), row.axis);
+    if (!row.holds && row.on_wall) system.tie(system.unknown_of(row.node), system.unknown_of(row.above), row.axis);
 }
 
 void add_friction(const std::vector<WallRow>& rows, VelocityEquation& elasticity) {
@@ -335,10 +354,23 @@ void add_reactions(const Parallel& parallel, const Grid& g, const std::vector<Re
   std::vector<Real> stiff;
   if (coupled != 0) system.multiply(parallel, correction, stiff);
   for (WallRow& row : rows) {
+    if (!row.on_wall) continue;
     const auto [x, y, z] = g.node_place(row.node);
     Vec3 impulse = system::pressure_impulse(g, q, x, y, z);
     if (coupled != 0) impulse -= coupled * entries(stiff, system.unknown_of(row.node));
     add(impulse, row);
+  }
+}
+
+void keep_off(const Parallel& parallel, const std::vector<Real>& mass, NodeVelocity& velocity,
+              std::vector<WallRow>& rows) {
+  const system::SolidView view(parallel, velocity.slip, velocity.field);
+  for (WallRow& row : rows) {
+    if (row.on_wall || !row.holds) continue;
+    Real& v = velocity.field.c[static_cast<std::size_t>(row.axis)][row.node];
+    const Real missing = std::max(Real(0), row.least - row.out * v);
+    v += row.out * missing;
+    row.push += mass[row.node] * missing;
   }
 }
 
@@ -350,6 +382,7 @@ void balance_inflow(const StepContext& step, const SolidWorks& solids, const Mat
   if (rows.empty() || source.empty() || !scene.params.fluid.present || scene.params.walls.any_open()) return;
   double inflow = 0.0;  // [m^3/s]
   for (const WallRow& row : rows) {
+    if (!row.on_wall) continue;
     const Vec3i at = g.node_place(row.node);
     int cells = 1;  // of the grid that touch the node
     for (std::size_t a = 0; a < 3; ++a)
@@ -387,7 +420,8 @@ void remember_rows(double dt, const std::vector<WallRow>& rows, SolidStates& sta
 }
 
 void still_fluid(const std::vector<WallRow>& rows, grid::VectorField& flow) {
-  for (const WallRow& row : rows) flow.c[static_cast<std::size_t>(row.axis)][row.node] = 0;
+  for (const WallRow& row : rows)
+    if (row.on_wall) flow.c[static_cast<std::size_t>(row.axis)][row.node] = 0;
 }
 
 }  // namespace efsi::sim

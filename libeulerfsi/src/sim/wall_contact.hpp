@@ -30,6 +30,9 @@ void add_reactions(const Parallel& parallel, VelocityEquation& elasticity, std::
 // off.
 void add_reactions(const Parallel& parallel, const grid::Grid& g, const std::vector<Real>& q, Real coupled,
                    const std::vector<Real>& correction, system::VelocitySystem& system, std::vector<WallRow>& rows);
+// The pressure moves nodes above walls: those of rows that hold get back what these prescribe. mass: of all matter.
+void keep_off(const Parallel& parallel, const std::vector<Real>& mass, NodeVelocity& velocity,
+              std::vector<WallRow>& rows);
 // In a closed box the fluid gives what comes in through walls that solids leave: it fills the gap below them, which is
 // thinner than a cell. balanced: what the source allows for already [m^3/s].
 void balance_inflow(const StepContext& step, const SolidWorks& solids, const Matter& matter,

@@ -39,6 +39,7 @@ enum class Rub : std::uint8_t { kNone, kSlides, kSticks };
 struct WallRow {
   std::size_t solid = 0, node = 0, above = 0;  // nodes of the common grid
   Vec3i place{};                               // of the node, in the box
+  bool on_wall = true;                         // or it is the first node above it that carries the solid
   int axis = 0;                                // normal of the wall
   Real out = 1;                                // +-1: along the axis, out of the wall
   double gap = 0.0;                            // to the solid's surface, < 0: beyond the wall [m]
