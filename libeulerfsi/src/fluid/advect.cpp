@@ -138,6 +138,20 @@ EFSI_INLINE bool carry_nodes(const Transport& t, const Row& row, int i, VectorFi
   return true;
 }
 
+[[gnu::noinline]] void limit_at_border(const Transport& t, const Quad& from, Quad& v) {
+  v = t.nodes.sampler.limit_at_border(t.flow, from, v);
+}
+
+// v limited to the range of the values around the place it comes from. At the border of a cell, and so on all nodes of
+// fluid that moves by whole cells or along an axis, the range of one cell would be that of a side.
+EFSI_INLINE Quad limited(const Transport& t, const Quad& from, Quad v) {
+  const Quad inside = t.nodes.sampler.limit(t.flow, t.nodes.sampler.place(from), v);
+  const auto cut = inside != v;
+  if ((cut[0] | cut[1] | cut[2]) == 0) return v;
+  limit_at_border(t, from, v);
+  return v;
+}
+
 // Takes half the error of going there and back off what arrives at a node, and of its hourglass part as much as the
 // flow moves on in cells: nothing else resists it.
 EFSI_INLINE Quad corrected_node(const Transport& t, const Row& row, const Hourglass& hourglass, int i,
@@ -151,7 +165,7 @@ EFSI_INLINE Quad corrected_node(const Transport& t, const Row& row, const Hourgl
   const Quad to = sampler.keep_inside(node + opposite(behind, v, t.step));
   if (!sampler.cut_by_wall(node, from) && !sampler.cut_by_wall(node, to)) {
     w = w + Real(0.5) * (v - sampler.value(first, to));
-    w = sampler.limit(t.flow, sampler.place(from), w);  // no new extremes
+    w = limited(t, from, w);  // no new extremes
   }
   const Quad square = v * v;
   return w - way(square[0] + square[1] + square[2], t.step) * hourglass.part(first, i);
@@ -172,14 +186,18 @@ EFSI_INLINE bool corrected_nodes(const Transport& t, const Row& row, const Hourg
   }
   const auto correct = [&](const auto& ahead, const auto& behind) EFSI_INLINE_LAMBDA {
     const Octet share = way(v, t.step);
+    auto cut = zero != zero;
 #pragma GCC unroll 3
     for (std::size_t a = 0; a < 3; ++a) {
       const Real* arrived = first.c[a].data() + n;
       const Octet here = grid::load_octet(arrived);
       const Octet better = here + Real(0.5) * (v.c[a] - lanes.value(arrived, ahead));
       const Octet limited = lanes.limit(t.flow.c[a].data() + n, behind, better);
+      cut |= limited != better;
       w.c[a] = fluid ? limited - share * hourglass.part(first.c[a], i) : here;
     }
+    cut &= fluid;
+    return !grid::any(cut) || !grid::any(cut & lanes.at_border(behind));
   };
   const auto cuts = [&]() EFSI_INLINE_LAMBDA {
     const Room room(t.nodes.points, t.nodes.periodic, row, i);
@@ -188,14 +206,12 @@ EFSI_INLINE bool corrected_nodes(const Transport& t, const Row& row, const Hourg
   grid::LaneSampler::Cell to_cell, from_cell;
   if (lanes.place(i, row.j, row.k, to, to_cell) && lanes.place(i, row.j, row.k, from, from_cell)) {
     if ((!to_cell.inner || !from_cell.inner) && cuts()) return false;
-    correct(to_cell, from_cell);
-    return true;
+    return correct(to_cell, from_cell);
   }
   grid::LaneSampler::Place ahead, behind;
   if (cuts()) return false;
   if (!lanes.place(i, row.j, row.k, to, ahead) || !lanes.place(i, row.j, row.k, from, behind)) return false;
-  correct(ahead, behind);
-  return true;
+  return correct(ahead, behind);
 }
 
 EFSI_KERNEL void carry_row(const Transport& t, const Row& row, VectorField& first, VectorField& back) {
