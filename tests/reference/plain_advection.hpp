@@ -83,6 +83,19 @@ inline grid::VectorField carried_velocity(const grid::Grid& g, const grid::Vecto
       low = low.cwiseMin(v.at(source.base + offset));
       high = high.cwiseMax(v.at(source.base + offset));
     }
+    const Vec3 inside = w.cwiseMax(low).cwiseMin(high);
+    if (step * (inside - w).cwiseAbs().maxCoeff() <= Real(1e-4)) {  // cells
+      result.set(n, inside - taken);
+      return;
+    }
+    for (std::size_t c = 0; c < 8; ++c) {  // all cells within 1e-4 cells of the place
+      const Vec3 side(c & 1 ? 1 : -1, c & 2 ? 1 : -1, c & 4 ? 1 : -1);
+      const grid::Trilinear beside = sampler.stencil(from + Real(1e-4) * side);
+      for (std::size_t offset : sampler.corners()) {
+        low = low.cwiseMin(v.at(beside.base + offset));
+        high = high.cwiseMax(v.at(beside.base + offset));
+      }
+    }
     result.set(n, w.cwiseMax(low).cwiseMin(high) - taken);
   });
   return result;

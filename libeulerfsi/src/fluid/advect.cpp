@@ -15,7 +15,7 @@ using grid::TileMask;
 
 namespace {
 
-constexpr Real kRestCells = Real(1e-4);  // cells per step below which a tile is at rest
+constexpr Real kRestCells = Real(1e-4);  // cells per step: a tile is at rest below it, and what limits take no matter
 
 // What one node or eight take from the hourglass part of a node field: what alternates from node to node along two axes
 // or three. The divergence in the middle of a cell does not see it. Along each axis a field is smooth + alternating,
@@ -138,6 +138,21 @@ EFSI_INLINE bool carry_nodes(const Transport& t, const Row& row, int i, VectorFi
   return true;
 }
 
+void limit_at_border(const Transport& t, const Quad& from, Quad& v) {
+  v = t.nodes.sampler.limit_at_border(t.flow, from, v);
+}
+
+// v limited to the range of the values around the place it comes from. At the border of a cell, and so on all nodes of
+// fluid that moves along an axis, the range of one cell would be that of a side.
+EFSI_INLINE Quad limited(const Transport& t, const Quad& from, Quad v) {
+  const Quad inside = t.nodes.sampler.limit(t.flow, t.nodes.sampler.place(from), v);
+  const Quad cut = inside - v;
+  const auto counts = cut * cut > kRestCells * kRestCells / (t.step * t.step);
+  if ((counts[0] | counts[1] | counts[2]) == 0) return inside;
+  limit_at_border(t, from, v);
+  return v;
+}
+
 // Takes half the error of going there and back off what arrives at a node, and of its hourglass part as much as the
 // flow moves on in cells: nothing else resists it.
 EFSI_INLINE Quad corrected_node(const Transport& t, const Row& row, const Hourglass& hourglass, int i,
@@ -151,10 +166,21 @@ EFSI_INLINE Quad corrected_node(const Transport& t, const Row& row, const Hourgl
   const Quad to = sampler.keep_inside(node + opposite(behind, v, t.step));
   if (!sampler.cut_by_wall(node, from) && !sampler.cut_by_wall(node, to)) {
     w = w + Real(0.5) * (v - sampler.value(first, to));
-    w = sampler.limit(t.flow, sampler.place(from), w);  // no new extremes
+    w = limited(t, from, w);  // no new extremes
   }
   const Quad square = v * v;
   return w - way(square[0] + square[1] + square[2], t.step) * hourglass.part(first, i);
+}
+
+// The same for some of the nodes from i on: few, and seldom.
+[[gnu::noinline]] void correct_some(const Transport& t, const Row& row, const Hourglass& hourglass, int i,
+                                    const VectorField& first, const VectorField& back, const grid::OctetMask& which,
+                                    Octets& w) {
+  for (int l = 0; l < kLanes; ++l) {
+    if (!which[l]) continue;
+    const Quad one = corrected_node(t, row, hourglass, i + l, first, back);
+    for (int a = 0; a < 3; ++a) w.c[a][l] = one[a];
+  }
 }
 
 // The same for the nodes from i on. False: they have to be done one by one.
@@ -162,7 +188,7 @@ EFSI_INLINE bool corrected_nodes(const Transport& t, const Row& row, const Hourg
                                  const VectorField& first, const VectorField& back, Octets& w) {
   const std::size_t n = row.first + static_cast<std::size_t>(i);
   const auto& lanes = t.nodes.lanes;
-  const Octet zero{};
+  const Octet zero{}, least = grid::octet(kRestCells / t.step);
   const auto fluid = grid::load_octet(t.specific_volume + n) == grid::octet(t.fluid_volume);
   const Octets v = grid::load_octets(t.flow, n);
   Octets from = grid::load_octets(back, n), to;
@@ -172,14 +198,20 @@ EFSI_INLINE bool corrected_nodes(const Transport& t, const Row& row, const Hourg
   }
   const auto correct = [&](const auto& ahead, const auto& behind) EFSI_INLINE_LAMBDA {
     const Octet share = way(v, t.step);
+    Octet cut{};  // what the limits take, largest component
 #pragma GCC unroll 3
     for (std::size_t a = 0; a < 3; ++a) {
       const Real* arrived = first.c[a].data() + n;
       const Octet here = grid::load_octet(arrived);
       const Octet better = here + Real(0.5) * (v.c[a] - lanes.value(arrived, ahead));
       const Octet limited = lanes.limit(t.flow.c[a].data() + n, behind, better);
+      cut = grid::larger(cut, grid::larger(limited - better, better - limited));
       w.c[a] = fluid ? limited - share * hourglass.part(first.c[a], i) : here;
     }
+    const auto counts = fluid & (cut > least);
+    if (!grid::any(counts)) return;
+    const auto redo = counts & lanes.at_border(behind);
+    if (grid::any(redo)) correct_some(t, row, hourglass, i, first, back, redo, w);
   };
   const auto cuts = [&]() EFSI_INLINE_LAMBDA {
     const Room room(t.nodes.points, t.nodes.periodic, row, i);

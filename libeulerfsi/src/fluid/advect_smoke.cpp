@@ -168,27 +168,30 @@ EFSI_KERNEL void carry_row(const Transport& t, const CellRow& row, const Real* s
   });
 }
 
-// What arrives in a cell less half the error of going there and back.
+// What arrives in a cell less half the error of going there and back. fraction may be null: beside a solid, where it is
+// not 0, what arrives stays as it is; limited all the same, for its rounding can leave the range of what it comes from.
 EFSI_INLINE Real corrected_cell(const Transport& t, const CellRow& row, int i, const VectorField& back,
-                                const Real* source, const Real* first) {
+                                const Real* fraction, const Real* source, const Real* first) {
   const std::size_t c = row.first + static_cast<std::size_t>(i);
   const Quad v = center_velocity(t, row, i), behind = node_value(back, c), from = center(row, i) + behind;
   const Quad to = t.nodes.sampler.keep_inside(center(row, i) + opposite(behind, v, t.step));
-  const Real w = first[c] + Real(0.5) * (source[c] - t.cells.value(first, t.cells.place(to)));
+  const bool plain = fraction && fraction[c] > 0;
+  const Real w = plain ? first[c] : first[c] + Real(0.5) * (source[c] - t.cells.value(first, t.cells.place(to)));
   return t.cells.limit(source, t.cells.place(t.nodes.sampler.keep_inside(from)), w);
 }
 
 // The same for the cells from i on. False: they have to be done one by one.
 EFSI_INLINE bool corrected_cells(const Transport& t, const CellRow& row, int i, const VectorField& back,
-                                 const Real* source, const Real* first, Octet& w) {
+                                 const Real* fraction, const Real* source, const Real* first, Octet& w) {
   const std::size_t c = row.first + static_cast<std::size_t>(i);
   const Octets v = center_velocities(t, row, i);
   const Octets from = grid::load_octets(back, c);
   Octets to;
   for (std::size_t a = 0; a < 3; ++a) to.c[a] = opposite(from.c[a], v.c[a], t.step);
   const auto correct = [&](const auto& ahead, const auto& behind) EFSI_INLINE_LAMBDA {
-    const Octet better =
-        grid::load_octet(first + c) + Real(0.5) * (grid::load_octet(source + c) - t.lanes.value(first + c, ahead));
+    const Octet arrived = grid::load_octet(first + c);
+    Octet better = arrived + Real(0.5) * (grid::load_octet(source + c) - t.lanes.value(first + c, ahead));
+    if (fraction) better = grid::load_octet(fraction + c) > Octet{} ? arrived : better;
     w = t.lanes.limit(source + c, behind, better);
   };
   grid::LaneSampler::Cell to_cell, from_cell;
@@ -202,19 +205,15 @@ EFSI_INLINE bool corrected_cells(const Transport& t, const CellRow& row, int i, 
   return true;
 }
 
-// fraction may be null: beside a solid, where it is not 0, what arrives stays as it is.
 EFSI_KERNEL void correct_row(const Transport& t, const CellRow& row, const VectorField& back, const Real* fraction,
                              const Real* source, const Real* first, Real* result) {
   const auto one = [&](int i) EFSI_INLINE_LAMBDA {
-    const std::size_t c = row.first + static_cast<std::size_t>(i);
-    result[c] = fraction && fraction[c] > 0 ? first[c] : corrected_cell(t, row, i, back, source, first);
+    result[row.first + static_cast<std::size_t>(i)] = corrected_cell(t, row, i, back, fraction, source, first);
   };
   for_lanes(row, t.count[0] - 1, one, [&](int i, int) EFSI_INLINE_LAMBDA {
     Octet w;
-    if (corrected_cells(t, row, i, back, source, first, w)) {
-      const std::size_t c = row.first + static_cast<std::size_t>(i);
-      if (fraction) w = grid::load_octet(fraction + c) > Octet{} ? grid::load_octet(first + c) : w;
-      grid::store_octet(result + c, w);
+    if (corrected_cells(t, row, i, back, fraction, source, first, w)) {
+      grid::store_octet(result + row.first + static_cast<std::size_t>(i), w);
       return;
     }
     for (int l = 0; l < kLanes; ++l) one(i + l);

@@ -280,9 +280,11 @@ void DistanceToMesh::measure(SignedDistance& grid, const Parallel& parallel, con
     Sweep(*this, direction).run(parallel);
   }
   progress.at(0.88);
-  // A triangle of which others left little is nearest to few nodes, and sweeps do not find all of them.
+  // Sweeps do not find all that are nearest, and what they miss depends on their directions: near the mesh the distance
+  // is exact, and so the same on both sides of a mesh that is its own mirror image.
+  if (runs_.empty()) find_runs(0);
   offer(
-      kBand, [&](std::size_t, std::size_t at) { return squared_[at] >= kSettled; }, parallel);
+      kBand, [](std::size_t, std::size_t) { return true; }, parallel);
   progress.at(0.96);
   grid.values.resize(feet_.size());
   for_each_node(parallel, [&](std::size_t at, const Vec3d& node) {

@@ -28,8 +28,8 @@ class DistanceToMesh {
   using SamePart = std::function<std::int32_t(std::int32_t triangle, const Vec3d& X)>;
   void replace_mesh(const TriangleMesh& mesh, std::size_t kept, const SamePart& same_part, const Parallel& parallel);
 
-  // Carries the nearest triangles through the grid and fills grid.values with the distance [m]: to 0.01 spacings within
-  // three spacings of the mesh and to 2 % farther away, to 4 % from a mesh that replaced another.
+  // Carries the nearest triangles through the grid and fills grid.values with the distance [m]: exactly within three
+  // spacings of the mesh and to 2 % farther away, to 4 % from a mesh that replaced another.
   void measure(SignedDistance& grid, const Parallel& parallel = Parallel(), const Progress& progress = Progress());
 
  private:
@@ -62,7 +62,7 @@ class DistanceToMesh {
   double spacing_;  // [m]
   std::vector<Foot> feet_;
   std::vector<float> squared_;  // distances to the feet
-  std::vector<Run> runs_;       // of a mesh that replaced another
+  std::vector<Run> runs_;       // of triangles that lie together
 };
 
 }  // namespace efsi::geometry

@@ -35,7 +35,8 @@ void apply_sign(const std::vector<float>& winding, SignedDistance& grid) {
   }
 }
 
-// An empty grid over the box plus the margin.
+// An empty grid over the box plus at least the margin. Its middle is that of the box: the nodes around a mesh that is
+// its own mirror image are mirror images of each other.
 SignedDistance make_grid(const Extents& box, double spacing, double margin) {
   if (!(spacing > 0.0) || !std::isfinite(spacing))
     throw Error(ErrorCode::kArgument, text("signed distance: spacing = ", spacing, ": must be > 0"));
@@ -43,16 +44,21 @@ SignedDistance make_grid(const Extents& box, double spacing, double margin) {
     throw Error(ErrorCode::kArgument, text("signed distance: margin = ", margin, " spacings: must be at least 1"));
   SignedDistance grid;
   grid.spacing = spacing;
-  grid.origin = box.min - Vec3d::Constant(margin * spacing);
+  constexpr double kWhole = 1e-5;   // cells: extents of whole cells, as single precision has them, stay whole
+  constexpr double kExact = 1e-12;  // cells
   const Vec3d cells = ((box.max - box.min) / spacing).array() + 2.0 * margin;
   double nodes = 1.0;
-  for (int axis = 0; axis < 3; ++axis) nodes *= std::ceil(cells[axis]) + 1.0;
+  for (int axis = 0; axis < 3; ++axis) nodes *= std::ceil(cells[axis] - kWhole) + 1.0;
   // Per node while the field is built: distances, nearest triangles and their points, winding numbers.
   constexpr double kBytesPerNode = 36.0;
   if (nodes > static_cast<double>(std::numeric_limits<std::int32_t>::max()))
     throw Error(ErrorCode::kMemory, text("signed distance: spacing = ", spacing, " m gives ", nodes, " nodes (",
                                          nodes * kBytesPerNode / 1e9, " GB) over the mesh: at most 2147483647"));
-  for (int axis = 0; axis < 3; ++axis) grid.size[axis] = static_cast<int>(std::ceil(cells[axis])) + 1;
+  for (int axis = 0; axis < 3; ++axis) {
+    grid.size[axis] = static_cast<int>(std::ceil(cells[axis] - kWhole)) + 1;
+    const double more = grid.size[axis] - 1 - cells[axis];
+    grid.origin[axis] = box.min[axis] - (margin + (std::abs(more) > kExact ? 0.5 * more : 0.0)) * spacing;
+  }
   return grid;
 }
 

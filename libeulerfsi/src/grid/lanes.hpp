@@ -29,6 +29,7 @@ EFSI_INLINE bool all(const OctetMask& mask) {
   for (std::size_t w = 1; w < sizeof(Octet) / sizeof(std::uint64_t); ++w) common &= words[w];
   return common == ~std::uint64_t{0};
 }
+EFSI_INLINE bool any(const OctetMask& mask) { return !all(~mask); }
 
 // Three components of eight points.
 struct Octets {
@@ -171,6 +172,18 @@ class LaneSampler {
     const Octet bottom = smaller(low[1], beside(2, at, low[0], low[2]));
     const Octet top = larger(high[1], beside(2, at, high[0], high[2]));
     return smaller(larger(v, bottom), top);
+  }
+
+  // Which of the points lie at most twice kBorder from the border of the cell that they read.
+  EFSI_INLINE OctetMask at_border(const Cell& at) const {
+    const auto side = [](const Octet& part) EFSI_INLINE_LAMBDA { return larger(part, Real(1) - part); };
+    return larger(side(at.part[0]), larger(side(at.part[1]), side(at.part[2]))) > octet(1 - 2 * kBorder);
+  }
+  EFSI_INLINE OctetMask at_border(const Place& at) const {
+    const auto most = [&](int a) EFSI_INLINE_LAMBDA {
+      return larger(at.weight[a][0], larger(at.weight[a][1], at.weight[a][2]));
+    };
+    return larger(most(0), larger(most(1), most(2))) > octet(1 - 2 * kBorder);
   }
 
  private:

@@ -63,6 +63,8 @@ EFSI_INLINE Octet edge_of(const VectorField& field, std::size_t n) {
   return Octet{x[0], y[0], z[0], 0, x[1], y[1], z[1], 0};
 }
 
+inline constexpr Real kBorder = Real(1e-4);  // cells: as far as rounding leads from the border of a cell
+
 // Samples node fields of one grid, packed or by components.
 class PackedSampler {
  public:
@@ -99,8 +101,9 @@ class PackedSampler {
     return (cut[0] | cut[1] | cut[2]) != 0;
   }
 
-  EFSI_INLINE bool is_inside(const Quad& g) const {
-    const auto out = (g < low_) | (g > high_);
+  // Whether a position is in the box or up to `margin` beyond it.
+  EFSI_INLINE bool is_near(const Quad& g, Real margin) const {
+    const auto out = (g < low_ - margin) | (g > high_ + margin);
     return (out[0] | out[1] | out[2]) == 0;
   }
 
@@ -132,12 +135,20 @@ class PackedSampler {
   // v limited to the range of the field's values at the 8 corners around a position.
   template <class Field>
   EFSI_INLINE Quad limit(const Field& field, const Place& at, const Quad& v) const {
-    const Octet a = edge_of(field, at.node), b = edge_of(field, at.node + row_);
-    const Octet c = edge_of(field, at.node + slab_), d = edge_of(field, at.node + slab_ + row_);
-    const Octet low_ab = a < b ? a : b, low_cd = c < d ? c : d, low = low_ab < low_cd ? low_ab : low_cd;
-    const Octet high_ab = a > b ? a : b, high_cd = c > d ? c : d, high = high_ab > high_cd ? high_ab : high_cd;
-    const Quad l0 = lower_half(low), l1 = upper_half(low), h0 = lower_half(high), h1 = upper_half(high);
-    return clamp(v, l0 < l1 ? l0 : l1, h0 > h1 ? h0 : h1);
+    const Range corners = range(field, at);
+    return clamp(v, corners.low, corners.high);
+  }
+  // The same, but at most kBorder away from other cells to the range of them all: rounding must not choose the cell.
+  template <class Field>
+  EFSI_INLINE Quad limit_at_border(const Field& field, const Quad& g, const Quad& v) const {
+    Range all = range(field, place(g));
+    for (int c = 0; c < 8; ++c) {
+      const Quad side = {c & 1 ? kBorder : -kBorder, c & 2 ? kBorder : -kBorder, c & 4 ? kBorder : -kBorder, 0};
+      const Range cell = range(field, place(g + side));
+      all.low = cell.low < all.low ? cell.low : all.low;
+      all.high = cell.high > all.high ? cell.high : all.high;
+    }
+    return clamp(v, all.low, all.high);
   }
 
   // Where the flow that leads to g comes from, `step` = dt/h earlier: the midpoint rule; v: velocity at g.
@@ -160,6 +171,19 @@ class PackedSampler {
       g += g < 0 ? period_ : Quad{0, 0, 0, 0};
     }
     return g;
+  }
+  struct Range {
+    Quad low, high;
+  };
+  // Of the field's values at the 8 corners around a position.
+  template <class Field>
+  EFSI_INLINE Range range(const Field& field, const Place& at) const {
+    const Octet a = edge_of(field, at.node), b = edge_of(field, at.node + row_);
+    const Octet c = edge_of(field, at.node + slab_), d = edge_of(field, at.node + slab_ + row_);
+    const Octet low_ab = a < b ? a : b, low_cd = c < d ? c : d, low = low_ab < low_cd ? low_ab : low_cd;
+    const Octet high_ab = a > b ? a : b, high_cd = c > d ? c : d, high = high_ab > high_cd ? high_ab : high_cd;
+    const Quad l0 = lower_half(low), l1 = upper_half(low), h0 = lower_half(high), h1 = upper_half(high);
+    return {l0 < l1 ? l0 : l1, h0 > h1 ? h0 : h1};
   }
   // inside: in the box
   EFSI_INLINE Quad lower_corner(const Quad& inside) const {

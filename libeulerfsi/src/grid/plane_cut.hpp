@@ -21,19 +21,19 @@ inline double plane_cut_fraction(double distance, const Vec3d& normal) {
   if (alpha <= 0.0) return 0.0;
   if (alpha >= sum) return 1.0;
   const double a = std::min(alpha, sum - alpha);
+  // What of the cube is below the plane grows as a cube of a, then as a square, then as a line; the differences are
+  // written out, so that nothing cancels where the plane is nearly along an axis.
   double volume;
-  const double tiny = 1e-9 * sum;
-  if (m[0] < tiny && m[1] < tiny) {
-    volume = a / m[2];
-  } else if (m[0] < tiny) {  // a line cutting a square
-    const auto positive2 = [](double t) { return t > 0.0 ? t * t : 0.0; };
-    volume = (a * a - positive2(a - m[1]) - positive2(a - m[2])) / (2.0 * m[1] * m[2]);
-  } else {
-    const auto positive3 = [](double t) { return t > 0.0 ? t * t * t : 0.0; };
-    volume = (a * a * a - positive3(a - m[0]) - positive3(a - m[1]) - positive3(a - m[2]) + positive3(a - m[0] - m[1]) +
-              positive3(a - m[0] - m[2]) + positive3(a - m[1] - m[2])) /
-             (6.0 * m[0] * m[1] * m[2]);
-  }
+  const auto square = [&] { return (3.0 * a * (a - m[0]) + m[0] * m[0]) / (6.0 * m[1] * m[2]); };
+  const auto corner = [&](double t) { return t > 0.0 ? t * (t / m[0]) * (t / m[1]) / (6.0 * m[2]) : 0.0; };
+  if (a < m[0])
+    volume = corner(a);
+  else if (a < m[1])
+    volume = square();
+  else if (a < m[0] + m[1])
+    volume = square() - corner(a - m[1]) - corner(a - m[2]);
+  else
+    volume = (2.0 * a - m[0] - m[1]) / (2.0 * m[2]);
   volume = std::clamp(volume, 0.0, 1.0);
   return alpha <= 0.5 * sum ? volume : 1.0 - volume;
 }

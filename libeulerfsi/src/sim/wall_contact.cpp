@@ -109,8 +109,9 @@ void fill_gaps(const Grid& band, const solid::SolidRest& rest, const solid::Soli
   }
 }
 
-// Between the columns the surface may lie deeper: its vertices are seen by the nearest node, of the columns around
-// them. Above the wall only nodes that see some are kept. face: of the box.
+// Between the columns the surface may lie deeper: its vertices are seen by the nearest node of the columns around them;
+// midway, where rounding would choose, by all that are nearest. Above the wall only nodes that see some are kept. face:
+// of the box.
 void find_vertices(const CommonGrid& common, const solid::SolidState& solid, std::size_t face, Footprint& print) {
   const Grid& g = common.grid;
   const auto a = static_cast<Eigen::Index>(face / 2), u = (a + 1) % 3, v = (a + 2) % 3;
@@ -124,18 +125,19 @@ void find_vertices(const CommonGrid& common, const solid::SolidState& solid, std
     const double gap = face % 2 ? wall - x[a] : x[a] - wall;
     if (gap > g.h || gap < -kDeepest * g.h) continue;
     const double i = (x[u] - g.origin[u]) / g.h, j = (x[v] - g.origin[v]) / g.h;
-    const int ci = static_cast<int>(std::lround(i)), cj = static_cast<int>(std::lround(j));
-    WallRow* nearest = nullptr;
+    // Columns at most so far away, and the rows of the nearest.
+    constexpr double kReach = 1.5 - 1e-4, kMidway = 1e-4;  // cells, square cells
     double least = std::numeric_limits<double>::infinity();
-    for (int p = ci - 1; p <= ci + 1; ++p)
-      for (int q = cj - 1; q <= cj + 1; ++q) {
-        const double square = (i - p) * (i - p) + (j - q) * (j - q);
-        const auto row = square < least ? at.find({p, q}) : at.end();
+    std::vector<std::pair<double, WallRow*>> around;
+    for (int p = static_cast<int>(std::ceil(i - kReach)); p <= i + kReach; ++p)
+      for (int q = static_cast<int>(std::ceil(j - kReach)); q <= j + kReach; ++q) {
+        const auto row = at.find({p, q});
         if (row == at.end()) continue;
-        least = square;
-        nearest = row->second;
+        around.emplace_back((i - p) * (i - p) + (j - q) * (j - q), row->second);
+        least = std::min(least, around.back().first);
       }
-    if (nearest) nearest->vertex = std::min(nearest->vertex, gap);
+    for (const auto& [square, row] : around)
+      if (square <= least + kMidway) row->vertex = std::min(row->vertex, gap);
   }
   std::erase_if(print.rows, [](const WallRow& row) { return !row.on_wall && row.vertex >= kNoGap; });
 }

@@ -61,14 +61,44 @@ struct CornerMarks {
   std::uint16_t any, all;
   bool has_zero;
 };
+EFSI_INLINE CornerMarks combined(const std::uint16_t pair[4]) {
+  unsigned counted = 0x8080;  // the high bit of a byte stays where no mark in it is 0
+  for (std::size_t e = 0; e < 4; ++e) counted &= (pair[e] | 0x8080u) - 0x0101u;
+  return {static_cast<std::uint16_t>(pair[0] | pair[1] | pair[2] | pair[3]),
+          static_cast<std::uint16_t>(pair[0] & pair[1] & pair[2] & pair[3]), counted != 0x8080};
+}
 EFSI_INLINE CornerMarks corner_marks(const Vec3i& n, const std::uint8_t* mark, std::size_t node) {
   const std::size_t row = static_cast<std::size_t>(n[0]), slab = row * static_cast<std::size_t>(n[1]);
   std::uint16_t pair[4];
   for (std::size_t e = 0; e < 4; ++e) std::memcpy(pair + e, mark + node + (e & 1) * row + (e >> 1) * slab, 2);
-  unsigned counted = 0x8080;  // the high bit of a byte stays where no mark in it is 0
-  for (const unsigned marks : pair) counted &= (marks | 0x8080u) - 0x0101u;
-  return {static_cast<std::uint16_t>(pair[0] | pair[1] | pair[2] | pair[3]),
-          static_cast<std::uint16_t>(pair[0] & pair[1] & pair[2] & pair[3]), counted != 0x8080};
+  return combined(pair);
+}
+
+constexpr Real kOnNode = Real(1e-4);  // cells: as far as rounding leads from a node
+
+// A place this near to a node along an axis lies on it: which of the two cells rounding has chosen does not matter.
+// False: there is no such axis.
+EFSI_INLINE bool round_to_nodes(PackedSampler::Place& at) {
+  const auto low = (at.part < kOnNode) & (at.part > -kOnNode), high = (at.part > 1 - kOnNode) & (at.part < 1 + kOnNode);
+  const auto any = low | high;
+  if ((any[0] | any[1] | any[2]) == 0) return false;
+  at.part = low ? Quad{0, 0, 0, 0} : high ? Quad{1, 1, 1, 1} : at.part;
+  return true;
+}
+
+// The same for such a place: nodes of which it takes nothing do not count.
+CornerMarks rounded_marks(const Vec3i& n, const std::uint8_t* mark, const PackedSampler::Place& at) {
+  const std::size_t row = static_cast<std::size_t>(n[0]), slab = row * static_cast<std::size_t>(n[1]);
+  const auto step = [&](int axis, std::size_t end, std::size_t stride) {
+    return end == 0 ? (at.part[axis] == 1 ? stride : 0) : (at.part[axis] == 0 ? 0 : stride);
+  };
+  std::uint16_t pair[4];
+  for (std::size_t e = 0; e < 4; ++e) {
+    const std::uint8_t* two = mark + at.node + step(1, e & 1, row) + step(2, e >> 1, slab);
+    const std::uint8_t ends[2] = {two[at.part[0] == 1 ? 1 : 0], two[at.part[0] == 0 ? 0 : 1]};
+    std::memcpy(pair + e, ends, 2);
+  }
+  return combined(pair);
 }
 
 // A motion of the frame over a step, in grid units: y -> c + s + R (y - c).
@@ -134,9 +164,13 @@ EFSI_KERNEL void carry_row(const PackedSampler& nodes, const FrameMotion& motion
     const Quad x = position(row, i);
     const Quad from = paper ? sampler.keep_inside(sampler.trace_midpoint(v, x, grid::load_quad(v.at(n)), step))
                             : place_before(sampler, frame, v, x, step);
-    const PackedSampler::Place at = sampler.place_beyond(from);
+    PackedSampler::Place at = sampler.place_beyond(from);
     static_assert(kExtensionLayers < 0x80 && grid::kNoLayer >= 0x80);
-    const CornerMarks around = corner_marks(points, layer, at.node);
+    CornerMarks around = corner_marks(points, layer, at.node);
+    if (PackedSampler::Place near = at; around.any != 0 && round_to_nodes(near)) {  // at the edge of the data
+      if (around.any & 0x8080) at = near;
+      around = rounded_marks(points, layer, near);
+    }
     if (around.any & 0x8080) continue;
     grid::store_quad(packed.from.at(n), from);
     grid::store_quad(packed.first_u.at(n), sampler.value(packed.u, at));
@@ -156,8 +190,10 @@ EFSI_KERNEL void measure_row(const PackedSampler& nodes, const FrameMotion& moti
     Quad error_u = {0, 0, 0, 0}, error_v = error_u;
     if (layer[n] == 0) {
       const Quad x = position(row, i), v0 = grid::load_quad(packed.v.at(n));
-      const PackedSampler::Place ahead = sampler.place_beyond(place_after(sampler, frame, packed.v, x, v0, step));
-      if (corner_marks(points, layer, ahead.node).any == 0) {
+      PackedSampler::Place ahead = sampler.place_beyond(place_after(sampler, frame, packed.v, x, v0, step));
+      bool known = corner_marks(points, layer, ahead.node).any == 0;
+      if (!known && round_to_nodes(ahead)) known = rounded_marks(points, layer, ahead).any == 0;
+      if (known) {
         error_u = Real(0.5) * (grid::load_quad(packed.u.at(n)) - sampler.value(packed.first_u, ahead));
         error_v = Real(0.5) * (v0 + frame.velocity(x) / step - sampler.value(packed.first_v, ahead));
         error_u[3] = error_v[3] = 1;
@@ -188,7 +224,7 @@ EFSI_KERNEL void correct_row(const PackedSampler& nodes, const FrameMotion& moti
       if (error_u[3] > 0) {
         u_new += error_u;
         v_new += error_v;
-      } else if (sampler.is_inside(from)) {
+      } else if (sampler.is_near(from, kOnNode)) {
         const PackedSampler::Place behind = sampler.place(from);
         error_u = sampler.value(packed.error_u, behind);
         error_v = sampler.value(packed.error_v, behind);

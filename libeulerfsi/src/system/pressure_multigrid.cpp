@@ -69,16 +69,24 @@ Grid coarsen(const Grid& fine) {
   return coarse;
 }
 
-// A coarse cell has an equation when one of its children has.
+// A coarse cell has an equation when one of its children has; of an odd number of cells every second one is a child of
+// both beside it.
 void coarsen_active(const PressureGrid& fine, PressureGrid& coarse) {
   coarse.active.clear();
   if (fine.active.empty()) return;
   coarse.active.assign(coarse.grid.padded_count(), 0);
   const Vec3i& n = fine.grid.cells;
+  const auto last = [&](std::size_t axis, int index) {
+    return !fine.grid.periodic[axis] && n[axis] % 2 != 0 ? (index + 1) / 2 : index / 2;
+  };
   for (int k = 0; k < n[2]; ++k)
     for (int j = 0; j < n[1]; ++j)
-      for (int i = 0; i < n[0]; ++i)
-        if (fine.active[fine.grid.padded(i, j, k)]) coarse.active[coarse.grid.padded(i / 2, j / 2, k / 2)] = 1;
+      for (int i = 0; i < n[0]; ++i) {
+        if (!fine.active[fine.grid.padded(i, j, k)]) continue;
+        for (const int c : {k / 2, last(2, k)})
+          for (const int b : {j / 2, last(1, j)})
+            for (const int a : {i / 2, last(0, i)}) coarse.active[coarse.grid.padded(a, b, c)] = 1;
+      }
 }
 
 }  // namespace

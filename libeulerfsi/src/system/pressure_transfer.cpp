@@ -8,7 +8,12 @@
 namespace efsi::system {
 namespace {
 
-// Where an axis of the coarse grid reads fine cells (restriction, 1/4 3/4 3/4 1/4) with walls folded in.
+// An even number of cells along an axis is halved: two fine cells lie in a coarse one. Of an odd number every second
+// cell stays, from the first to the last: so both ends are alike, and what is its own mirror image is that on all
+// levels.
+
+// Where an axis of the coarse grid reads fine cells (restriction, 1/4 3/4 3/4 1/4, or 1/2 1 1/2 0 of an odd number)
+// with walls folded in.
 struct AxisTable {
   std::vector<std::array<int, 4>> index;
   std::vector<std::array<Real, 4>> weight;
@@ -21,14 +26,15 @@ AxisTable restriction_table(int fine, int coarse, grid::Wall lower, grid::Wall u
   for (int c = 0; c < coarse; ++c)
     for (int t = 0; t < 4; ++t) {
       int f = 2 * c - 1 + t;
-      Real w = t == 0 || t == 3 ? Real(0.25) : Real(0.75);
+      const bool odd = !periodic && fine % 2 != 0;
+      Real w = odd ? (t == 1 ? Real(1) : (t == 3 ? Real(0) : Real(0.5))) : (t == 0 || t == 3 ? Real(0.25) : Real(0.75));
       if (periodic) {
         f = (f + fine) % fine;
       } else if (f < 0) {  // the fine cell at the wall gave this share to the ghost beyond it
-        if (lower == grid::Wall::kOpen) w = 0;
+        if (odd || lower == grid::Wall::kOpen) w = 0;
         f = 0;
       } else if (f >= fine) {
-        if (upper == grid::Wall::kOpen || fine % 2 != 0) w = 0;
+        if (odd || upper == grid::Wall::kOpen) w = 0;
         f = fine - 1;
       }
       table.index[static_cast<std::size_t>(c)][static_cast<std::size_t>(t)] = f;
@@ -52,10 +58,11 @@ EFSI_KERNEL void add_row(int n, Real w, const Real* source, Real* target) {
   for (int i = 0; i < n; ++i) target[i] += w * source[i];
 }
 
-// Coarse neighbours of a fine cell along one axis: nearest (3/4) and next (1/4).
+// Coarse neighbours of a fine cell along one axis: nearest (3/4) and next (1/4); of an odd number of cells the same
+// cell (1), or both beside it (1/2 each).
 struct Pair {
   int near, far;
-  Real far_weight;
+  Real near_weight, far_weight;
 };
 
 std::vector<Pair> prolongation_pairs(int fine, int coarse, grid::Wall lower, grid::Wall upper, bool periodic) {
@@ -64,6 +71,11 @@ std::vector<Pair> prolongation_pairs(int fine, int coarse, grid::Wall lower, gri
     const int near = f / 2;
     int far = f % 2 ? near + 1 : near - 1;
     Real weight = Real(0.25);
+    if (!periodic && fine % 2 != 0) {
+      const Real half = Real(0.5);
+      pairs[static_cast<std::size_t>(f)] = f % 2 ? Pair{near, far, half, half} : Pair{near, near, 1, 0};
+      continue;
+    }
     if (periodic) {
       far = (far + coarse) % coarse;
     } else if (far < 0) {
@@ -73,7 +85,7 @@ std::vector<Pair> prolongation_pairs(int fine, int coarse, grid::Wall lower, gri
       if (upper == grid::Wall::kOpen) weight = 0;
       far = coarse - 1;
     }
-    pairs[static_cast<std::size_t>(f)] = {near, far, weight};
+    pairs[static_cast<std::size_t>(f)] = {near, far, Real(0.75), weight};
   }
   return pairs;
 }
@@ -120,6 +132,7 @@ void prolong_and_add(const Parallel& parallel, const PressureGrid& coarse, const
     pairs[s] = prolongation_pairs(gf.cells[s], gc.cells[s], fine.walls.lower(a), fine.walls.upper(a), gf.periodic[s]);
   }
   const int nc = gc.cells[0];
+  const bool odd_x = !gf.periodic[0] && gf.cells[0] % 2 != 0;
   parallel.for_ranges(gf.cells[2], [&](std::int64_t begin, std::int64_t end) {
     std::vector<Real> row(static_cast<std::size_t>(nc));
     for (int k = static_cast<int>(begin); k < static_cast<int>(end); ++k)
@@ -129,17 +142,22 @@ void prolong_and_add(const Parallel& parallel, const PressureGrid& coarse, const
         const Real* fn = xc.data() + gc.padded(0, pj.far, pk.near);
         const Real* nf = xc.data() + gc.padded(0, pj.near, pk.far);
         const Real* ff = xc.data() + gc.padded(0, pj.far, pk.far);
-        const Real wj = Real(0.75), wk = Real(0.75), vj = pj.far_weight, vk = pk.far_weight;
+        const Real wj = pj.near_weight, wk = pk.near_weight, vj = pj.far_weight, vk = pk.far_weight;
         Real* target = row.data();
 #pragma omp simd
         for (int i = 0; i < nc; ++i) target[i] = wk * (wj * nn[i] + vj * fn[i]) + vk * (wj * nf[i] + vj * ff[i]);
         Real* out = x.data() + gf.padded(0, j, k);
         const Real* diagonal = fine.inverse_diagonal.data() + gf.padded(0, j, k);
+        const int n = gf.cells[0];
+        if (odd_x) {
+          for (int i = 0; i < n; ++i)
+            if (diagonal[i] > 0) out[i] += i % 2 ? Real(0.5) * (target[i / 2] + target[i / 2 + 1]) : target[i / 2];
+          continue;
+        }
         const auto add = [&](int i) {
           const Pair pi = pairs[0][static_cast<std::size_t>(i)];
-          if (diagonal[i] > 0) out[i] += Real(0.75) * target[pi.near] + pi.far_weight * target[pi.far];
+          if (diagonal[i] > 0) out[i] += pi.near_weight * target[pi.near] + pi.far_weight * target[pi.far];
         };
-        const int n = gf.cells[0];
         add(0);
         // Inside, fine cells 2c - 1 and 2c lie between the coarse cells c - 1 and c.
         for (int c = 1; 2 * c < n; ++c) {
@@ -147,7 +165,7 @@ void prolong_and_add(const Parallel& parallel, const PressureGrid& coarse, const
           if (diagonal[2 * c - 1] > 0) out[2 * c - 1] += Real(0.75) * a + Real(0.25) * b;
           if (diagonal[2 * c] > 0) out[2 * c] += Real(0.75) * b + Real(0.25) * a;
         }
-        if (n > 1 && n % 2 == 0) add(n - 1);
+        if (n > 1) add(n - 1);
       }
   });
 }
@@ -155,11 +173,21 @@ void prolong_and_add(const Parallel& parallel, const PressureGrid& coarse, const
 void coarsen_specific_volume(const Parallel& parallel, const Grid& fine, const std::vector<Real>& f, const Grid& coarse,
                              std::vector<Real>& c) {
   c.resize(coarse.node_count());
-  const auto fold = [&](int axis, int index) {
-    const int n = fine.cells[static_cast<std::size_t>(axis)];
+  // The three fine nodes that coarse node i reads along an axis (1/4 1/2 1/4; of an odd number of cells, in the middle
+  // of an edge, 1/2 1/2 0), walls folded in.
+  const auto odd = [&](int axis) {
+    const auto a = static_cast<std::size_t>(axis);
+    return !fine.periodic[a] && fine.cells[a] % 2 != 0;
+  };
+  const auto source = [&](int axis, int i, int d) {
+    const int n = fine.cells[static_cast<std::size_t>(axis)], index = 2 * i + d;
     if (fine.periodic[static_cast<std::size_t>(axis)]) return (index + n) % n;
-    if (index < 0) return -index;
+    if (index < 0) return odd(axis) ? 0 : -index;
     return std::min(index, n);
+  };
+  const auto weight = [&](int axis, int d) {
+    if (odd(axis)) return d > 0 ? Real(0) : Real(0.5);
+    return d ? Real(0.25) : Real(0.5);
   };
   const auto row = static_cast<std::size_t>(fine.cells[0] + 1);
   parallel.for_ranges(coarse.cells[2] + 1, [&](std::int64_t begin, std::int64_t end) {
@@ -169,13 +197,16 @@ void coarsen_specific_volume(const Parallel& parallel, const Grid& fine, const s
         std::fill(sum.begin(), sum.end(), Real(0));
         for (int dk = -1; dk <= 1; ++dk)
           for (int dj = -1; dj <= 1; ++dj) {
-            const Real w = Real(0.125) * (dk ? Real(0.5) : Real(1)) * (dj ? Real(0.5) : Real(1));
-            add_row(static_cast<int>(row), w, f.data() + fine.node(0, fold(1, 2 * j + dj), fold(2, 2 * k + dk)),
-                    sum.data());
+            const Real w = weight(1, dj) * weight(2, dk);
+            if (w > 0)
+              add_row(static_cast<int>(row), w, f.data() + fine.node(0, source(1, j, dj), source(2, k, dk)),
+                      sum.data());
           }
         Real* out = c.data() + coarse.node(0, j, k);
-        const auto at = [&](int i) { return sum[static_cast<std::size_t>(fold(0, i))]; };
-        for (int i = 0; i <= coarse.cells[0]; ++i) out[i] = at(2 * i) + Real(0.5) * (at(2 * i - 1) + at(2 * i + 1));
+        const auto at = [&](int i, int d) { return sum[static_cast<std::size_t>(source(0, i, d))]; };
+        const Real side = weight(0, 1), middle = weight(0, 0);
+        for (int i = 0; i <= coarse.cells[0]; ++i)
+          out[i] = (middle * at(i, 0) + weight(0, -1) * at(i, -1)) + side * at(i, 1);
       }
   });
 }

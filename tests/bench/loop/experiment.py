@@ -12,6 +12,7 @@ from eulerfsi.errors import LibraryError
 from eulerfsi.solver import Mesh, Simulation
 
 from .shapes import RADIUS, SIZE, make_shape, rigid_misfit, vertex_areas
+from .symmetry import mirror_gaps
 
 FRAME = 1 / 24  # s
 GRAVITY = 9.8  # m/s^2
@@ -29,12 +30,13 @@ OUT_OF_TIME = "out of time"  # how the failure of a run begins that its wall-clo
 
 @dataclasses.dataclass(frozen=True)
 class Experiment:
-    """One solid in a box whose lower corner is the origin. Lengths [m], times [s]."""
+    """One solid in a box. Lengths [m], times [s]."""
 
     scene: str
     shape: str = "ball"
     across: int = 10  # cells over SIZE
     box: tuple[float, float, float] = (0.4, 0.4, 0.4)
+    corner: tuple[float, float, float] = (0.0, 0.0, 0.0)  # the box's lower one
     center: tuple[float, float, float] | None = None  # of the solid's bounding box; None: of the box
     floor: float | None = None  # height of the solid's lowest point, instead of center's [m]
     turn: float = 0.0  # of the shape about (1,1,1) [rad]
@@ -51,6 +53,7 @@ class Experiment:
     damping: float = 0.0  # rayleigh_beta [s]
     load: float = 0.0  # beta of the body force -beta (x - x_c) [N/m^4]
     settings: tuple[tuple[str, Any], ...] = ()  # fields of EfsiSimulationDef or EfsiSolidDef, the user's last word
+    mirror: bool = False  # record how far the fields are from their mirror images
     halved: bool = False  # every step half as long as without this
     limit: float = 600.0  # wall-clock seconds after which the run is given up
 
@@ -62,7 +65,7 @@ class Experiment:
     @property
     def middle(self) -> np.ndarray:
         """Where the solid starts [m]."""
-        return np.array(self.center if self.center is not None else np.array(self.box) / 2)
+        return np.array(self.center if self.center is not None else np.array(self.corner) + np.array(self.box) / 2)
 
     @property
     def choices(self) -> str:
@@ -109,6 +112,7 @@ class Experiment:
         heavy = 1000.0
         ratio = self.density_ratio
         values: dict[str, Any] = {
+            "domain_min": self.corner,
             "domain_size": self.box,
             "voxel_size": self.spacing,
             "gravity": (0.0, -self.gravity, 0.0),
@@ -163,6 +167,8 @@ def simulate(run: Experiment) -> dict[str, Any]:
             stretch(simulation, run)
         last = observe(simulation, rest, areas)
         start = {name: report[name] for name in ("surface_volume", "solid_volume", "thinnest_feature")} | last
+        gaps = mirror_gaps if run.mirror else lambda _: {}
+        start |= gaps(simulation)
         try:
             for end in ends:
                 while end - simulation.time > 1e-9 and not run.ends(last):
@@ -174,7 +180,7 @@ def simulate(run: Experiment) -> dict[str, Any]:
                     if run.load and abs(info["dt"] - run.dt) > 1e-6:
                         raise ValueError(f"the load was given for a step of {run.dt:g} s, it was {info['dt']:g} s")
                     last = observe(simulation, rest, areas)
-                    columns.append(info | {"seconds": seconds} | record(simulation) | last)
+                    columns.append(info | {"seconds": seconds} | record(simulation) | gaps(simulation) | last)
                     low, high = last["det_f_interior"]
                     if not (low > 1 / TORN and high < TORN):
                         raise ValueError(f"blown up: interior det F {low:.3g}..{high:.3g} at {simulation.time:.3g} s")

@@ -75,9 +75,10 @@ TEST_CASE("A box has the box's distance, sign and volume; the grid leaves a marg
   });
   CHECK(worst < 1e-6);
   CHECK(built.report.solid_volume == Approx(0.81 * 0.7 * 0.4).epsilon(0.02));
-  CHECK((built.phi.origin - (low - Vec3d::Constant(0.2))).norm() < 1e-12);
   const Vec3d last = built.phi.node(built.phi.size[0] - 1, built.phi.size[1] - 1, built.phi.size[2] - 1);
   CHECK((last - high).minCoeff() >= 0.2 - 1e-9);
+  CHECK((last - high).maxCoeff() < 0.2 + 0.025 + 1e-9);
+  CHECK((built.phi.origin + last - low - high).norm() < 1e-12);  // the same on both sides
   CHECK((built.phi.gradient({0.45, 0.55, 1.2}) - Vec3d(1, 0, 0)).norm() < 1e-4);
 }
 

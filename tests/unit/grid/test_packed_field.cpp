@@ -71,6 +71,27 @@ TEST_CASE("Packed interpolation, limits and traces agree with the plain ones, in
   }
 }
 
+TEST_CASE("At the border of cells a limit is the range of them all, whichever of them rounding has chosen") {
+  const Fields f(false);
+  const PackedSampler sampler(f.g);
+  for (const Real off : {Real(-5e-5), Real(0), Real(5e-5)})
+    for (const Real bound : {Real(-5), Real(5)}) {
+      const auto limited = [&](const Vec3& x) {
+        return vec(sampler.limit_at_border(f.packed, quad(x), quad(Vec3::Constant(bound))));
+      };
+      const auto extreme = [&](const Vec3& a, const Vec3& b) -> Vec3 {
+        const Vec3 u = vec(sampler.limit(f.packed, sampler.place(quad(a)), quad(Vec3::Constant(bound))));
+        const Vec3 w = vec(sampler.limit(f.packed, sampler.place(quad(b)), quad(Vec3::Constant(bound))));
+        return bound > 0 ? Vec3(u.cwiseMax(w)) : Vec3(u.cwiseMin(w));
+      };
+      const Real h = Real(0.5);
+      CHECK(limited({3 + off, 2 + h, 1 + h}) == extreme({3 - h, 2 + h, 1 + h}, {3 + h, 2 + h, 1 + h}));
+      CHECK(limited({1 + h, 2 + off, 4 + h}) == extreme({1 + h, 2 - h, 4 + h}, {1 + h, 2 + h, 4 + h}));
+      CHECK(limited({1 + h, 2 + h, off}) == extreme({1 + h, 2 + h, h}, {1 + h, 2 + h, h}));  // a face of the box
+      CHECK(limited({1 + h, 2 + h, 3 + h}) == extreme({1 + h, 2 + h, 3 + h}, {1 + h, 2 + h, 3 + h}));
+    }
+}
+
 TEST_CASE("Packed interpolation gives the nodes' values at the nodes") {
   const Fields f(false);
   const PackedSampler sampler(f.g);

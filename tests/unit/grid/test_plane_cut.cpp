@@ -45,3 +45,15 @@ TEST_CASE("Random planes: the closed form is the sampled volume, and the two sid
     CHECK(plane_cut_fraction(d + 1e-3, n) <= fraction + 1e-12);
   }
 }
+
+TEST_CASE("Planes nearly along an axis cut what those along it cut, whichever way they lean", "[law]") {
+  for (const double lean : {0.0, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4})
+    for (const double other : {0.0, 1e-9, 1e-7, 1e-5})
+      for (const double d : {-0.499, -0.3, 0.0, 0.2, 0.4999}) {
+        const double upright = plane_cut_fraction(d, Vec3d(lean, 1.0, other).normalized());
+        CHECK(upright == Approx(0.5 - d).margin(lean + other + 1e-14));
+        CHECK(plane_cut_fraction(d, Vec3d(-lean, 1.0, other).normalized()) == upright);
+        CHECK(plane_cut_fraction(d, Vec3d(other, 1.0, -lean).normalized()) == Approx(upright).margin(1e-14));
+        CHECK(plane_cut_fraction(-d, Vec3d(lean, -1.0, other).normalized()) == Approx(1.0 - upright).margin(1e-14));
+      }
+}
