@@ -13,6 +13,7 @@ using grid::Grid;
 namespace {
 
 constexpr double kLargestGrowth = 0.02;  // of a solid's volume in a step, to make up for what its surface has lost
+constexpr double kSoonest = 1e-3;        // s: in which it makes up for that, not sooner
 constexpr double kAhead = 0.5;           // of what the last step lost: losses last for many steps
 
 // What a solid as a whole is asked to gain in this step, over its volume at rest: what its mesh has lost and part of
@@ -56,7 +57,7 @@ void compute_volume_source(const Parallel& parallel, const Scene& scene, double 
       const double lost = lost_beyond_film(holds.of(l), scene.solids[l], scene.grid.h, 1.0 - volume);
       const double asked = asked_volume(lost, states[l].leak);
       solid.next_volume = volume + asked;
-      growth = asked / dt;
+      growth = asked / std::max(dt, kSoonest);
     }
     for_band_cells(parallel, g, states[l].band, [&](std::size_t c, int i, int j, int k) {
       if (solid.element[c] < 0) return;

@@ -150,21 +150,21 @@ LastPresses last_presses(const solid::SolidState& solid) {
   return last;
 }
 
-// Whether a row holds, and what friction does there. v: without the solid's own forces; fast: the solid is not at rest.
-void decide(const solid::WallPress* last, double h, double dt, bool fast, double friction, const Vec3& v,
+// Whether a row holds, and what friction does there. before: along `out`, at the start of the step; v: without the
+// solid's own forces; fast: the solid is not at rest.
+void decide(const solid::WallPress* last, double h, double dt, bool fast, double friction, Real before, const Vec3& v,
             WallRow& row) {
   // Vertices a little deeper than the columns do not push, and those of a solid at rest come and go at the edge of a
   // footprint.
   const double seen = row.vertex > 0.0 ? row.vertex : std::min(0.0, row.vertex + kBetween * h);
   if (fast || seen < 0.0) row.gap = std::min(row.gap, seen);
   row.least = static_cast<Real>(least_velocity(row.gap, dt));
-  const Real normal = row.out * v[row.axis];
   const bool pushed = last && last->force > 0;
   if (last && row.gap < kTouches * h) {
     row.holds = pushed;
     row.least = std::max(row.least, Real(0));
   } else {
-    row.holds = normal < row.least;
+    row.holds = before < row.least;
   }
   if (!row.holds || !pushed) return;
   row.limit = static_cast<Real>(friction * static_cast<double>(last->force) * dt);
@@ -205,6 +205,7 @@ std::vector<WallRow> find_rows(const StepContext& step, const SolidStates& state
   std::map<std::size_t, std::uint8_t> axes;  // node -> axes with a row
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     const LastPresses last = last_presses(states[l]);
+    const grid::VectorField& own = states[l].v;
     const bool fast = states[l].speed * dt > kSlow * scene.grid.h;
     for (std::size_t face = 0; face < 6; ++face) {
       Footprint print = footprint(step, states[l], solids[l], l, common, face);
@@ -213,9 +214,12 @@ std::vector<WallRow> find_rows(const StepContext& step, const SolidStates& state
       find_vertices(common, states[l], face, print);
       std::erase_if(print.rows, [&](const WallRow& row) { return axes[row.node] & bit(row.axis); });
       for (WallRow& row : print.rows) {
+        const Grid& band = states[l].band.grid;
+        const std::size_t node =
+            band.node(row.place[0] - band.lo[0], row.place[1] - band.lo[1], row.place[2] - band.lo[2]);
         const auto held = last.find({row.place[0], row.place[1], row.place[2], row.axis});
         decide(held == last.end() ? nullptr : held->second, scene.grid.h, dt, fast, scene.solids[l].friction,
-               velocity.at(row.node), row);
+               row.out * own.c[static_cast<std::size_t>(row.axis)][node], velocity.at(row.node), row);
         axes[row.node] |= bit(row.axis);
       }
       share_friction(scene.solids[l].friction * dt * pushed_at(states[l], face), print.rows);

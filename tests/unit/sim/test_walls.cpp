@@ -125,6 +125,26 @@ TEST_CASE("A ball that turns just above a floor is not disturbed by it", "[law]"
   CHECK(s->diagnose_solid(0).kinetic_energy > 0.99 * before);
 }
 
+TEST_CASE("A ball at rest stays there whatever steps it is taken in", "[law]") {
+  sim::Params p = box_params({0.4, 0.36, 0.4});
+  p.fluid.present = false;
+  auto s = make_simulation(p, {ball_desc({0.2, 0.1, 0.2})});
+  while (s->state().time < 2.0) s->step(1.0 / 96.0);
+  const auto before = s->diagnose_solid(0);
+  const double unit = before.mass * kGravity * 0.1;
+  INFO("kinetic energy at rest " << before.kinetic_energy / unit << " m g R");
+  CHECK(before.kinetic_energy < 1e-6 * unit);
+  const auto check = [&](double dt, double energy, double cells) {
+    s->step(dt);
+    const auto now = s->diagnose_solid(0);
+    INFO("after a step of " << dt << " s " << now.kinetic_energy / unit << " m g R");
+    CHECK(now.kinetic_energy < energy * unit);
+    CHECK(std::abs(now.center[1] - before.center[1]) < cells * p.voxel_size);
+  };
+  for (const double dt : {1.0 / 48.0, 1.0 / 48.0, 1.0 / 200.0, 1.0 / 48.0}) check(dt, 2e-5, 2e-3);
+  for (const double dt : {1e-5, 1e-8, 1.0 / 48.0}) check(dt, 1e-3, 0.02);  // after it no pressure is known
+}
+
 TEST_CASE("What a wall has pulled it lets go in the next step", "[law]") {
   sim::Params p = box_params({0.4, 0.4, 0.4});
   p.fluid.present = false;
