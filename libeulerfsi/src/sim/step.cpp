@@ -103,7 +103,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   SolidStates& states = state.solids;
   fluid::FluidState& fluid = state.fluid;
   StepInfo info;
-  double dt = compute_time_step(parallel, scene, states, state.fluid_speed, remaining);  // Alg. 1 line 1
+  double dt = compute_time_step(parallel, scene, states, state.fluid_speed, state.steps, remaining);  // Alg. 1 line 1
   if (shrink < 1.0) dt = std::min(dt, shrink * remaining);
   info.dt = dt;
   const StepContext step{parallel, scene, state.time, dt, profile, info};

@@ -20,6 +20,7 @@ constexpr double kContactStrain = 0.1;    // in a step in contact, below which w
 // Cells per step in flight over those elsewhere: through vacuum (4 where these are 1.8) and through a fluid of at most
 // kThin of a solid's density. The pressure of the fluid grows with what a solid moves in a step, and presses it.
 constexpr double kVacuumReach = 20.0 / 9.0, kFluidReach = 1.5, kThin = 0.01;
+constexpr double kStart = 0.1;         // cells in the first step, in which the fluid gives way to solids that move
 constexpr double kFarthest = 3.95;     // cells per step: one of more than four is repeated
 constexpr double kFlightStrain = 0.1;  // or angle [rad], in a step in flight
 
@@ -121,7 +122,7 @@ double speed_limit(const Parallel& parallel, const Scene& scene, const solid::So
 }  // namespace
 
 double compute_time_step(const Parallel& parallel, const Scene& scene, const SolidStates& states, double fluid_speed,
-                         double remaining) {
+                         std::uint64_t steps, double remaining) {
   const Params& params = scene.params;
   const grid::Grid& g = scene.grid;
   double limit = params.max_time_step > 0.0 ? std::min(params.max_time_step, remaining) : remaining;
@@ -131,6 +132,8 @@ double compute_time_step(const Parallel& parallel, const Scene& scene, const Sol
     limit = std::min(limit, wall_limit(parallel, scene, l, states[l], gaps));
     limit = speed_limit(parallel, scene, states[l], free_cells(scene, boxes, l, gaps), limit);
   }
+  if (params.fluid.present && steps == 0)
+    for (const solid::SolidState& solid : states) limit = std::min(limit, time_to_move(solid.speed, 0.0, kStart * g.h));
   if (params.fluid.present) limit = std::min(limit, time_to_move(fluid_speed, 0.0, params.cfl_fluid * g.h));
   return remaining / std::ceil(remaining / limit - 1e-6);
 }

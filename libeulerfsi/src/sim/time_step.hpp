@@ -2,12 +2,15 @@
 // Paper: Alg. 1 line 1; Sec. 5.2 (CFL 1.8).
 #pragma once
 
+#include <cstdint>
+
 #include "sim/scene.hpp"
 
 namespace efsi::sim {
 
-// The largest step that the limits allow, at most `remaining`; the rest up to `remaining` is divided into equal steps.
+// steps: made so far. The largest step that the limits allow, at most `remaining`; the rest up to `remaining` is
+// divided into equal steps.
 double compute_time_step(const Parallel& parallel, const Scene& scene, const SolidStates& states, double fluid_speed,
-                         double remaining);
+                         std::uint64_t steps, double remaining);
 
 }  // namespace efsi::sim
