@@ -180,7 +180,9 @@ void solve_correction(const StepContext& step, const Grid& g, const system::Slip
                                                     pressure.correction, numerics.velocity_tolerance);
   info.velocity_iterations += static_cast<std::uint64_t>(stats.iterations);
   info.unconverged += !stats.converged;
-  if (numerics.conserve_momentum) elasticity.conserve_momentum(parallel, pressure.impulse, pressure.correction);
+  if (!numerics.conserve_momentum) return;
+  elasticity.add_penalties(-1, pressure.correction, pressure.impulse);  // contact answers, too
+  elasticity.conserve_momentum(parallel, pressure.impulse, pressure.correction);
 }
 
 // v -= M^-1 J^T q, but v = v* - share G^-1 J^T q on the nodes that carry solids.

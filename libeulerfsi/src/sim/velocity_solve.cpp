@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "linalg/reduce.hpp"
+#include "sim/solid_contact.hpp"
 #include "sim/wall_contact.hpp"
 #include "solid/displacement.hpp"
 
@@ -21,6 +22,9 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
   ScopedTimer timer(profile, Stage::kComputeG);
   system::VelocitySystem& system = elasticity.system;
   std::vector<Real>& momentum = elasticity.momentum;
+  SolidContacts& contacts = elasticity.contacts;
+  contacts = find_solid_contacts(step, states, solids, matter.common, velocity);
+  const std::vector<std::uint8_t> pressed = pressed_solids(scene.solids.size(), contacts);
   std::vector<system::SolidRef> refs;
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     const solid::SolidRest& rest = scene.solids[l];
@@ -29,7 +33,7 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
       const double pace = dt * std::sqrt(rest.elastic.mu / rest.density) / scene.grid.h;
       const double strain = dt * solid::largest_strain_rate(parallel, states[l], solids[l].carries);
       const double growth = std::max(solids[l].max_det_f, 1.0 / solids[l].min_det_f);
-      ref.loose = shares_while(false, pace, strain, growth);
+      ref.loose = shares_while(pressed[l], pace, strain, growth);
       ref.held = shares_while(true, pace, strain, growth);
     }
     refs.push_back(ref);
@@ -40,7 +44,8 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
   system.assemble(parallel, matter.common.grid, walls.empty() ? matter.fixed : held, refs, matter.mass, velocity.slip,
                   dt);
   tie_rows(elasticity.walls, system);
-  elasticity.holds = find_holds(scene.solids.size(), system);
+  number_rows(system, contacts);
+  elasticity.holds = find_holds(scene.solids.size(), system, meeting_pairs(contacts));
   {
     const system::SolidView view(parallel, velocity.slip, velocity.field);
     system.gather(parallel, velocity.field, elasticity.v_star);
@@ -69,11 +74,13 @@ void solve_velocity(const StepContext& step, VelocityEquation& elasticity, NodeV
   system::VelocitySystem& system = elasticity.system;
   linalg::SolveStats stats;
   for (int pass = 0; pass == 0 || (pass < kMostPasses && hold_more(elasticity.walls, elasticity)); ++pass) {
-    stats = system.solve(parallel, numerics.velocity_solver, elasticity.f_star, elasticity.v_star,
-                         numerics.velocity_tolerance);
+    stats = system::solve_contact(parallel, numerics.velocity_solver, elasticity.f_star, numerics.velocity_tolerance,
+                                  system, elasticity.contacts.rows, elasticity.v_star);
     info.velocity_iterations += static_cast<std::uint64_t>(stats.iterations);
   }
-  elasticity.holds = find_holds(scene.solids.size(), system);
+  system::add_impulses(elasticity.contacts.rows, elasticity.f_star);
+  system::add_impulses(elasticity.contacts.rows, elasticity.momentum);
+  elasticity.holds = find_holds(scene.solids.size(), system, pushing_pairs(elasticity.contacts));
   add_reactions(parallel, elasticity, elasticity.walls);
   info.velocity_residual = stats.residual;
   info.unconverged += !stats.converged;

@@ -96,6 +96,8 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
 
   moves_ = free_;
   ties_.clear();
+  penalties_.clear();
+  bare_.clear();
 
   // Elements in blocks, and the lists by which unknowns gather from them.
   block_begin_.assign(1, 0);
@@ -249,10 +251,47 @@ void VelocitySystem::apply(const Parallel& parallel, const std::vector<Real>& x,
         return out;
       },
       y);
+  add_penalties(1, masked_, y);
   for (const Tie& t : ties_) {
     y[t.to] += y[t.from];
     y[t.from] = x[t.from];
   }
+}
+
+void VelocitySystem::set_penalties(std::vector<Penalty> penalties) {
+  for (auto entry = bare_.rbegin(); entry != bare_.rend(); ++entry) inverse_diagonal_[entry->first] = entry->second;
+  bare_.clear();
+  penalties_ = std::move(penalties);
+  for (const Penalty& p : penalties_)
+    for (const RowPart& part : p.parts)
+      for (std::size_t a = 0; a < 3; ++a) {
+        const std::size_t i = 3 * part.unknown + a;
+        if (!(free_[i] > 0)) continue;
+        const auto e = static_cast<Eigen::Index>(a);
+        bare_.emplace_back(i, inverse_diagonal_[i]);
+        inverse_diagonal_[i] = 1 / (1 / inverse_diagonal_[i] + part.weight * part.weight * p.stiffness(e, e));
+      }
+}
+
+void VelocitySystem::add_penalties(Real s, const std::vector<Real>& x, std::vector<Real>& y) const {
+  for (const Penalty& p : penalties_) {
+    Vec3 v = Vec3::Zero();
+    for (const RowPart& part : p.parts)
+      for (std::size_t a = 0; a < 3; ++a) v[static_cast<Eigen::Index>(a)] += part.weight * x[3 * part.unknown + a];
+    const Vec3 force = s * (p.stiffness * v);
+    for (const RowPart& part : p.parts)
+      for (std::size_t a = 0; a < 3; ++a) {
+        const std::size_t i = 3 * part.unknown + a;
+        if (moves_[i] > 0) y[i] += part.weight * force[static_cast<Eigen::Index>(a)];
+      }
+  }
+}
+
+double VelocitySystem::mobility(std::size_t unknown) const {
+  double sum = 0.0;
+  for (std::size_t i = 3 * unknown; i < 3 * unknown + 3; ++i)
+    if (free_[i] > 0) sum += static_cast<double>(inverse_diagonal_[i]);
+  return sum / 3.0;
 }
 
 Vec3 VelocitySystem::sliding_momentum(std::size_t u, const std::vector<Real>& x) const {
@@ -295,7 +334,10 @@ linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolve
     if (free_[i] == 0) x[i] = 0;
     any = any || given[i] != 0;
   }
-  if (any) multiply(parallel, given, load_);
+  if (any) {
+    multiply(parallel, given, load_);
+    add_penalties(1, given, load_);
+  }
   for (std::size_t i = 0; i < b.size(); ++i) load_[i] = moves_[i] > 0 ? (any ? b[i] - load_[i] : b[i]) : Real(0);
   for (const Tie& t : ties_) {
     load_[t.to] += load_[t.from];
