@@ -147,9 +147,11 @@ void prepare_pressure(const StepContext& step, const SolidStates& states, SolidW
                     [&](std::size_t c) { held[c] = static_cast<Real>(-dt * (static_cast<double>(last[c]) - level)); });
   }
   compute_impulses(parallel, g, elasticity.system, velocity.slip, held, pressure.impulse);
+  std::vector<Real> pushed = elasticity.f_star;
+  system::add_impulses(elasticity.contacts.rows, pushed);  // of the last step
   double with = 0.0, without = 0.0;
   for (std::size_t i = 0; i < pressure.impulse.size(); ++i) {
-    const double f = static_cast<double>(elasticity.system.moves()[i]) * static_cast<double>(elasticity.f_star[i]);
+    const double f = static_cast<double>(elasticity.system.moves()[i]) * static_cast<double>(pushed[i]);
     const double left = f - static_cast<double>(pressure.impulse[i]);
     without += f * f;
     with += left * left;

@@ -13,6 +13,34 @@ namespace {
 
 constexpr int kMostPasses = 4;  // of the velocity solve, each with the rows that the last one has led into walls
 
+// The velocities of the solids at the start of the step on the unknowns, as far as nothing is prescribed.
+std::vector<Real> old_velocities(const SolidStates& states, const SolidWorks& solids, const grid::Grid& common,
+                                 const VelocityEquation& elasticity) {
+  std::vector<Real> old = elasticity.v_star;
+  for (std::size_t l = 0; l < states.size(); ++l) {
+    const grid::Grid& band = states[l].band.grid;
+    const Vec3i lo = grid::offset(band, common);
+    for (std::size_t n = 0; n < solids[l].carries.size(); ++n) {
+      if (!solids[l].carries[n]) continue;
+      const Vec3i at = band.node_place(n);
+      const std::size_t u = 3 * elasticity.system.unknown_of(common.node(at[0] + lo[0], at[1] + lo[1], at[2] + lo[2]));
+      for (std::size_t a = 0; a < 3; ++a)
+        if (elasticity.system.free()[u + a] > 0) old[u + a] = states[l].v.c[a][n];
+    }
+  }
+  return old;
+}
+
+// |f + B^T r - G x| of what moves, r the impulses of the last step.
+double first_residual(const Parallel& parallel, const std::vector<Real>& x, VelocityEquation& elasticity) {
+  std::vector<Real> left = elasticity.f_star, moved;
+  system::add_impulses(elasticity.contacts.rows, left);
+  elasticity.system.multiply(parallel, x, moved);
+  linalg::add_scaled(parallel, left, -1.0, moved);
+  linalg::multiply(parallel, left, elasticity.system.moves(), left);
+  return linalg::norm(parallel, left);
+}
+
 }  // namespace
 
 void assemble_velocity_system(const StepContext& step, SolidStates& states, SolidWorks& solids, const Matter& matter,
@@ -63,6 +91,7 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
   linalg::multiply(parallel, momentum, system.moves(), momentum);
   system.add_past_stiffness(parallel, elasticity.v_star, elasticity.f_star);
   add_friction(elasticity.walls, elasticity);
+  if (!contacts.rows.empty()) elasticity.v_old = old_velocities(states, solids, matter.common.grid, elasticity);
   timer.visited(static_cast<std::uint64_t>(system.unknowns()), 30 * sizeof(Real));
 }
 
@@ -73,11 +102,16 @@ void solve_velocity(const StepContext& step, VelocityEquation& elasticity, NodeV
   const Numerics& numerics = scene.params.numerics;
   system::VelocitySystem& system = elasticity.system;
   linalg::SolveStats stats;
+  // What presses on something hardly moves faster for its weight.
+  if (!elasticity.contacts.rows.empty() && first_residual(parallel, elasticity.v_old, elasticity) <
+                                               first_residual(parallel, elasticity.v_star, elasticity))
+    elasticity.v_star = elasticity.v_old;
   for (int pass = 0; pass == 0 || (pass < kMostPasses && hold_more(elasticity.walls, elasticity)); ++pass) {
     stats = system::solve_contact(parallel, numerics.velocity_solver, elasticity.f_star, numerics.velocity_tolerance,
-                                  system, elasticity.contacts.rows, elasticity.v_star);
+                                  scene.grid.h / dt, system, elasticity.contacts.rows, elasticity.v_star);
     info.velocity_iterations += static_cast<std::uint64_t>(stats.iterations);
   }
+  if (getenv("NOPEN")) elasticity.system.set_penalties({});
   system::add_impulses(elasticity.contacts.rows, elasticity.f_star);
   system::add_impulses(elasticity.contacts.rows, elasticity.momentum);
   elasticity.holds = find_holds(scene.solids.size(), system, pushing_pairs(elasticity.contacts));

@@ -77,6 +77,7 @@ struct VelocityEquation {
   SolidContacts contacts;      // what solids do to each other
   std::vector<Real> f_star;    // the right-hand side [kg m/s]
   std::vector<Real> v_star;    // start of the solve, then v* [m/s]
+  std::vector<Real> v_old;     // at the start of the step, where there are contacts [m/s]
   std::vector<Real> momentum;  // M v + dt f, which v* has to have [kg m/s]
 };
 

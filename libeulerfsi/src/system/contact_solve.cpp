@@ -2,17 +2,21 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
 
 #include "linalg/reduce.hpp"
 
 namespace efsi::system {
 namespace {
 
-constexpr double kStiff = 3.0;      // of a penalty, over the inverse of the mobility of its row by the diagonal of G
+static double E(const char*n,double d){const char*v=getenv(n);return v?atof(v):d;}
+static const double kStiff = E("KS",3.0);      // of a penalty, over the inverse of the mobility of its row by the diagonal of G
 constexpr int kMostOuter = 20;      // updates of the impulses
-constexpr int kMostNewton = 8;      // steps between two of them
+static const int kMostNewton = (int)E("KN",8);      // steps between two of them
+static const double kSameShare = E("KSS",0.2);
 constexpr double kSettled = 1e-3;   // change of the impulses in an update, over the largest
-constexpr double kRefined = 0.1;    // of the residual, in solves after the first
+static const double kRefined = E("KR",0.1);    // of the residual, in solves after the first
 constexpr double kDescends = 1e-3;  // slope at the end of a step over that at its start: no line search
 
 // The largest vector along v that is no longer than `limit`.
@@ -29,32 +33,29 @@ double next_push(const ContactRow& row, const Vec3d& w) {
 }
 Vec3d next_pull(const ContactRow& row, const Vec3d& w) { return row.pull - row.penalty * across(row, w); }
 
-// What a row does in a Newton step.
+// What a row does in a Newton step: friction as a spring that gives `share` of what would make it stick, 1 where it
+// does. Where it slides that is a bound of its energy from above, so that a step never overshoots.
 struct Act {
-  bool closed = false, sticks = false;
-  double limit = 0.0;           // of friction [kg m/s]
-  Vec3d slide = Vec3d::Zero();  // impulse of friction where it slides
-  bool same(const Act& other) const { return closed == other.closed && sticks == other.sticks; }
+  bool closed = false;
+  double limit = 0.0, share = 0.0;  // of friction [kg m/s]; share: of the force
 };
 
 std::vector<Act> decide(const std::vector<ContactRow>& rows, const std::vector<Real>& x) {
   std::vector<Act> acts(rows.size());
   for (std::size_t r = 0; r < rows.size(); ++r) {
-    const ContactRow& row = rows[r];
-    const Vec3d w = row_velocity(row, x);
-    const double push = next_push(row, w);
-    Act& act = acts[r];
-    act.closed = push > 0.0;
-    act.limit = row.friction * push;
-    const Vec3d pull = next_pull(row, w);
-    act.sticks = act.closed && pull.norm() < act.limit;
-    if (act.closed && !act.sticks) act.slide = shorten(pull, act.limit);
+    const Vec3d w = row_velocity(rows[r], x);
+    const double push = next_push(rows[r], w), pull = next_pull(rows[r], w).norm();
+    acts[r] = {push > 0.0, rows[r].friction * push, 0.0};
+    if (acts[r].limit > 0.0) acts[r].share = pull > acts[r].limit ? acts[r].limit / pull : 1.0;
   }
   return acts;
 }
 
+// Whether a step has changed nothing of account.
 bool same(const std::vector<Act>& a, const std::vector<Act>& b) {
-  return std::equal(a.begin(), a.end(), b.begin(), [](const Act& one, const Act& other) { return one.same(other); });
+  return std::equal(a.begin(), a.end(), b.begin(), [](const Act& one, const Act& other) {
+    return one.closed == other.closed && std::abs(one.share - other.share) < kSameShare;
+  });
 }
 
 void add_impulse(const ContactRow& row, const Vec3d& impulse, std::vector<Real>& f) {
@@ -70,10 +71,9 @@ void linearise(const std::vector<ContactRow>& rows, const std::vector<Act>& acts
   for (std::size_t r = 0; r < rows.size(); ++r) {
     const ContactRow& row = rows[r];
     if (!acts[r].closed) continue;
-    const Mat3d along = row.normal * row.normal.transpose(), all = Mat3d::Identity();
-    penalties.push_back({row.parts, (row.penalty * (acts[r].sticks ? all : along)).cast<Real>()});
-    add_impulse(row, (row.push + row.penalty * row.least) * row.normal + (acts[r].sticks ? row.pull : acts[r].slide),
-                load);
+    const Mat3d along = row.normal * row.normal.transpose(), beside = Mat3d::Identity() - along;
+    penalties.push_back({row.parts, (row.penalty * (along + acts[r].share * beside)).cast<Real>()});
+    add_impulse(row, (row.push + row.penalty * row.least) * row.normal + acts[r].share * row.pull, load);
   }
   system.set_penalties(std::move(penalties));
 }
@@ -124,8 +124,8 @@ double step_length(const Slope& slope) {
 }
 
 // Takes up in the impulses what the penalties have done; returns the largest change over the largest impulse.
-double update(const std::vector<Real>& x, std::vector<ContactRow>& rows) {
-  double change = 0.0, largest = 0.0;
+double update(const std::vector<Real>& x, double speed_scale, std::vector<ContactRow>& rows) {
+  double change = 0.0, largest = 0.0, worst = 0.0;
   for (ContactRow& row : rows) {
     const Vec3d w = row_velocity(row, x), before = row.impulse();
     const Vec3d pull = next_pull(row, w);
@@ -134,8 +134,24 @@ double update(const std::vector<Real>& x, std::vector<ContactRow>& rows) {
     row.pull = shorten(pull, row.friction * row.push);
     change = std::max(change, (row.impulse() - before).norm());
     largest = std::max(largest, row.impulse().norm());
+    if (row.penalty > 0) worst = std::max(worst, (row.impulse() - before).norm() / row.penalty);
   }
-  return largest > 0.0 ? change / largest : 0.0;
+  return (worst < E("KV",0)*speed_scale) ? 0.0 : largest > 0.0 ? change / largest : 0.0;
+}
+
+// |f + B^T r - G x| of what moves, r the impulses that the rows have at x.
+double first_residual(const Parallel& parallel, const std::vector<Real>& f, const std::vector<Real>& x,
+                      const std::vector<ContactRow>& rows, VelocitySystem& system) {
+  std::vector<Real> left = f, moved;
+  for (const ContactRow& row : rows) {
+    const Vec3d w = row_velocity(row, x);
+    const double push = next_push(row, w);
+    add_impulse(row, push * row.normal + shorten(next_pull(row, w), row.friction * push), left);
+  }
+  system.multiply(parallel, x, moved);
+  linalg::add_scaled(parallel, left, -1.0, moved);
+  linalg::multiply(parallel, left, system.moves(), left);
+  return linalg::norm(parallel, left);
 }
 
 }  // namespace
@@ -154,8 +170,8 @@ void add_impulses(const std::vector<ContactRow>& rows, std::vector<Real>& f) {
 }
 
 linalg::SolveStats solve_contact(const Parallel& parallel, VelocitySolver solver, const std::vector<Real>& f,
-                                 double tolerance, VelocitySystem& system, std::vector<ContactRow>& rows,
-                                 std::vector<Real>& x) {
+                                 double tolerance, double negligible, VelocitySystem& system,
+                                 std::vector<ContactRow>& rows, std::vector<Real>& x) {
   if (rows.empty()) return system.solve(parallel, solver, f, x, tolerance);
   system.set_penalties({});
   for (ContactRow& row : rows) {
@@ -168,19 +184,19 @@ linalg::SolveStats solve_contact(const Parallel& parallel, VelocitySolver solver
   }
   linalg::SolveStats stats;
   std::vector<Real> load, start, way;
-  bool first = true;
+  const double reference = std::max(first_residual(parallel, f, x, rows, system), system.rounding(parallel, x) / tolerance);
   for (int outer = 0; outer < kMostOuter; ++outer) {
     std::vector<Act> acts = decide(rows, x);
     for (int newton = 0; newton < kMostNewton; ++newton) {
       load = f;
       linearise(rows, acts, system, load);
       start = x;
-      const linalg::SolveStats solve = system.solve(parallel, solver, load, x, first ? tolerance : kRefined);
-      first = false;
+      const linalg::SolveStats solve = system.solve(parallel, solver, load, x, tolerance, reference);
       stats.iterations += solve.iterations;
       stats.converged = solve.converged;
       stats.residual = solve.residual;
       std::vector<Act> next = decide(rows, x);
+      if (getenv("CDBG")) fprintf(stderr, "    newton %d its %d res %.2e same %d\n", newton, solve.iterations, solve.residual, (int)same(acts,next));
       if (same(acts, next)) break;
       way = x;
       linalg::add_scaled(parallel, way, -1.0, start);
@@ -192,7 +208,10 @@ linalg::SolveStats solve_contact(const Parallel& parallel, VelocitySolver solver
       }
       acts = std::move(next);
     }
-    if (update(x, rows) < kSettled) return stats;
+    const double change = update(x, negligible, rows);
+    int closed = 0; for (auto& r : rows) closed += r.push > 0;
+    if (getenv("CDBG")) fprintf(stderr, "  outer %d change %.2e closed %d its %d\n", outer, change, closed, stats.iterations);
+    if (change < kSettled) return stats;
   }
   stats.converged = false;
   return stats;

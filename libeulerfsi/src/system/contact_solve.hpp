@@ -35,7 +35,7 @@ void add_impulses(const std::vector<ContactRow>& rows, std::vector<Real>& f);
 // Solves for x, in: start, and for the impulses, in: estimates. The rows that are closed stay in G as penalties.
 // Iterations are those of all solves. f: without the rows.
 linalg::SolveStats solve_contact(const Parallel& parallel, VelocitySolver solver, const std::vector<Real>& f,
-                                 double tolerance, VelocitySystem& system, std::vector<ContactRow>& rows,
-                                 std::vector<Real>& x);
+                                 double tolerance, double negligible, VelocitySystem& system,
+                                 std::vector<ContactRow>& rows, std::vector<Real>& x);
 
 }  // namespace efsi::system

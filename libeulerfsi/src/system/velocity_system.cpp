@@ -1,6 +1,8 @@
 #include "system/velocity_system.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 
 #include "linalg/jacobi.hpp"
 #include "linalg/reduce.hpp"
@@ -14,6 +16,7 @@ constexpr double kLivelyAhead = 0.26, kLivelyBehind = 0.25;
 constexpr double kLivelyPace = 1.25, kLivelyStrain = 0.1, kLivelyGrowth = 1.25;  // from here to twice as much it fades
 constexpr double kDampedAhead = 0.6, kAheadOfPace = 0.4;
 constexpr std::uint8_t kAllAxes = 7;
+constexpr double kRounding = 8.0 * std::numeric_limits<Real>::epsilon();  // of what cancels in a residual
 
 constexpr auto kAsItIs = [](std::size_t, const Vec3& sum) -> Vec3 { return sum; };
 
@@ -287,6 +290,18 @@ void VelocitySystem::add_penalties(Real s, const std::vector<Real>& x, std::vect
   }
 }
 
+double VelocitySystem::rounding(const Parallel& parallel, const std::vector<Real>& x) const {
+  return kRounding * std::sqrt(parallel.sum(unknowns(), [&](std::int64_t u) {
+    double sum = 0.0;
+    for (std::size_t i = 3 * static_cast<std::size_t>(u); i < 3 * static_cast<std::size_t>(u) + 3; ++i) {
+      if (!(free_[i] > 0)) continue;
+      const double term = static_cast<double>(x[i] / inverse_diagonal_[i]);
+      sum += term * term;
+    }
+    return sum;
+  }));
+}
+
 double VelocitySystem::mobility(std::size_t unknown) const {
   double sum = 0.0;
   for (std::size_t i = 3 * unknown; i < 3 * unknown + 3; ++i)
@@ -320,7 +335,7 @@ void VelocitySystem::internal_force(const Parallel& parallel, std::vector<Real>&
 }
 
 linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolver solver, const std::vector<Real>& b,
-                                         std::vector<Real>& x, double tolerance) {
+                                         std::vector<Real>& x, double tolerance, double reference) {
   const linalg::Operator g = [&](const std::vector<Real>& in, std::vector<Real>& out) { apply(parallel, in, out); };
   linalg::SolveOptions options;
   options.tolerance = tolerance;
@@ -347,7 +362,8 @@ linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolve
   if (solver == VelocitySolver::kPcr) {
     stats = linalg::pcr(parallel, g, jacobi, load_, x, options, pcr_);
   } else {
-    options.against_start = true;
+    options.against_start = !(reference > 0.0);
+    options.reference = reference;
     stats = linalg::pcg(parallel, g, jacobi, load_, x, options, pcg_);
   }
   if (any)

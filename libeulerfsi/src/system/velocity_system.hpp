@@ -71,6 +71,8 @@ class VelocitySystem {
   void set_penalties(std::vector<Penalty> penalties);
   // y += s B^T S B x of the penalties.
   void add_penalties(Real s, const std::vector<Real>& x, std::vector<Real>& y) const;
+  // Below this the residual of x is noise.
+  double rounding(const Parallel& parallel, const std::vector<Real>& x) const;
   // Inverse of the diagonal of G without penalties, the mean of the components that move [1/kg].
   double mobility(std::size_t unknown) const;
   // y = G x without penalties, whatever walls fix.
@@ -82,8 +84,9 @@ class VelocitySystem {
   // sum of the elements' forces on each unknown [N].
   void internal_force(const Parallel& parallel, std::vector<Real>& force);
   // Solves G x = b for the components that walls leave free; the others of x are given, those of b do not count.
+  // reference: what the tolerance is relative to, 0: the first residual (conjugate gradients).
   linalg::SolveStats solve(const Parallel& parallel, VelocitySolver solver, const std::vector<Real>& b,
-                           std::vector<Real>& x, double tolerance);
+                           std::vector<Real>& x, double tolerance, double reference = 0.0);
   // Internal forces sum to nothing and turn nothing: gives each solid the linear and angular momentum of b, as far as
   // walls leave it free; solids that touch each other are left alone. The solve does that up to its tolerance and to
   // the turning of the stress during the step.
