@@ -2,21 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 
 #include "linalg/reduce.hpp"
 
 namespace efsi::system {
 namespace {
 
-static double E(const char*n,double d){const char*v=getenv(n);return v?atof(v):d;}
-static const double kStiff = E("KS",3.0);      // of a penalty, over the inverse of the mobility of its row by the diagonal of G
+constexpr double kStiff = 3.0;      // of a penalty, over the inverse of the mobility of its row by the diagonal of G
 constexpr int kMostOuter = 20;      // updates of the impulses
-static const int kMostNewton = (int)E("KN",8);      // steps between two of them
-static const double kSameShare = E("KSS",0.2);
+constexpr int kMostNewton = 8;      // steps between two of them
 constexpr double kSettled = 1e-3;   // change of the impulses in an update, over the largest
-static const double kRefined = E("KR",0.1);    // of the residual, in solves after the first
+constexpr double kSameShare = 0.2;  // change of a share of friction that is of no account between two updates
 constexpr double kDescends = 1e-3;  // slope at the end of a step over that at its start: no line search
 
 // The largest vector along v that is no longer than `limit`.
@@ -123,20 +119,23 @@ double step_length(const Slope& slope) {
   return high;
 }
 
-// Takes up in the impulses what the penalties have done; returns the largest change over the largest impulse.
-double update(const std::vector<Real>& x, double speed_scale, std::vector<ContactRow>& rows) {
-  double change = 0.0, largest = 0.0, worst = 0.0;
+// Takes up in the impulses what the penalties have done. Whether that is settled: a small part of the largest impulse,
+// or what leads the surfaces into each other, or along each other where they stick, at less than `negligible`.
+bool update(const std::vector<Real>& x, double negligible, std::vector<ContactRow>& rows) {
+  double change = 0.0, largest = 0.0, fastest = 0.0;
   for (ContactRow& row : rows) {
+    if (!(row.penalty > 0.0)) continue;
     const Vec3d w = row_velocity(row, x), before = row.impulse();
     const Vec3d pull = next_pull(row, w);
     row.push = next_push(row, w);
     row.sticks = row.push > 0.0 && pull.norm() < row.friction * row.push;
     row.pull = shorten(pull, row.friction * row.push);
-    change = std::max(change, (row.impulse() - before).norm());
+    const double changed = (row.impulse() - before).norm();
+    change = std::max(change, changed);
     largest = std::max(largest, row.impulse().norm());
-    if (row.penalty > 0) worst = std::max(worst, (row.impulse() - before).norm() / row.penalty);
+    fastest = std::max(fastest, changed / row.penalty);
   }
-  return (worst < E("KV",0)*speed_scale) ? 0.0 : largest > 0.0 ? change / largest : 0.0;
+  return fastest <= negligible || change <= kSettled * largest;
 }
 
 // |f + B^T r - G x| of what moves, r the impulses that the rows have at x.
@@ -184,7 +183,8 @@ linalg::SolveStats solve_contact(const Parallel& parallel, VelocitySolver solver
   }
   linalg::SolveStats stats;
   std::vector<Real> load, start, way;
-  const double reference = std::max(first_residual(parallel, f, x, rows, system), system.rounding(parallel, x) / tolerance);
+  const double reference =
+      std::max(first_residual(parallel, f, x, rows, system), system.rounding(parallel, x) / tolerance);
   for (int outer = 0; outer < kMostOuter; ++outer) {
     std::vector<Act> acts = decide(rows, x);
     for (int newton = 0; newton < kMostNewton; ++newton) {
@@ -196,7 +196,6 @@ linalg::SolveStats solve_contact(const Parallel& parallel, VelocitySolver solver
       stats.converged = solve.converged;
       stats.residual = solve.residual;
       std::vector<Act> next = decide(rows, x);
-      if (getenv("CDBG")) fprintf(stderr, "    newton %d its %d res %.2e same %d\n", newton, solve.iterations, solve.residual, (int)same(acts,next));
       if (same(acts, next)) break;
       way = x;
       linalg::add_scaled(parallel, way, -1.0, start);
@@ -208,10 +207,7 @@ linalg::SolveStats solve_contact(const Parallel& parallel, VelocitySolver solver
       }
       acts = std::move(next);
     }
-    const double change = update(x, negligible, rows);
-    int closed = 0; for (auto& r : rows) closed += r.push > 0;
-    if (getenv("CDBG")) fprintf(stderr, "  outer %d change %.2e closed %d its %d\n", outer, change, closed, stats.iterations);
-    if (change < kSettled) return stats;
+    if (update(x, negligible, rows)) return stats;
   }
   stats.converged = false;
   return stats;

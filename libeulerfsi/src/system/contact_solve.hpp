@@ -33,7 +33,7 @@ Vec3d row_velocity(const ContactRow& row, const std::vector<Real>& v);
 void add_impulses(const std::vector<ContactRow>& rows, std::vector<Real>& f);
 
 // Solves for x, in: start, and for the impulses, in: estimates. The rows that are closed stay in G as penalties.
-// Iterations are those of all solves. f: without the rows.
+// Iterations are those of all solves. f: without the rows. negligible: velocities below do not count [m/s].
 linalg::SolveStats solve_contact(const Parallel& parallel, VelocitySolver solver, const std::vector<Real>& f,
                                  double tolerance, double negligible, VelocitySystem& system,
                                  std::vector<ContactRow>& rows, std::vector<Real>& x);

@@ -292,14 +292,14 @@ void VelocitySystem::add_penalties(Real s, const std::vector<Real>& x, std::vect
 
 double VelocitySystem::rounding(const Parallel& parallel, const std::vector<Real>& x) const {
   return kRounding * std::sqrt(parallel.sum(unknowns(), [&](std::int64_t u) {
-    double sum = 0.0;
-    for (std::size_t i = 3 * static_cast<std::size_t>(u); i < 3 * static_cast<std::size_t>(u) + 3; ++i) {
-      if (!(free_[i] > 0)) continue;
-      const double term = static_cast<double>(x[i] / inverse_diagonal_[i]);
-      sum += term * term;
-    }
-    return sum;
-  }));
+           double sum = 0.0;
+           for (std::size_t i = 3 * static_cast<std::size_t>(u); i < 3 * static_cast<std::size_t>(u) + 3; ++i) {
+             if (!(free_[i] > 0)) continue;
+             const double term = static_cast<double>(x[i] / inverse_diagonal_[i]);
+             sum += term * term;
+           }
+           return sum;
+         }));
 }
 
 double VelocitySystem::mobility(std::size_t unknown) const {

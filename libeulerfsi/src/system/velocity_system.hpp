@@ -73,7 +73,7 @@ class VelocitySystem {
   void add_penalties(Real s, const std::vector<Real>& x, std::vector<Real>& y) const;
   // Below this the residual of x is noise.
   double rounding(const Parallel& parallel, const std::vector<Real>& x) const;
-  // Inverse of the diagonal of G without penalties, the mean of the components that move [1/kg].
+  // Inverse of the diagonal of G, the mean of the components that move [1/kg].
   double mobility(std::size_t unknown) const;
   // y = G x without penalties, whatever walls fix.
   void multiply(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y);
