@@ -16,7 +16,8 @@ constexpr double kLivelyAhead = 0.26, kLivelyBehind = 0.25;
 constexpr double kLivelyPace = 1.25, kLivelyStrain = 0.1, kLivelyGrowth = 1.25;  // from here to twice as much it fades
 constexpr double kDampedAhead = 0.6, kAheadOfPace = 0.4;
 constexpr std::uint8_t kAllAxes = 7;
-constexpr double kRounding = 8.0 * std::numeric_limits<Real>::epsilon();  // of what cancels in a residual
+constexpr double kRounding =
+    8.0 * static_cast<double>(std::numeric_limits<Real>::epsilon());  // of what cancels in a residual
 
 constexpr auto kAsItIs = [](std::size_t, const Vec3& sum) -> Vec3 { return sum; };
 
