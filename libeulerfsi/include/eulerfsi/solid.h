@@ -91,7 +91,7 @@ typedef struct EfsiSolidDef {
   int32_t material;           /* EFSI_MATERIAL_* */
   int32_t compressible;       /* 1: the pressure does not keep its volume */
   const EfsiSurface* surface; /* stands in for `mesh` where it is not NULL; made for the simulation's voxel size */
-  double friction;            /* Coulomb's coefficient at the walls of the box */
+  double friction;            /* Coulomb's coefficient at walls; of two solids the mean */
   uint64_t reserved[2];
 } EfsiSolidDef;
 

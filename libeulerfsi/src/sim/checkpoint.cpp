@@ -11,7 +11,7 @@
 namespace efsi::sim {
 namespace {
 
-constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', '8'};
+constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', '9'};
 
 struct HashArchive {
   Hash hash;
@@ -22,6 +22,10 @@ struct HashArchive {
   template <class T>
   void array(const std::vector<T>& v) {
     hash.add_array(v);
+  }
+  // Where solids are apart the hash is that of the other fields.
+  void array(const std::vector<solid::SolidPress>& v) {
+    if (!v.empty()) hash.add_array(v);
   }
 };
 

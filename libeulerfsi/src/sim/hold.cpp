@@ -5,15 +5,24 @@
 #include <numeric>
 
 namespace efsi::sim {
+namespace {
 
-Holds find_holds(std::size_t solids, const system::VelocitySystem& system) {
+constexpr unsigned kAllAxes = 7;
+
+}  // namespace
+
+Holds find_holds(std::size_t solids, const system::VelocitySystem& system, const SolidPairs& contacts) {
   std::vector<std::size_t> first(solids);  // of each solid's cluster
   std::iota(first.begin(), first.end(), std::size_t{0});
-  for (const auto& [one, other] : system.touching()) {
-    const auto [low, high] = std::minmax({first[one], first[other]});
-    for (std::size_t& f : first)
-      if (f == high) f = low;
-  }
+  const auto join = [&](const SolidPairs& pairs) {
+    for (const auto& [one, other] : pairs) {
+      const auto [low, high] = std::minmax({first[one], first[other]});
+      for (std::size_t& f : first)
+        if (f == high) f = low;
+    }
+  };
+  join(system.touching());
+  join(contacts);
   Holds holds;
   holds.cluster_of.resize(solids);
   for (std::size_t l = 0; l < solids; ++l) {
@@ -25,6 +34,7 @@ Holds find_holds(std::size_t solids, const system::VelocitySystem& system) {
     Cluster& cluster = holds.clusters[holds.cluster_of[l]];
     cluster.solids.push_back(l);
     cluster.hold.axes |= system.held_axes(l);
+    if (cluster.solids.size() > 1) cluster.hold.axes = kAllAxes;
   }
   return holds;
 }

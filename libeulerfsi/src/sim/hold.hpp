@@ -3,6 +3,8 @@
 // counts.
 #pragma once
 
+#include <set>
+#include <utility>
 #include <vector>
 
 #include "solid/momentum.hpp"
@@ -11,12 +13,15 @@
 
 namespace efsi::sim {
 
+using SolidPairs = std::set<std::pair<std::size_t, std::size_t>>;
+
 struct Hold {
-  unsigned axes = 0;  // bit a: walls hold it along axis a; 7: it shares nodes with another solid
+  unsigned axes = 0;  // bit a: walls hold it along axis a; 7: another solid does
   bool touches() const { return axes != 0; }
 };
 
-// Solids joined by shared nodes, directly or through others, in ascending order; one that stands alone, too.
+// Solids joined by shared nodes or by contact, directly or through others, in ascending order; one that stands alone,
+// too.
 struct Cluster {
   std::vector<std::size_t> solids;
   Hold hold;  // of each of them
@@ -27,8 +32,8 @@ struct Holds {
   std::vector<std::size_t> cluster_of;  // per solid
   const Hold& of(std::size_t solid) const { return clusters[cluster_of[solid]].hold; }
 };
-// solids: how many there are in the system.
-Holds find_holds(std::size_t solids, const system::VelocitySystem& system);
+// solids: how many there are in the system; contacts: those that push each other.
+Holds find_holds(std::size_t solids, const system::VelocitySystem& system, const SolidPairs& contacts);
 
 // What pace and growth of a step leave of the stiffness: where something touches a solid, as if it were strained much.
 system::StiffnessShares shares_while(bool touches, double pace, double strain, double growth);

@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "base/kernel.hpp"
 #include "grid/boundary.hpp"
 #include "linalg/reduce.hpp"
 #include "sim/grid_loops.hpp"
+#include "sim/solid_contact.hpp"
 #include "sim/velocity_solve.hpp"
 #include "sim/volume_source.hpp"
 #include "sim/wall_contact.hpp"
@@ -39,6 +41,7 @@ std::vector<std::uint8_t> pressure_cells(const Parallel& parallel, const Scene& 
 }
 
 constexpr double kLastHolds = 0.7;       // of f*: the last pressure acts at once where it leaves less
+constexpr double kLastPresses = 0.5;     // of f* less M v, while solids push each other; with more it makes energy
 constexpr double kEstimate = 0.2;        // of the divergence that the estimate of a coupling step leaves
 constexpr double kWorthCoupling = 0.01;  // of density |div v|^2: the solids over the fluid
 
@@ -125,6 +128,18 @@ double fluid_level(const Parallel& parallel, const Grid& g, const std::vector<st
   return count > 0 ? sum / static_cast<double>(count) : 0.0;
 }
 
+// |f - impulse| / |f| of what moves; infinite where nothing pushes.
+double left_over(const std::vector<Real>& moves, const std::vector<Real>& pushed, const std::vector<Real>& impulse) {
+  double with = 0.0, without = 0.0;
+  for (std::size_t i = 0; i < impulse.size(); ++i) {
+    const double f = static_cast<double>(moves[i]) * static_cast<double>(pushed[i]);
+    const double left = f - static_cast<double>(impulse[i]);
+    without += f * f;
+    with += left * left;
+  }
+  return without > 0.0 ? std::sqrt(with / without) : std::numeric_limits<double>::infinity();
+}
+
 }  // namespace
 
 void prepare_pressure(const StepContext& step, const SolidStates& states, SolidWorks& solids, const Matter& matter,
@@ -147,14 +162,16 @@ void prepare_pressure(const StepContext& step, const SolidStates& states, SolidW
                     [&](std::size_t c) { held[c] = static_cast<Real>(-dt * (static_cast<double>(last[c]) - level)); });
   }
   compute_impulses(parallel, g, elasticity.system, velocity.slip, held, pressure.impulse);
-  double with = 0.0, without = 0.0;
-  for (std::size_t i = 0; i < pressure.impulse.size(); ++i) {
-    const double f = static_cast<double>(elasticity.system.moves()[i]) * static_cast<double>(elasticity.f_star[i]);
-    const double left = f - static_cast<double>(pressure.impulse[i]);
-    without += f * f;
-    with += left * left;
+  std::vector<Real> pushed = elasticity.f_star;
+  system::add_impulses(elasticity.contacts.rows, pushed);  // what solids pushed in the last step
+  const system::VelocitySystem& system = elasticity.system;
+  pressure.takes = left_over(system.moves(), pushed, pressure.impulse) < kLastHolds;
+  if (!pressure.takes && !meeting_pairs(elasticity.contacts).empty()) {  // seen from solids that slide along each other
+    std::vector<Real> moving;
+    system.multiply_mass(parallel, elasticity.v_old, moving);
+    linalg::add_scaled(parallel, pushed, -1.0, moving);
+    pressure.takes = left_over(system.moves(), pushed, pressure.impulse) < kLastPresses;
   }
-  pressure.takes = with < kLastHolds * kLastHolds * without;
   if (!pressure.takes) return;
   for (std::size_t i = 0; i < pressure.impulse.size(); ++i) {
     elasticity.f_star[i] -= pressure.impulse[i];
@@ -180,7 +197,9 @@ void solve_correction(const StepContext& step, const Grid& g, const system::Slip
                                                     pressure.correction, numerics.velocity_tolerance);
   info.velocity_iterations += static_cast<std::uint64_t>(stats.iterations);
   info.unconverged += !stats.converged;
-  if (numerics.conserve_momentum) elasticity.conserve_momentum(parallel, pressure.impulse, pressure.correction);
+  if (!numerics.conserve_momentum) return;
+  elasticity.add_penalties(-1, pressure.correction, pressure.impulse);  // contact answers, too
+  elasticity.conserve_momentum(parallel, pressure.impulse, pressure.correction);
 }
 
 // v -= M^-1 J^T q, but v = v* - share G^-1 J^T q on the nodes that carry solids.

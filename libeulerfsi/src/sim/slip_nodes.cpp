@@ -13,13 +13,20 @@ system::SlipNodes find_slip_nodes(const Parallel& parallel, const Scene& scene, 
   if (!scene.params.numerics.fluid_slips || !scene.params.fluid.present || scene.solids.empty()) return {};
   const Grid& g = matter.common.grid;
   std::vector<std::uint8_t> carriers(g.node_count(), 0);
+  std::vector<std::uint32_t> first(g.node_count(), 0);  // solid that carries the node, and 1
   for (std::size_t l = 0; l < scene.solids.size(); ++l)
     for_band_nodes(parallel, g, states[l].band, [&](std::size_t local, int i, int j, int k) {
-      if (solids[l].carries[local]) ++carriers[g.node(i, j, k)];
+      if (!solids[l].carries[local]) return;
+      ++carriers[g.node(i, j, k)];
+      first[g.node(i, j, k)] = static_cast<std::uint32_t>(l + 1);
     });
+  // Between folds of one solid; two solids part and meet, and the fluid between them has to get in and out.
   const auto is_gap = [&](int i, int j, int k) {
-    return std::all_of(std::begin(grid::kCorner), std::end(grid::kCorner),
-                       [&](const auto& c) { return carriers[g.node(i + c[0], j + c[1], k + c[2])] > 0; });
+    const std::uint32_t solid = first[g.node(i, j, k)];
+    return std::all_of(std::begin(grid::kCorner), std::end(grid::kCorner), [&](const auto& c) {
+      const std::uint32_t corner = first[g.node(i + c[0], j + c[1], k + c[2])];
+      return corner > 0 && corner == solid;
+    });
   };
   std::vector<std::vector<system::SlipNode>> planes(static_cast<std::size_t>(g.cells[2] + 1));
   for (std::size_t l = 0; l < scene.solids.size(); ++l)

@@ -11,6 +11,7 @@
 #include "sim/node_velocity.hpp"
 #include "sim/pressure.hpp"
 #include "sim/repair_maps.hpp"
+#include "sim/solid_contact.hpp"
 #include "sim/time_step.hpp"
 #include "sim/velocity_solve.hpp"
 #include "sim/wall_contact.hpp"
@@ -138,6 +139,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   ledger.book_source(fluid.pressure, pressure.source);
   keep_off(parallel, matter.mass, velocity, elasticity.walls);
   remember_rows(dt, elasticity.walls, states);
+  remember_contacts(dt, elasticity.contacts, states);
   if (numerics.conserve_momentum) measure_momenta(step, states, solids, matter, velocity, momenta);
   const std::vector<solid::RigidStep> frames = transport_frames(step, elasticity.holds, momenta);
   const std::vector<VolumeTarget> targets = volume_targets(scene.solids, states, solids);

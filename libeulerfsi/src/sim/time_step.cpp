@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "grid/interpolate.hpp"
+#include "sim/solid_contact.hpp"
 #include "solid/displacement.hpp"
 
 namespace efsi::sim {
@@ -17,10 +18,12 @@ constexpr double kContactReach = 2.0;     // cells
 constexpr double kContactDistance = 1.0;  // cells: 2 less what a step in contact moves
 constexpr double kContactPace = 0.7;      // cells that a shear wave passes in a step in contact
 constexpr double kContactStrain = 0.1;    // in a step in contact, below which waves need not be resolved
+constexpr double kPairReach = 6.0;        // cells between solids, from which on they do not limit each other
+constexpr double kUnseen = 1.2;           // cells that solids near each other may move before they see each other
 // Cells per step in flight over those elsewhere: through vacuum (4 where these are 1.8) and through a fluid of at most
 // kThin of a solid's density. The pressure of the fluid grows with what a solid moves in a step, and presses it.
 constexpr double kVacuumReach = 20.0 / 9.0, kFluidReach = 1.5, kThin = 0.01;
-constexpr double kStart = 0.1;         // cells in the first step, in which the fluid gives way to solids that move
+constexpr double kStart = 0.1;         // cells in the first step, in which a dense fluid gives way to solids that move
 constexpr double kFarthest = 3.95;     // cells per step: one of more than four is repeated
 constexpr double kFlightStrain = 0.1;  // or angle [rad], in a step in flight
 
@@ -93,6 +96,27 @@ std::vector<Box> surface_boxes(const SolidStates& states) {
   return boxes;
 }
 
+// What two solids near each other allow: as walls do, by the gap that rows of contact see. What is between solids of
+// which neither reaches the other's map is taken to be kUnseen, and to close at their largest relative speed.
+double pair_limit(const Parallel& parallel, const Scene& scene, const SolidStates& states,
+                  const std::vector<Box>& boxes, std::size_t one, std::size_t other) {
+  const Params& params = scene.params;
+  const double h = scene.grid.h, apart = boxes[one].exteriorDistance(boxes[other]) / h;
+  double limit = std::numeric_limits<double>::infinity();
+  if (!params.numerics.walls_push_only || apart > kPairReach) return limit;
+  const SolidGap seen = measure_gap(scene, states, one, other);
+  if (!(seen.gap < limit)) {
+    const double speed = relative_speed(states, one, other);
+    return time_to_move(speed, params.gravity.norm(), std::max(kUnseen, apart - 2.0 * kUnseen) * h);
+  }
+  const double cells = std::max(kContactCfl, seen.gap / h - kContactDistance);
+  limit = time_to_move(seen.closing, params.gravity.norm(), cells * h);
+  if (params.numerics.resolve_impacts && seen.gap < kContactReach * h)
+    for (const std::size_t l : {one, other})
+      limit = wave_limit(parallel, scene.grid, scene.solids[l], states[l], limit);
+  return limit;
+}
+
 // How many cells a solid may move in a step: cfl_solid, or more in flight, away from walls and from other solids, which
 // come towards it as far.
 double free_cells(const Scene& scene, const std::vector<Box>& boxes, std::size_t l, const Gaps& gaps) {
@@ -131,9 +155,13 @@ double compute_time_step(const Parallel& parallel, const Scene& scene, const Sol
     const Gaps gaps = measure_gaps(scene, states[l]);
     limit = std::min(limit, wall_limit(parallel, scene, l, states[l], gaps));
     limit = speed_limit(parallel, scene, states[l], free_cells(scene, boxes, l, gaps), limit);
+    for (std::size_t other = 0; other < l; ++other)
+      limit = std::min(limit, pair_limit(parallel, scene, states, boxes, other, l));
   }
-  if (params.fluid.present && steps == 0)
-    for (const solid::SolidState& solid : states) limit = std::min(limit, time_to_move(solid.speed, 0.0, kStart * g.h));
+  if (params.fluid.present && params.numerics.resolve_impacts && steps == 0)
+    for (std::size_t l = 0; l < scene.solids.size(); ++l)
+      if (params.fluid.density > kThin * scene.solids[l].density)
+        limit = std::min(limit, time_to_move(states[l].speed, 0.0, kStart * g.h));
   if (params.fluid.present) limit = std::min(limit, time_to_move(fluid_speed, 0.0, params.cfl_fluid * g.h));
   return remaining / std::ceil(remaining / limit - 1e-6);
 }

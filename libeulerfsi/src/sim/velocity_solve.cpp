@@ -4,13 +4,43 @@
 #include <cmath>
 
 #include "linalg/reduce.hpp"
+#include "sim/solid_contact.hpp"
 #include "sim/wall_contact.hpp"
 #include "solid/displacement.hpp"
 
 namespace efsi::sim {
 namespace {
 
-constexpr int kMostPasses = 4;  // of the velocity solve, each with the rows that the last one has led into walls
+constexpr double kNegligible = 1e-3;  // cells in a step: what a row of contact may be led beyond what it allows
+constexpr int kMostPasses = 4;        // of the velocity solve, each with the rows that the last one has led into walls
+
+// The velocities of the solids at the start of the step on the unknowns, as far as nothing is prescribed.
+std::vector<Real> old_velocities(const SolidStates& states, const SolidWorks& solids, const grid::Grid& common,
+                                 const VelocityEquation& elasticity) {
+  std::vector<Real> old = elasticity.v_star;
+  for (std::size_t l = 0; l < states.size(); ++l) {
+    const grid::Grid& band = states[l].band.grid;
+    const Vec3i lo = grid::offset(band, common);
+    for (std::size_t n = 0; n < solids[l].carries.size(); ++n) {
+      if (!solids[l].carries[n]) continue;
+      const Vec3i at = band.node_place(n);
+      const std::size_t u = 3 * elasticity.system.unknown_of(common.node(at[0] + lo[0], at[1] + lo[1], at[2] + lo[2]));
+      for (std::size_t a = 0; a < 3; ++a)
+        if (elasticity.system.free()[u + a] > 0) old[u + a] = states[l].v.c[a][n];
+    }
+  }
+  return old;
+}
+
+// |f + B^T r - G x| of what moves, r the impulses of the last step.
+double first_residual(const Parallel& parallel, const std::vector<Real>& x, VelocityEquation& elasticity) {
+  std::vector<Real> left = elasticity.f_star, moved;
+  system::add_impulses(elasticity.contacts.rows, left);
+  elasticity.system.multiply(parallel, x, moved);
+  linalg::add_scaled(parallel, left, -1.0, moved);
+  linalg::multiply(parallel, left, elasticity.system.moves(), left);
+  return linalg::norm(parallel, left);
+}
 
 }  // namespace
 
@@ -21,6 +51,9 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
   ScopedTimer timer(profile, Stage::kComputeG);
   system::VelocitySystem& system = elasticity.system;
   std::vector<Real>& momentum = elasticity.momentum;
+  SolidContacts& contacts = elasticity.contacts;
+  contacts = find_solid_contacts(step, states, solids, matter.common, velocity);
+  const std::vector<std::uint8_t> pressed = pressed_solids(scene.solids.size(), contacts);
   std::vector<system::SolidRef> refs;
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     const solid::SolidRest& rest = scene.solids[l];
@@ -29,7 +62,7 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
       const double pace = dt * std::sqrt(rest.elastic.mu / rest.density) / scene.grid.h;
       const double strain = dt * solid::largest_strain_rate(parallel, states[l], solids[l].carries);
       const double growth = std::max(solids[l].max_det_f, 1.0 / solids[l].min_det_f);
-      ref.loose = shares_while(false, pace, strain, growth);
+      ref.loose = shares_while(pressed[l], pace, strain, growth);
       ref.held = shares_while(true, pace, strain, growth);
     }
     refs.push_back(ref);
@@ -40,7 +73,8 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
   system.assemble(parallel, matter.common.grid, walls.empty() ? matter.fixed : held, refs, matter.mass, velocity.slip,
                   dt);
   tie_rows(elasticity.walls, system);
-  elasticity.holds = find_holds(scene.solids.size(), system);
+  number_rows(system, contacts);
+  elasticity.holds = find_holds(scene.solids.size(), system, meeting_pairs(contacts));
   {
     const system::SolidView view(parallel, velocity.slip, velocity.field);
     system.gather(parallel, velocity.field, elasticity.v_star);
@@ -58,6 +92,7 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
   linalg::multiply(parallel, momentum, system.moves(), momentum);
   system.add_past_stiffness(parallel, elasticity.v_star, elasticity.f_star);
   add_friction(elasticity.walls, elasticity);
+  if (!contacts.rows.empty()) elasticity.v_old = old_velocities(states, solids, matter.common.grid, elasticity);
   timer.visited(static_cast<std::uint64_t>(system.unknowns()), 30 * sizeof(Real));
 }
 
@@ -68,12 +103,18 @@ void solve_velocity(const StepContext& step, VelocityEquation& elasticity, NodeV
   const Numerics& numerics = scene.params.numerics;
   system::VelocitySystem& system = elasticity.system;
   linalg::SolveStats stats;
+  // What presses on something hardly moves faster for its weight.
+  if (!elasticity.contacts.rows.empty() &&
+      first_residual(parallel, elasticity.v_old, elasticity) < first_residual(parallel, elasticity.v_star, elasticity))
+    elasticity.v_star = elasticity.v_old;
   for (int pass = 0; pass == 0 || (pass < kMostPasses && hold_more(elasticity.walls, elasticity)); ++pass) {
-    stats = system.solve(parallel, numerics.velocity_solver, elasticity.f_star, elasticity.v_star,
-                         numerics.velocity_tolerance);
+    stats = system::solve_contact(parallel, numerics.velocity_solver, elasticity.f_star, numerics.velocity_tolerance,
+                                  kNegligible * scene.grid.h / dt, system, elasticity.contacts.rows, elasticity.v_star);
     info.velocity_iterations += static_cast<std::uint64_t>(stats.iterations);
   }
-  elasticity.holds = find_holds(scene.solids.size(), system);
+  system::add_impulses(elasticity.contacts.rows, elasticity.f_star);
+  system::add_impulses(elasticity.contacts.rows, elasticity.momentum);
+  elasticity.holds = find_holds(scene.solids.size(), system, pushing_pairs(elasticity.contacts));
   add_reactions(parallel, elasticity, elasticity.walls);
   info.velocity_residual = stats.residual;
   info.unconverged += !stats.converged;

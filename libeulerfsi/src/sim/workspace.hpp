@@ -1,6 +1,7 @@
 // Purpose: what does not survive a step, in parts of one meaning each; a stage gets the parts that it names.
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "fluid/advect.hpp"
@@ -9,6 +10,7 @@
 #include "sim/state.hpp"
 #include "solid/displacement.hpp"
 #include "solid/momentum.hpp"
+#include "system/contact_solve.hpp"
 #include "system/pressure_solve.hpp"
 #include "system/slip.hpp"
 #include "system/velocity_system.hpp"
@@ -54,13 +56,28 @@ struct WallRow {
   Vec3 pull = Vec3::Zero();   // along the tangents, where it sticks [kg m/s]
 };
 
+// Where two solids may touch (sim/solid_contact.hpp): the rows of Eq. 8, and of each the solids and the cell of the
+// box.
+struct RowPlace {
+  std::array<std::size_t, 2> solids{};
+  Vec3i cell{};
+  double gap = 0.0;    // less the skin, < 0: too deep [m]
+  bool meets = false;  // it has pushed in the last step, or will if the solids' own forces do nothing
+};
+struct SolidContacts {
+  std::vector<RowPlace> places;
+  std::vector<system::ContactRow> rows;
+};
+
 // Eq. 8 on its unknowns.
 struct VelocityEquation {
   system::VelocitySystem system;
   Holds holds;                 // what holds the solids while it is solved and after
   std::vector<WallRow> walls;  // what walls do
+  SolidContacts contacts;      // what solids do to each other
   std::vector<Real> f_star;    // the right-hand side [kg m/s]
   std::vector<Real> v_star;    // start of the solve, then v* [m/s]
+  std::vector<Real> v_old;     // at the start of the step, where there are contacts [m/s]
   std::vector<Real> momentum;  // M v + dt f, which v* has to have [kg m/s]
 };
 

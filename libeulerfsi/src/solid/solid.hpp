@@ -23,7 +23,7 @@ struct SolidRest {
   material::Elastic elastic;
   double density = 1000.0;  // [kg/m^3]
   double rayleigh_alpha = 0.0, rayleigh_beta = 0.0;
-  double friction = 0.0;              // Coulomb's coefficient at walls
+  double friction = 0.0;              // Coulomb's coefficient; of two solids the mean
   bool compressible = false;          // no pressure acts in its cells
   geometry::SignedDistance distance;  // material space
   geometry::TriangleMesh surface;     // as given, material space
@@ -49,19 +49,27 @@ struct WallPress {
   std::int32_t slides;         // or would have
 };
 
+// What another solid did in a cell of the box in the last step.
+struct SolidPress {
+  std::int32_t cell[3], other;
+  Real force;    // on the other, along the normal [N]
+  Real pull[3];  // of friction on the other [N]
+};
+
 // State: survives a step.
 struct SolidState {
   Band band;
-  VectorField u;                    // displacement, band nodes [m]
-  VectorField v;                    // velocity, band nodes [m/s]
-  std::vector<std::uint8_t> valid;  // band nodes: kNoData, or where u and v came from in the last step
-  std::vector<std::uint8_t> stiff;  // band cells: carried stiffness in the last step; empty: not known
-  std::vector<WallPress> presses;   // where walls held it in the last step
-  std::vector<Vec3d> surface;       // positions of the embedded surface [m]
-  double rest_volume_cells = 0.0;   // by cell fractions, at the first step [m^3]
-  std::uint8_t whole = 1;           // no part of it has left through an open face
-  double speed = 0.0;               // largest component of the velocity in the last step [m/s]
-  double leak = 0.0;                // volume that the last step lost by the mesh, over that at rest
+  VectorField u;                     // displacement, band nodes [m]
+  VectorField v;                     // velocity, band nodes [m/s]
+  std::vector<std::uint8_t> valid;   // band nodes: kNoData, or where u and v came from in the last step
+  std::vector<std::uint8_t> stiff;   // band cells: carried stiffness in the last step; empty: not known
+  std::vector<WallPress> presses;    // where walls held it in the last step
+  std::vector<SolidPress> contacts;  // where it pushed solids that come after it in the last step
+  std::vector<Vec3d> surface;        // positions of the embedded surface [m]
+  double rest_volume_cells = 0.0;    // by cell fractions, at the first step [m^3]
+  std::uint8_t whole = 1;            // no part of it has left through an open face
+  double speed = 0.0;                // largest component of the velocity in the last step [m/s]
+  double leak = 0.0;                 // volume that the last step lost by the mesh, over that at rest
 };
 
 // Calls fields.value(x) or fields.array(x) for all that a solid's state holds. One list serves checkpoint, hash and
@@ -77,6 +85,7 @@ void visit_fields(State& s, Fields& fields) {
   fields.array(s.valid);
   fields.array(s.stiff);
   fields.array(s.presses);
+  fields.array(s.contacts);
   fields.array(s.surface);
   fields.value(s.rest_volume_cells);
   fields.value(s.whole);

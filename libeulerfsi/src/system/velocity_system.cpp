@@ -1,6 +1,8 @@
 #include "system/velocity_system.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 
 #include "linalg/jacobi.hpp"
 #include "linalg/reduce.hpp"
@@ -14,6 +16,8 @@ constexpr double kLivelyAhead = 0.26, kLivelyBehind = 0.25;
 constexpr double kLivelyPace = 1.25, kLivelyStrain = 0.1, kLivelyGrowth = 1.25;  // from here to twice as much it fades
 constexpr double kDampedAhead = 0.6, kAheadOfPace = 0.4;
 constexpr std::uint8_t kAllAxes = 7;
+constexpr double kRounding =
+    8.0 * static_cast<double>(std::numeric_limits<Real>::epsilon());  // of what cancels in a residual
 
 constexpr auto kAsItIs = [](std::size_t, const Vec3& sum) -> Vec3 { return sum; };
 
@@ -96,6 +100,8 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
 
   moves_ = free_;
   ties_.clear();
+  penalties_.clear();
+  bare_.clear();
 
   // Elements in blocks, and the lists by which unknowns gather from them.
   block_begin_.assign(1, 0);
@@ -249,10 +255,59 @@ void VelocitySystem::apply(const Parallel& parallel, const std::vector<Real>& x,
         return out;
       },
       y);
+  add_penalties(1, masked_, y);
   for (const Tie& t : ties_) {
     y[t.to] += y[t.from];
     y[t.from] = x[t.from];
   }
+}
+
+void VelocitySystem::set_penalties(std::vector<Penalty> penalties) {
+  for (auto entry = bare_.rbegin(); entry != bare_.rend(); ++entry) inverse_diagonal_[entry->first] = entry->second;
+  bare_.clear();
+  penalties_ = std::move(penalties);
+  for (const Penalty& p : penalties_)
+    for (const RowPart& part : p.parts)
+      for (std::size_t a = 0; a < 3; ++a) {
+        const std::size_t i = 3 * part.unknown + a;
+        if (!(free_[i] > 0)) continue;
+        const auto e = static_cast<Eigen::Index>(a);
+        bare_.emplace_back(i, inverse_diagonal_[i]);
+        inverse_diagonal_[i] = 1 / (1 / inverse_diagonal_[i] + part.weight * part.weight * p.stiffness(e, e));
+      }
+}
+
+void VelocitySystem::add_penalties(Real s, const std::vector<Real>& x, std::vector<Real>& y) const {
+  for (const Penalty& p : penalties_) {
+    Vec3 v = Vec3::Zero();
+    for (const RowPart& part : p.parts)
+      for (std::size_t a = 0; a < 3; ++a) v[static_cast<Eigen::Index>(a)] += part.weight * x[3 * part.unknown + a];
+    const Vec3 force = s * (p.stiffness * v);
+    for (const RowPart& part : p.parts)
+      for (std::size_t a = 0; a < 3; ++a) {
+        const std::size_t i = 3 * part.unknown + a;
+        if (moves_[i] > 0) y[i] += part.weight * force[static_cast<Eigen::Index>(a)];
+      }
+  }
+}
+
+double VelocitySystem::rounding(const Parallel& parallel, const std::vector<Real>& x) const {
+  return kRounding * std::sqrt(parallel.sum(unknowns(), [&](std::int64_t u) {
+           double sum = 0.0;
+           for (std::size_t i = 3 * static_cast<std::size_t>(u); i < 3 * static_cast<std::size_t>(u) + 3; ++i) {
+             if (!(free_[i] > 0)) continue;
+             const double term = static_cast<double>(x[i] / inverse_diagonal_[i]);
+             sum += term * term;
+           }
+           return sum;
+         }));
+}
+
+double VelocitySystem::mobility(std::size_t unknown) const {
+  double sum = 0.0;
+  for (std::size_t i = 3 * unknown; i < 3 * unknown + 3; ++i)
+    if (free_[i] > 0) sum += static_cast<double>(inverse_diagonal_[i]);
+  return sum / 3.0;
 }
 
 Vec3 VelocitySystem::sliding_momentum(std::size_t u, const std::vector<Real>& x) const {
@@ -281,7 +336,7 @@ void VelocitySystem::internal_force(const Parallel& parallel, std::vector<Real>&
 }
 
 linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolver solver, const std::vector<Real>& b,
-                                         std::vector<Real>& x, double tolerance) {
+                                         std::vector<Real>& x, double tolerance, double reference) {
   const linalg::Operator g = [&](const std::vector<Real>& in, std::vector<Real>& out) { apply(parallel, in, out); };
   linalg::SolveOptions options;
   options.tolerance = tolerance;
@@ -295,7 +350,10 @@ linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolve
     if (free_[i] == 0) x[i] = 0;
     any = any || given[i] != 0;
   }
-  if (any) multiply(parallel, given, load_);
+  if (any) {
+    multiply(parallel, given, load_);
+    add_penalties(1, given, load_);
+  }
   for (std::size_t i = 0; i < b.size(); ++i) load_[i] = moves_[i] > 0 ? (any ? b[i] - load_[i] : b[i]) : Real(0);
   for (const Tie& t : ties_) {
     load_[t.to] += load_[t.from];
@@ -305,7 +363,8 @@ linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolve
   if (solver == VelocitySolver::kPcr) {
     stats = linalg::pcr(parallel, g, jacobi, load_, x, options, pcr_);
   } else {
-    options.against_start = true;
+    options.against_start = !(reference > 0.0);
+    options.reference = reference;
     stats = linalg::pcg(parallel, g, jacobi, load_, x, options, pcg_);
   }
   if (any)

@@ -40,6 +40,17 @@ struct SolidRef {
   StiffnessShares loose, held;  // while nothing touches it, and while a wall or a solid does
 };
 
+// What one unknown has in a row of B.
+struct RowPart {
+  std::size_t unknown;
+  Real weight;
+};
+// A row's part of G: B^T S B, S symmetric and positive semi-definite [kg].
+struct Penalty {
+  std::vector<RowPart> parts;
+  Mat3 stiffness;
+};
+
 enum class VelocitySolver : std::int32_t { kPcg = 0, kPcr = 1 };
 
 class VelocitySystem {
@@ -56,7 +67,15 @@ class VelocitySystem {
   void tie(std::size_t unknown, std::size_t to, int axis);
   // Prescribes a component of an unknown from now on: a wall does.
   void fix(std::size_t unknown, int axis);
-  // y = G x, whatever walls fix.
+  // From now on apply() and solve() have these in G; the last ones go. After assemble() there are none.
+  void set_penalties(std::vector<Penalty> penalties);
+  // y += s B^T S B x of the penalties.
+  void add_penalties(Real s, const std::vector<Real>& x, std::vector<Real>& y) const;
+  // Below this the residual of x is noise.
+  double rounding(const Parallel& parallel, const std::vector<Real>& x) const;
+  // Inverse of the diagonal of G, the mean of the components that move [1/kg].
+  double mobility(std::size_t unknown) const;
+  // y = G x without penalties, whatever walls fix.
   void multiply(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y);
   // y = G x; 3 values per unknown node, components that walls fix are identity rows.
   void apply(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y);
@@ -65,8 +84,9 @@ class VelocitySystem {
   // sum of the elements' forces on each unknown [N].
   void internal_force(const Parallel& parallel, std::vector<Real>& force);
   // Solves G x = b for the components that walls leave free; the others of x are given, those of b do not count.
+  // reference: what the tolerance is relative to, 0: the first residual (conjugate gradients).
   linalg::SolveStats solve(const Parallel& parallel, VelocitySolver solver, const std::vector<Real>& b,
-                           std::vector<Real>& x, double tolerance);
+                           std::vector<Real>& x, double tolerance, double reference = 0.0);
   // Internal forces sum to nothing and turn nothing: gives each solid the linear and angular momentum of b, as far as
   // walls leave it free; solids that touch each other are left alone. The solve does that up to its tolerance and to
   // the turning of the stress during the step.
@@ -128,7 +148,9 @@ class VelocitySystem {
   std::vector<Real> stiffness_factor_;  // ahead dt^2 + dt beta per solid
   std::vector<Real> past_factor_;       // behind dt^2 per solid
   std::vector<Real> inverse_diagonal_;
-  std::vector<Real> element_out_;  // block, 24 values, lane
+  std::vector<Penalty> penalties_;
+  std::vector<std::pair<std::size_t, Real>> bare_;  // entries of inverse_diagonal_ that penalties have changed
+  std::vector<Real> element_out_;                   // block, 24 values, lane
   std::vector<Real> masked_, load_;
   Grid global_;
   double h_ = 1.0;

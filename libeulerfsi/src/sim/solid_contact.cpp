@@ -1,0 +1,384 @@
+#include "sim/solid_contact.hpp"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <optional>
+
+#include "grid/interpolate.hpp"
+
+namespace efsi::sim {
+
+using grid::Grid;
+
+namespace {
+
+constexpr double kSkin = 1.75;           // cells between solids at rest on each other: no node carries both
+constexpr double kReach = 1.0;           // cells: rows from this gap on
+constexpr double kDeepest = 1.0;         // cells: deeper than that counts as that
+constexpr double kPushOut = 1.0 / 24.0;  // s: in which what is too deep is given back; at least four steps
+constexpr double kOutside = 0.5;         // cells: rows act at most that far outside the cells that carry stiffness
+constexpr double kFacing = 0.5;          // least length of the difference of the unit normals of two surfaces that meet
+constexpr int kSearch = 2;               // cells around a surface point in which its element is looked for
+
+double least_velocity(double gap, double depth, double dt) {
+  return gap > 0.0 ? -gap / dt : std::min(-gap, depth) / std::max(kPushOut, 4.0 * dt);
+}
+
+// What two bands have in common, in cells of the box.
+struct Overlap {
+  Vec3i low, high;
+  bool any() const { return low[0] < high[0] && low[1] < high[1] && low[2] < high[2]; }
+};
+Overlap overlap(const Grid& one, const Grid& other) {
+  Overlap o;
+  for (std::size_t a = 0; a < 3; ++a) {
+    o.low[a] = std::max(one.lo[a], other.lo[a]);
+    o.high[a] = std::min(one.lo[a] + one.cells[a], other.lo[a] + other.cells[a]);
+  }
+  return o;
+}
+
+// The gradient of the distance of the rest shape, seen where the material is now, at a node of the band.
+Vec3d seen_gradient(const solid::SolidRest& rest, const solid::SolidState& state, const Vec3i& node) {
+  const Grid& g = state.band.grid;
+  const std::size_t n = g.node(node[0], node[1], node[2]);
+  Mat3d inverse_f = Mat3d::Identity();
+  for (std::size_t a = 0; a < 3; ++a) {
+    const std::size_t stride = g.node_stride(static_cast<int>(a));
+    const bool behind = node[a] > 0 && state.valid[n - stride], ahead = node[a] < g.cells[a] && state.valid[n + stride];
+    const std::size_t low = behind ? n - stride : n, high = ahead ? n + stride : n;
+    if (low == high) continue;
+    inverse_f.col(static_cast<Eigen::Index>(a)) -=
+        (state.u.at(high) - state.u.at(low)).cast<double>() / (g.h * (behind && ahead ? 2.0 : 1.0));
+  }
+  return inverse_f.transpose() *
+         rest.distance.gradient(g.node_position(node[0], node[1], node[2]) - state.u.at(n).cast<double>());
+}
+
+// How far the surface of a solid is from the nodes of an overlap [m], and the direction out of it; far away and where
+// the solid's map is not known: kUnknown.
+constexpr double kUnknown = 1e30;
+struct Sight {
+  std::vector<double> distance;
+  std::vector<Vec3d> outwards;
+};
+Sight look(const Parallel& parallel, const solid::SolidRest& rest, const solid::SolidState& state, const Grid& nodes) {
+  constexpr double kFar = 4.0;  // cells
+  constexpr double kLeastLength = 0.4, kMostLength = 2.5;
+  const Grid& g = state.band.grid;
+  const Vec3i lo = grid::offset(nodes, g);
+  Sight sight;
+  sight.distance.assign(nodes.node_count(), kUnknown);
+  sight.outwards.assign(nodes.node_count(), Vec3d::Zero());
+  parallel.for_each(nodes.cells[2] + 1, [&](std::int64_t kk) {
+    const int k = static_cast<int>(kk);
+    for (int j = 0; j <= nodes.cells[1]; ++j)
+      for (int i = 0; i <= nodes.cells[0]; ++i) {
+        const Vec3i at{i + lo[0], j + lo[1], k + lo[2]};
+        const std::size_t n = g.node(at[0], at[1], at[2]);
+        if (state.valid[n] == solid::kNoData) continue;
+        const double distance =
+            rest.distance.sample(g.node_position(at[0], at[1], at[2]) - state.u.at(n).cast<double>());
+        if (std::abs(distance) > kMostLength * kFar * g.h) continue;
+        const Vec3d gradient = seen_gradient(rest, state, at);
+        const double length = gradient.norm();
+        if (!(length > 0.0)) continue;
+        sight.distance[nodes.node(i, j, k)] = distance / std::clamp(length, kLeastLength, kMostLength);
+        sight.outwards[nodes.node(i, j, k)] = gradient / length;
+      }
+  });
+  return sight;
+}
+
+using Weights = std::array<double, 8>;
+Weights trilinear(const Vec3d& t) {
+  Weights w;
+  for (std::size_t a = 0; a < 8; ++a) {
+    w[a] = 1.0;
+    for (int axis = 0; axis < 3; ++axis) w[a] *= grid::kCorner[a][axis] ? t[axis] : 1.0 - t[axis];
+  }
+  return w;
+}
+
+// The middle of the points at which a function that is linear along the edges vanishes, in cells from corner 0.
+std::optional<Vec3d> crossing(const std::array<double, 8>& f) {
+  Vec3d sum = Vec3d::Zero();
+  int count = 0;
+  for (std::size_t a = 0; a < 8; ++a)
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const std::size_t b = a | (std::size_t{1} << axis);
+      if (b == a || (f[a] < 0.0) == (f[b] < 0.0)) continue;
+      Vec3d x(grid::kCorner[a][0], grid::kCorner[a][1], grid::kCorner[a][2]);
+      x[static_cast<Eigen::Index>(axis)] += f[a] / (f[a] - f[b]);
+      sum += x;
+      ++count;
+    }
+  if (count == 0) return {};
+  return Vec3d(sum / count);
+}
+
+// Adds what a solid's surface point at x has in a row: the corners of the element nearest to it. False: there is none.
+bool add_parts(const solid::SolidState& state, const solid::SolidWork& work, const Grid& common, const Vec3d& x,
+               double sign, std::vector<system::RowPart>& parts) {
+  const Grid& g = state.band.grid;
+  const Vec3d at = (x - g.origin) / g.h;
+  Vec3i base;
+  for (std::size_t a = 0; a < 3; ++a) base[a] = static_cast<int>(std::floor(at[static_cast<Eigen::Index>(a)]));
+  double least = std::numeric_limits<double>::infinity();
+  Vec3i nearest{};
+  for (int k = base[2] - kSearch; k <= base[2] + kSearch; ++k)
+    for (int j = base[1] - kSearch; j <= base[1] + kSearch; ++j)
+      for (int i = base[0] - kSearch; i <= base[0] + kSearch; ++i) {
+        if (i < 0 || j < 0 || k < 0 || i >= g.cells[0] || j >= g.cells[1] || k >= g.cells[2]) continue;
+        if (work.element[g.cell(i, j, k)] < 0) continue;
+        const Vec3d low(i, j, k);
+        const double square = (at - at.cwiseMax(low).cwiseMin(low + Vec3d::Ones())).squaredNorm();
+        if (!(square < least)) continue;
+        least = square;
+        nearest = {i, j, k};
+      }
+  if (!(least < std::numeric_limits<double>::infinity())) return false;
+  const Vec3d local = (at - Vec3d(nearest[0], nearest[1], nearest[2]))
+                          .cwiseMax(Vec3d::Constant(-kOutside))
+                          .cwiseMin(Vec3d::Constant(1.0 + kOutside));
+  const Weights w = trilinear(local);
+  const Vec3i lo = grid::offset(g, common);
+  for (std::size_t a = 0; a < 8; ++a) {
+    const auto& c = grid::kCorner[a];
+    parts.push_back({common.node(nearest[0] + c[0] + lo[0], nearest[1] + c[1] + lo[1], nearest[2] + c[2] + lo[2]),
+                     static_cast<Real>(sign * w[a])});
+  }
+  return true;
+}
+
+struct FoundRow {
+  RowPlace place;
+  system::ContactRow contact;
+};
+
+// Two solids, and what they say of the nodes that their bands have in common.
+struct Pair {
+  std::size_t one, other;
+  Grid nodes;
+  Sight from_one, from_other;
+};
+
+// The row of a cell of a pair's nodes, if the surface halfway between the solids cuts it and they are near enough.
+std::optional<FoundRow> find_row(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
+                                 const Grid& common, const Pair& pair, const Vec3i& cell) {
+  const Grid& g = pair.nodes;
+  const auto corner = grid::corner_offsets(g);
+  const std::size_t n = g.node(cell[0], cell[1], cell[2]);
+  std::array<double, 8> difference;
+  for (std::size_t c = 0; c < 8; ++c) {
+    const double a = pair.from_one.distance[n + corner[c]], b = pair.from_other.distance[n + corner[c]];
+    if (a == kUnknown || b == kUnknown) return {};
+    difference[c] = a - b;
+  }
+  const auto place = crossing(difference);
+  if (!place) return {};
+  const Weights w = trilinear(*place);
+  double from_one = 0.0, from_other = 0.0;
+  Vec3d towards = Vec3d::Zero();
+  for (std::size_t c = 0; c < 8; ++c) {
+    from_one += w[c] * pair.from_one.distance[n + corner[c]];
+    from_other += w[c] * pair.from_other.distance[n + corner[c]];
+    towards += w[c] * (pair.from_one.outwards[n + corner[c]] - pair.from_other.outwards[n + corner[c]]);
+  }
+  const double gap = from_one + from_other - kSkin * g.h;
+  if (!(gap < kReach * g.h && towards.norm() > kFacing)) return {};
+  FoundRow row{{{pair.one, pair.other}, {cell[0] + g.lo[0], cell[1] + g.lo[1], cell[2] + g.lo[2]}, gap, false}, {}};
+  system::ContactRow& contact = row.contact;
+  contact.normal = towards.normalized();
+  contact.least = least_velocity(gap, kDeepest * g.h, step.dt);
+  contact.friction = 0.5 * (step.scene.solids[pair.one].friction + step.scene.solids[pair.other].friction);
+  const Vec3d x = g.node_position(cell[0], cell[1], cell[2]) + g.h * *place;
+  const auto add = [&](std::size_t l, double along, double sign) {
+    return add_parts(states[l], solids[l], common, x + along * contact.normal, sign, contact.parts);
+  };
+  if (!add(pair.one, -from_one, -1.0) || !add(pair.other, from_other, 1.0)) return {};
+  return row;
+}
+
+// Rows of a pair in the order of their cells.
+std::vector<FoundRow> find_pair_rows(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
+                                     const Grid& common, std::size_t one, std::size_t other) {
+  const Grid& band = states[one].band.grid;
+  const Overlap o = overlap(band, states[other].band.grid);
+  if (!o.any()) return {};
+  Pair pair{one, other, {}, {}, {}};
+  pair.nodes.h = band.h;
+  pair.nodes.lo = o.low;
+  pair.nodes.cells = {o.high[0] - o.low[0], o.high[1] - o.low[1], o.high[2] - o.low[2]};
+  const Vec3i lo = grid::offset(pair.nodes, band);
+  pair.nodes.origin = band.node_position(lo[0], lo[1], lo[2]);
+  pair.from_one = look(step.parallel, step.scene.solids[one], states[one], pair.nodes);
+  pair.from_other = look(step.parallel, step.scene.solids[other], states[other], pair.nodes);
+  std::vector<std::vector<FoundRow>> planes(static_cast<std::size_t>(pair.nodes.cells[2]));
+  step.parallel.for_each(pair.nodes.cells[2], [&](std::int64_t plane) {
+    const int k = static_cast<int>(plane);
+    for (int j = 0; j < pair.nodes.cells[1]; ++j)
+      for (int i = 0; i < pair.nodes.cells[0]; ++i)
+        if (auto row = find_row(step, states, solids, common, pair, {i, j, k}))
+          planes[static_cast<std::size_t>(plane)].push_back(std::move(*row));
+  });
+  std::vector<FoundRow> rows;
+  for (auto& plane : planes)
+    for (FoundRow& row : plane) rows.push_back(std::move(row));
+  return rows;
+}
+
+// The impulses of the last step stand for those of this one.
+void recall(const solid::SolidState& solid, double dt, std::vector<FoundRow>& rows) {
+  std::map<std::array<std::int32_t, 4>, const solid::SolidPress*> last;
+  for (const solid::SolidPress& p : solid.contacts) last[{p.cell[0], p.cell[1], p.cell[2], p.other}] = &p;
+  for (FoundRow& row : rows) {
+    Vec3i cell = row.place.cell;
+    Eigen::Index axis = 0;
+    row.contact.normal.cwiseAbs().maxCoeff(&axis);
+    auto found = last.end();
+    for (const int beside : {0, -1, 2}) {  // the cell, and those beside it along the normal
+      cell[static_cast<std::size_t>(axis)] += beside;
+      found = last.find({cell[0], cell[1], cell[2], static_cast<std::int32_t>(row.place.solids[1])});
+      if (found != last.end()) break;
+    }
+    if (found == last.end()) continue;
+    const solid::SolidPress& press = *found->second;
+    row.contact.push = dt * static_cast<double>(press.force);
+    for (int a = 0; a < 3; ++a) row.contact.pull[a] = dt * static_cast<double>(press.pull[a]);
+  }
+}
+
+Vec3d velocity_of(const system::ContactRow& row, const grid::VectorField& velocity) {
+  Vec3d sum = Vec3d::Zero();
+  for (const system::RowPart& part : row.parts)
+    sum += static_cast<double>(part.weight) * velocity.at(part.unknown).cast<double>();
+  return sum;
+}
+
+}  // namespace
+
+SolidContacts find_solid_contacts(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
+                                  const CommonGrid& common, NodeVelocity& velocity) {
+  SolidContacts contacts;
+  if (!step.scene.params.numerics.walls_push_only) return contacts;
+  for (std::size_t one = 0; one < states.size(); ++one) {
+    std::vector<FoundRow> rows;
+    for (std::size_t other = one + 1; other < states.size(); ++other)
+      for (FoundRow& row : find_pair_rows(step, states, solids, common.grid, one, other))
+        rows.push_back(std::move(row));
+    if (rows.empty()) continue;
+    recall(states[one], step.dt, rows);
+    for (FoundRow& row : rows) {
+      contacts.places.push_back(row.place);
+      contacts.rows.push_back(std::move(row.contact));
+    }
+  }
+  if (contacts.rows.empty()) return contacts;
+  const system::SolidView view(step.parallel, velocity.slip, velocity.field);
+  for (std::size_t r = 0; r < contacts.rows.size(); ++r) {
+    const system::ContactRow& row = contacts.rows[r];
+    contacts.places[r].meets = row.push > 0.0 || row.normal.dot(velocity_of(row, velocity.field)) < row.least;
+  }
+  return contacts;
+}
+
+std::vector<std::uint8_t> pressed_solids(std::size_t solids, const SolidContacts& contacts) {
+  std::vector<std::uint8_t> pressed(solids, 0);
+  for (const auto& [one, other] : meeting_pairs(contacts)) pressed[one] = pressed[other] = 1;
+  return pressed;
+}
+
+void number_rows(const system::VelocitySystem& system, SolidContacts& contacts) {
+  for (system::ContactRow& row : contacts.rows)
+    for (system::RowPart& part : row.parts) part.unknown = system.unknown_of(part.unknown);
+}
+
+SolidPairs meeting_pairs(const SolidContacts& contacts) {
+  SolidPairs pairs;
+  for (const RowPlace& place : contacts.places)
+    if (place.meets) pairs.insert({place.solids[0], place.solids[1]});
+  return pairs;
+}
+
+SolidPairs pushing_pairs(const SolidContacts& contacts) {
+  SolidPairs pairs;
+  for (std::size_t r = 0; r < contacts.rows.size(); ++r)
+    if (contacts.rows[r].push > 0.0) pairs.insert({contacts.places[r].solids[0], contacts.places[r].solids[1]});
+  return pairs;
+}
+
+void remember_contacts(double dt, const SolidContacts& contacts, SolidStates& states) {
+  for (solid::SolidState& solid : states) solid.contacts.clear();
+  for (std::size_t r = 0; r < contacts.rows.size(); ++r) {
+    const system::ContactRow& row = contacts.rows[r];
+    const RowPlace& place = contacts.places[r];
+    if (!(row.push > 0.0)) continue;
+    const Vec3 pull = (row.pull / dt).cast<Real>();
+    states[place.solids[0]].contacts.push_back({{place.cell[0], place.cell[1], place.cell[2]},
+                                                static_cast<std::int32_t>(place.solids[1]),
+                                                static_cast<Real>(row.push / dt),
+                                                {pull[0], pull[1], pull[2]}});
+  }
+}
+
+namespace {
+
+// The vertices of a solid against the surface of another one.
+void measure_vertices(const Scene& scene, const solid::SolidState& vertices, const solid::SolidRest& rest,
+                      const solid::SolidState& state, SolidGap& out) {
+  const Grid& g = state.band.grid;
+  const grid::NodeSampler sampler(g), own(vertices.band.grid);
+  const auto corner = grid::corner_offsets(g);
+  for (const Vec3d& x : vertices.surface) {
+    const Vec3d at = (x - g.origin) / g.h;
+    Vec3i cell;
+    bool inside = true;
+    for (std::size_t a = 0; a < 3; ++a) {
+      cell[a] = static_cast<int>(std::floor(at[static_cast<Eigen::Index>(a)]));
+      inside = inside && cell[a] >= 0 && cell[a] < g.cells[a];
+    }
+    if (!inside) continue;
+    const std::size_t n = g.node(cell[0], cell[1], cell[2]);
+    const auto known = [&](std::size_t offset) { return state.valid[n + offset] != solid::kNoData; };
+    if (!std::all_of(corner.begin(), corner.end(), known)) continue;
+    const Vec3d u = sampler.vector(state.u, at.cast<Real>()).cast<double>();
+    const double gap = rest.distance.sample(x - u) - kSkin * scene.grid.h;
+    out.gap = std::min(out.gap, gap);
+    const Vec3d out_of = rest.distance.gradient(x - u).normalized();
+    const Vec3d v = sampler.vector(state.v, at.cast<Real>()).cast<double>(),
+                w = own.vector(vertices.v, ((x - vertices.band.grid.origin) / g.h).cast<Real>()).cast<double>();
+    out.closing = std::max(out.closing, out_of.dot(v - w));
+  }
+}
+
+}  // namespace
+
+SolidGap measure_gap(const Scene& scene, const SolidStates& states, std::size_t one, std::size_t other) {
+  SolidGap out{std::numeric_limits<double>::infinity(), 0.0};
+  if (!overlap(states[one].band.grid, states[other].band.grid).any()) return out;
+  measure_vertices(scene, states[one], scene.solids[other], states[other], out);
+  measure_vertices(scene, states[other], scene.solids[one], states[one], out);
+  return out;
+}
+
+double relative_speed(const SolidStates& states, std::size_t one, std::size_t other) {
+  using Range = Eigen::AlignedBox3d;
+  const auto range = [](const solid::SolidState& state) {
+    const grid::NodeSampler sampler(state.band.grid);
+    Range velocities;
+    for (const Vec3d& x : state.surface)
+      velocities.extend(sampler.vector(state.v, ((x - state.band.grid.origin) / state.band.grid.h).cast<Real>())
+                            .cast<double>()
+                            .eval());
+    return velocities;
+  };
+  const Range a = range(states[one]), b = range(states[other]);
+  return (a.max() - b.min()).cwiseMax(b.max() - a.min()).norm();
+}
+
+}  // namespace efsi::sim
