@@ -65,6 +65,12 @@ def on_sphere(radius: float) -> Callable[[Gf.Vec3d], Gf.Vec3d]:
     return place
 
 
+def on_ellipsoid(x: float, y: float, z: float) -> Callable[[Gf.Vec3d], Gf.Vec3d]:
+    """Maps the cube to an ellipsoid of these half axes."""
+    sphere = on_sphere(1.0)
+    return lambda p: Gf.CompMult(sphere(p), Gf.Vec3d(x, y, z))
+
+
 def on_rounded_box(half: float, bevel: float) -> Callable[[Gf.Vec3d], Gf.Vec3d]:
     """Maps the cube to a cube of half edge `half` with rounded edges of radius `bevel`."""
 
@@ -279,11 +285,39 @@ def make_jelly_drop_no_fluid() -> Usd.Stage:
     return stage
 
 
+def make_heap() -> Usd.Stage:
+    """Twelve small solids of four shapes fall into a box with a carpet of smoke and come to lie on each other."""
+    stage = new_stage("Twelve small solids of four shapes are poured into a box with a carpet of smoke.", 60)
+    lower, size = (-0.2, 0.0, -0.2), (0.4, 0.7, 0.4)
+    add_domain(stage, lower, size, "slip", voxelSize=0.01, fluidDensity=1.0, vorticityConfinement=0.5)
+    shapes = {
+        "Ball": (on_sphere(0.045), (0.8, 0.15, 0.1)),
+        "Dice": (on_rounded_box(0.042, 0.012), (0.9, 0.75, 0.2)),
+        "Egg": (on_ellipsoid(0.04, 0.056, 0.04), (0.25, 0.5, 0.8)),
+        "Pebble": (on_ellipsoid(0.052, 0.034, 0.045), (0.3, 0.6, 0.3)),
+    }
+    for number in range(12):
+        name, (place, color) = list(shapes.items())[number % 4]
+        layer, corner = divmod(number, 4)
+        angle = 0.5 * math.pi * corner + 0.45 * layer
+        solid = add_mesh(stage, f"/World/{name}{layer + 1}", box_mesh(8, place), color)
+        across = 0.085 + 0.01 * layer
+        center = Gf.Vec3d(across * math.cos(angle), 0.14 + 0.19 * layer, across * math.sin(angle))
+        solid.AddTranslateOp().Set(Gf.Vec3d(*(round(x, DIGITS) for x in center)))
+        solid.AddRotateXYZOp().Set(Gf.Vec3f(20.0 * number, 35.0 * layer, 15.0 * corner))
+        apply_schema(solid.GetPrim(), "solid", youngsModulus=4e4, poissonsRatio=0.3, rayleighBeta=0.001, friction=0.3)
+        set_density(solid.GetPrim(), 1000.0)
+    add_carpet(stage, lower, size)
+    add_camera(stage, (0.35, 0.45, 1.3), (0.0, 0.2, 0.0))
+    return stage
+
+
 MAKERS: dict[str, Callable[[], Usd.Stage]] = {
     "ball.usda": make_ball,
     "falling_bunny.usda": make_falling_bunny,
     "smoke_only.usda": make_smoke_only,
     "jelly_drop_no_fluid.usda": make_jelly_drop_no_fluid,
+    "heap.usda": make_heap,
 }
 
 

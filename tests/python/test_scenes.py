@@ -96,6 +96,48 @@ def test_written_meshes_are_whole(name: str, tmp_path: Path) -> None:
     assert "parts of it have exchanged points" not in (folder / "log").read_text()
 
 
+def written_points(stage: Usd.Stage, frame: int) -> list[np.ndarray]:
+    """World positions of the vertices of each mesh (n, 3) [m]."""
+    clouds = []
+    for prim in stage.Traverse():
+        if not prim.IsA(UsdGeom.Mesh):
+            continue
+        place = np.array(UsdGeom.XformCache(frame).GetLocalToWorldTransform(prim))
+        points = np.asarray(UsdGeom.Mesh(prim).GetPointsAttr().Get(frame), dtype=float)
+        clouds.append(points @ place[:3, :3] + place[3, :3])
+    return clouds
+
+
+def nearest_pair(clouds: list[np.ndarray]) -> float:
+    """Least distance of vertices of two meshes [m]."""
+    pairs = [(a, b) for number, a in enumerate(clouds) for b in clouds[:number]]
+    near = [(a, b) for a, b in pairs if (a.min(0) < b.max(0) + 0.05).all() and (b.min(0) < a.max(0) + 0.05).all()]
+    return min((float(np.linalg.norm(a[:, None] - b, axis=2).min()) for a, b in near), default=math.inf)
+
+
+@pytest.mark.slow
+def test_solids_of_the_heap_meet_and_stay_apart(tmp_path: Path) -> None:
+    """Eighteen frames of coarse voxels: they touch, none enters another or the floor, what fell has come to lie."""
+    voxel, frames = 0.0125, 18
+    options = Options(
+        output=tmp_path / "cache",
+        frames=f"1-{frames}",
+        settings=(f"/World/Domain.voxelSize={voxel}",),
+        progress="none",
+    )
+    result = simulate(SCENES / "heap.usda", options)
+    stage = Usd.Stage.Open(str(result.folder / "heap.usda"))
+    nearest = [nearest_pair(written_points(stage, frame)) / voxel for frame in range(2, frames + 1)]
+    lowest = [min(cloud[:, 1].min() for cloud in written_points(stage, f)) / voxel for f in range(2, frames + 1)]
+    assert len(written_points(stage, frames)) == 12
+    assert min(nearest) < 2.5, "nothing has touched"
+    assert min(nearest) > 0.5, "solids have entered each other"
+    assert min(lowest) > -0.5, "a solid is in the floor"
+    events = [json.loads(line) for line in (result.folder / "stats.jsonl").read_text().splitlines()]
+    assert all(event.get("degenerate_cells", 0) == 0 for event in events)
+    assert any("degenerate_cells" in event for event in events)
+
+
 def test_ball_has_the_published_set_up() -> None:
     stage = Usd.Stage.Open(str(SCENES / "ball.usda"))
     domain, ball, carpet = (stage.GetPrimAtPath(f"/World/{name}") for name in ("Domain", "Ball", "Carpet"))
