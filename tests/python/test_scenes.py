@@ -127,9 +127,10 @@ def test_solids_of_the_heap_meet_and_stay_apart(tmp_path: Path) -> None:
     )
     result = simulate(SCENES / "heap.usda", options)
     stage = Usd.Stage.Open(str(result.folder / "heap.usda"))
-    nearest = [nearest_pair(written_points(stage, frame)) / voxel for frame in range(2, frames + 1)]
-    lowest = [min(cloud[:, 1].min() for cloud in written_points(stage, f)) / voxel for f in range(2, frames + 1)]
-    assert len(written_points(stage, frames)) == 12
+    written = [written_points(stage, frame) for frame in range(2, frames + 1)]
+    nearest = [nearest_pair(clouds) / voxel for clouds in written]
+    lowest = [min(cloud[:, 1].min() for cloud in clouds) / voxel for clouds in written]
+    assert len(written[-1]) == 12
     assert min(nearest) < 2.5, "nothing has touched"
     assert min(nearest) > 0.5, "solids have entered each other"
     assert min(lowest) > -0.5, "a solid is in the floor"

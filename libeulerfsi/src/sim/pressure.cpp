@@ -140,6 +140,19 @@ double left_over(const std::vector<Real>& moves, const std::vector<Real>& pushed
   return without > 0.0 ? std::sqrt(with / without) : std::numeric_limits<double>::infinity();
 }
 
+// Whether the last pressure holds f* with what solids pushed in the last step, or that as solids see it that slide
+// along each other.
+bool holds_contacts(const Parallel& parallel, const VelocityEquation& elasticity, const std::vector<Real>& impulse) {
+  const system::VelocitySystem& system = elasticity.system;
+  std::vector<Real> pushed = elasticity.f_star, moving;
+  system::add_impulses(elasticity.contacts.rows, pushed);
+  if (left_over(system.moves(), pushed, impulse) < kLastHolds) return true;
+  if (meeting_pairs(elasticity.contacts).empty()) return false;
+  system.multiply_mass(parallel, elasticity.v_old, moving);
+  linalg::add_scaled(parallel, pushed, -1.0, moving);
+  return left_over(system.moves(), pushed, impulse) < kLastPresses;
+}
+
 }  // namespace
 
 void prepare_pressure(const StepContext& step, const SolidStates& states, SolidWorks& solids, const Matter& matter,
@@ -162,16 +175,10 @@ void prepare_pressure(const StepContext& step, const SolidStates& states, SolidW
                     [&](std::size_t c) { held[c] = static_cast<Real>(-dt * (static_cast<double>(last[c]) - level)); });
   }
   compute_impulses(parallel, g, elasticity.system, velocity.slip, held, pressure.impulse);
-  std::vector<Real> pushed = elasticity.f_star;
-  system::add_impulses(elasticity.contacts.rows, pushed);  // what solids pushed in the last step
   const system::VelocitySystem& system = elasticity.system;
-  pressure.takes = left_over(system.moves(), pushed, pressure.impulse) < kLastHolds;
-  if (!pressure.takes && !meeting_pairs(elasticity.contacts).empty()) {  // seen from solids that slide along each other
-    std::vector<Real> moving;
-    system.multiply_mass(parallel, elasticity.v_old, moving);
-    linalg::add_scaled(parallel, pushed, -1.0, moving);
-    pressure.takes = left_over(system.moves(), pushed, pressure.impulse) < kLastPresses;
-  }
+  const bool apart = elasticity.contacts.rows.empty();
+  pressure.takes = apart ? left_over(system.moves(), elasticity.f_star, pressure.impulse) < kLastHolds
+                         : holds_contacts(parallel, elasticity, pressure.impulse);
   if (!pressure.takes) return;
   for (std::size_t i = 0; i < pressure.impulse.size(); ++i) {
     elasticity.f_star[i] -= pressure.impulse[i];

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "grid/interpolate.hpp"
+#include "sim/push_out.hpp"
 
 namespace efsi::sim {
 
@@ -16,17 +17,12 @@ using grid::Grid;
 
 namespace {
 
-constexpr double kSkin = 1.75;           // cells between solids at rest on each other: no node carries both
-constexpr double kReach = 1.0;           // cells: rows from this gap on
-constexpr double kDeepest = 1.0;         // cells: deeper than that counts as that
-constexpr double kPushOut = 1.0 / 24.0;  // s: in which what is too deep is given back; at least four steps
-constexpr double kOutside = 0.5;         // cells: rows act at most that far outside the cells that carry stiffness
-constexpr double kFacing = 0.5;          // least length of the difference of the unit normals of two surfaces that meet
-constexpr int kSearch = 2;               // cells around a surface point in which its element is looked for
-
-double least_velocity(double gap, double depth, double dt) {
-  return gap > 0.0 ? -gap / dt : std::min(-gap, depth) / std::max(kPushOut, 4.0 * dt);
-}
+constexpr double kSkin = 1.75;    // cells between solids at rest on each other: no node carries both
+constexpr double kReach = 1.0;    // cells: rows from this gap on
+constexpr double kDeepest = 1.0;  // cells: deeper than that counts as that
+constexpr double kOutside = 0.5;  // cells: rows act at most that far outside the cells that carry stiffness
+constexpr double kFacing = 0.5;   // least length of the difference of the unit normals of two surfaces that meet
+constexpr int kSearch = 2;        // cells around a surface point in which its element is looked for
 
 // What two bands have in common, in cells of the box.
 struct Overlap {
@@ -194,7 +190,7 @@ std::optional<FoundRow> find_row(const StepContext& step, const SolidStates& sta
   FoundRow row{{{pair.one, pair.other}, {cell[0] + g.lo[0], cell[1] + g.lo[1], cell[2] + g.lo[2]}, gap, false}, {}};
   system::ContactRow& contact = row.contact;
   contact.normal = towards.normalized();
-  contact.least = least_velocity(gap, kDeepest * g.h, step.dt);
+  contact.least = least_velocity(std::max(gap, -kDeepest * g.h), step.dt);
   contact.friction = 0.5 * (step.scene.solids[pair.one].friction + step.scene.solids[pair.other].friction);
   const Vec3d x = g.node_position(cell[0], cell[1], cell[2]) + g.h * *place;
   const auto add = [&](std::size_t l, double along, double sign) {

@@ -33,6 +33,10 @@ double time_to_move(double speed, double a, double distance) {
   return speed > 0.0 ? distance / speed : std::numeric_limits<double>::infinity();
 }
 
+bool is_dense(const fluid::FluidParams& fluid, const solid::SolidRest& solid) {
+  return fluid.present && fluid.density > kThin * solid.density;
+}
+
 // `limit`, or less: a step in which shear waves pass kContactPace cells, or more where that strains the solid little.
 // While a solid is pressed flat against a wall nothing moves fast, and in long steps, which are damped, it would lose
 // what it stores.
@@ -121,13 +125,12 @@ double pair_limit(const Parallel& parallel, const Scene& scene, const SolidState
 // come towards it as far.
 double free_cells(const Scene& scene, const std::vector<Box>& boxes, std::size_t l, const Gaps& gaps) {
   const Params& params = scene.params;
-  const double fluid = params.fluid.present ? params.fluid.density : 0.0;
-  if (!params.numerics.conserve_momentum || fluid > kThin * scene.solids[l].density) return params.cfl_solid;
+  if (!params.numerics.conserve_momentum || is_dense(params.fluid, scene.solids[l])) return params.cfl_solid;
   double room = gaps.least() - kContactDistance;
   for (std::size_t other = 0; other < boxes.size(); ++other)
     if (other != l)
       room = std::min(room, 0.5 * (boxes[l].exteriorDistance(boxes[other]) / scene.grid.h - kContactReach));
-  const double far = std::min(kFarthest, (fluid > 0.0 ? kFluidReach : kVacuumReach) * params.cfl_solid);
+  const double far = std::min(kFarthest, (params.fluid.present ? kFluidReach : kVacuumReach) * params.cfl_solid);
   return std::max(params.cfl_solid, std::min(room, far));
 }
 
@@ -155,13 +158,11 @@ double compute_time_step(const Parallel& parallel, const Scene& scene, const Sol
     const Gaps gaps = measure_gaps(scene, states[l]);
     limit = std::min(limit, wall_limit(parallel, scene, l, states[l], gaps));
     limit = speed_limit(parallel, scene, states[l], free_cells(scene, boxes, l, gaps), limit);
+    if (steps == 0 && params.numerics.resolve_impacts && is_dense(params.fluid, scene.solids[l]))
+      limit = std::min(limit, time_to_move(states[l].speed, 0.0, kStart * g.h));
     for (std::size_t other = 0; other < l; ++other)
       limit = std::min(limit, pair_limit(parallel, scene, states, boxes, other, l));
   }
-  if (params.fluid.present && params.numerics.resolve_impacts && steps == 0)
-    for (std::size_t l = 0; l < scene.solids.size(); ++l)
-      if (params.fluid.density > kThin * scene.solids[l].density)
-        limit = std::min(limit, time_to_move(states[l].speed, 0.0, kStart * g.h));
   if (params.fluid.present) limit = std::min(limit, time_to_move(fluid_speed, 0.0, params.cfl_fluid * g.h));
   return remaining / std::ceil(remaining / limit - 1e-6);
 }

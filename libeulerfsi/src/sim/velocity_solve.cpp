@@ -32,14 +32,15 @@ std::vector<Real> old_velocities(const SolidStates& states, const SolidWorks& so
   return old;
 }
 
-// |f + B^T r - G x| of what moves, r the impulses of the last step.
-double first_residual(const Parallel& parallel, const std::vector<Real>& x, VelocityEquation& elasticity) {
-  std::vector<Real> left = elasticity.f_star, moved;
-  system::add_impulses(elasticity.contacts.rows, left);
-  elasticity.system.multiply(parallel, x, moved);
-  linalg::add_scaled(parallel, left, -1.0, moved);
-  linalg::multiply(parallel, left, elasticity.system.moves(), left);
-  return linalg::norm(parallel, left);
+// Starts the solve at the old velocity where that leaves less of f + B^T r, r the impulses of the last step: what
+// presses on something hardly moves faster for its weight.
+void choose_start(const Parallel& parallel, VelocityEquation& elasticity) {
+  if (elasticity.contacts.rows.empty()) return;
+  std::vector<Real> pushed = elasticity.f_star;
+  system::add_impulses(elasticity.contacts.rows, pushed);
+  system::VelocitySystem& system = elasticity.system;
+  if (system.residual(parallel, pushed, elasticity.v_old) < system.residual(parallel, pushed, elasticity.v_star))
+    elasticity.v_star = elasticity.v_old;
 }
 
 }  // namespace
@@ -103,10 +104,7 @@ void solve_velocity(const StepContext& step, VelocityEquation& elasticity, NodeV
   const Numerics& numerics = scene.params.numerics;
   system::VelocitySystem& system = elasticity.system;
   linalg::SolveStats stats;
-  // What presses on something hardly moves faster for its weight.
-  if (!elasticity.contacts.rows.empty() &&
-      first_residual(parallel, elasticity.v_old, elasticity) < first_residual(parallel, elasticity.v_star, elasticity))
-    elasticity.v_star = elasticity.v_old;
+  choose_start(parallel, elasticity);
   for (int pass = 0; pass == 0 || (pass < kMostPasses && hold_more(elasticity.walls, elasticity)); ++pass) {
     stats = system::solve_contact(parallel, numerics.velocity_solver, elasticity.f_star, numerics.velocity_tolerance,
                                   kNegligible * scene.grid.h / dt, system, elasticity.contacts.rows, elasticity.v_star);

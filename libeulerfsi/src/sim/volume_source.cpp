@@ -4,6 +4,7 @@
 
 #include "linalg/reduce.hpp"
 #include "sim/grid_loops.hpp"
+#include "sim/push_out.hpp"
 #include "solid/surface.hpp"
 
 namespace efsi::sim {
@@ -46,7 +47,7 @@ void compute_volume_source(const Parallel& parallel, const Scene& scene, double 
                            const Holds& holds, const Matter& matter, SolidWorks& solids, std::vector<Real>& source) {
   const Grid& g = matter.common.grid;
   linalg::fill(parallel, source, g.padded_count(), Real(0));
-  const double tau = std::max(4.0 * dt, 1.0 / 24.0), limit = 0.1 / dt;
+  const double tau = push_out_time(dt), limit = 0.1 / dt;
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     solid::SolidWork& solid = solids[l];
     solid.next_volume = 0.0;

@@ -8,6 +8,7 @@
 
 #include "sim/fixed_components.hpp"
 #include "sim/grid_loops.hpp"
+#include "sim/push_out.hpp"
 #include "sim/volume_source.hpp"
 #include "system/divergence.hpp"
 
@@ -17,11 +18,10 @@ using grid::Grid;
 
 namespace {
 
-constexpr double kPushOut = 1.0 / 24.0;  // s: in which a wall gives back what is too deep; at least four steps
-constexpr double kDeepest = 1.0;         // cells: deeper than that counts as that
-constexpr double kTouches = 0.2;         // cells: a solid that a wall pushed stays in touch up to here
-constexpr double kBetween = 0.075;       // cells: depth of a vertex between columns that a node in touch does not see
-constexpr double kNoGap = 1e30;          // the column of a node does not meet the solid
+constexpr double kDeepest = 1.0;    // cells: deeper than that counts as that
+constexpr double kTouches = 0.2;    // cells: a solid that a wall pushed stays in touch up to here
+constexpr double kBetween = 0.075;  // cells: depth of a vertex between columns that a node in touch does not see
+constexpr double kNoGap = 1e30;     // the column of a node does not meet the solid
 
 // Distance of the undeformed surface of the material at a node [m].
 double rest_distance(const solid::SolidRest& rest, const solid::SolidState& state, std::size_t node) {
@@ -38,8 +38,6 @@ double column_gap(const solid::SolidRest& rest, const solid::SolidState& state, 
   const double fall = on_wall - inside;  // of the distance over one cell; at least a half of what is usual
   return std::max(-kDeepest * h, h * on_wall / std::max(fall, 0.5 * h));
 }
-
-double least_velocity(double gap, double dt) { return -gap / (gap > 0.0 ? dt : std::max(kPushOut, 4.0 * dt)); }
 
 std::uint8_t bit(int axis) { return static_cast<std::uint8_t>(1u << axis); }
 
@@ -121,6 +119,7 @@ void find_vertices(const CommonGrid& common, const solid::SolidState& solid, std
     const Vec3i place = g.node_place(row.node);
     at[{place[static_cast<std::size_t>(u)], place[static_cast<std::size_t>(v)]}] = &row;
   }
+  std::vector<std::pair<double, WallRow*>> around;
   for (const Vec3d& x : solid.surface) {
     const double gap = face % 2 ? wall - x[a] : x[a] - wall;
     if (gap > g.h || gap < -kDeepest * g.h) continue;
@@ -128,7 +127,7 @@ void find_vertices(const CommonGrid& common, const solid::SolidState& solid, std
     // Columns at most so far away, and the rows of the nearest.
     constexpr double kReach = 1.5 - 1e-4, kMidway = 1e-4;  // cells, square cells
     double least = std::numeric_limits<double>::infinity();
-    std::vector<std::pair<double, WallRow*>> around;
+    around.clear();
     for (int p = static_cast<int>(std::ceil(i - kReach)); p <= i + kReach; ++p)
       for (int q = static_cast<int>(std::ceil(j - kReach)); q <= j + kReach; ++q) {
         const auto row = at.find({p, q});

@@ -74,12 +74,11 @@ EFSI_INLINE CornerMarks corner_marks(const Vec3i& n, const std::uint8_t* mark, s
   return combined(pair);
 }
 
-constexpr Real kOnNode = Real(1e-4);  // cells: as far as rounding leads from a node
-
 // A place this near to a node along an axis lies on it: which of the two cells rounding has chosen does not matter.
 // False: there is no such axis.
 EFSI_INLINE bool round_to_nodes(PackedSampler::Place& at) {
-  const auto low = (at.part < kOnNode) & (at.part > -kOnNode), high = (at.part > 1 - kOnNode) & (at.part < 1 + kOnNode);
+  const auto low = (at.part < grid::kBorder) & (at.part > -grid::kBorder),
+             high = (at.part > 1 - grid::kBorder) & (at.part < 1 + grid::kBorder);
   const auto any = low | high;
   if ((any[0] | any[1] | any[2]) == 0) return false;
   at.part = low ? Quad{0, 0, 0, 0} : high ? Quad{1, 1, 1, 1} : at.part;
@@ -224,7 +223,7 @@ EFSI_KERNEL void correct_row(const PackedSampler& nodes, const FrameMotion& moti
       if (error_u[3] > 0) {
         u_new += error_u;
         v_new += error_v;
-      } else if (sampler.is_near(from, kOnNode)) {
+      } else if (sampler.is_near(from, grid::kBorder)) {
         const PackedSampler::Place behind = sampler.place(from);
         error_u = sampler.value(packed.error_u, behind);
         error_v = sampler.value(packed.error_v, behind);

@@ -141,16 +141,13 @@ bool update(const std::vector<Real>& x, double negligible, std::vector<ContactRo
 // |f + B^T r - G x| of what moves, r the impulses that the rows have at x.
 double first_residual(const Parallel& parallel, const std::vector<Real>& f, const std::vector<Real>& x,
                       const std::vector<ContactRow>& rows, VelocitySystem& system) {
-  std::vector<Real> left = f, moved;
+  std::vector<Real> pushed = f;
   for (const ContactRow& row : rows) {
     const Vec3d w = row_velocity(row, x);
     const double push = next_push(row, w);
-    add_impulse(row, push * row.normal + shorten(next_pull(row, w), row.friction * push), left);
+    add_impulse(row, push * row.normal + shorten(next_pull(row, w), row.friction * push), pushed);
   }
-  system.multiply(parallel, x, moved);
-  linalg::add_scaled(parallel, left, -1.0, moved);
-  linalg::multiply(parallel, left, system.moves(), left);
-  return linalg::norm(parallel, left);
+  return system.residual(parallel, pushed, x);
 }
 
 }  // namespace

@@ -291,6 +291,14 @@ void VelocitySystem::add_penalties(Real s, const std::vector<Real>& x, std::vect
   }
 }
 
+double VelocitySystem::residual(const Parallel& parallel, const std::vector<Real>& f, const std::vector<Real>& x) {
+  std::vector<Real> left = f, moved;
+  multiply(parallel, x, moved);
+  linalg::add_scaled(parallel, left, -1.0, moved);
+  linalg::multiply(parallel, left, moves_, left);
+  return linalg::norm(parallel, left);
+}
+
 double VelocitySystem::rounding(const Parallel& parallel, const std::vector<Real>& x) const {
   return kRounding * std::sqrt(parallel.sum(unknowns(), [&](std::int64_t u) {
            double sum = 0.0;

@@ -92,6 +92,9 @@ class VelocitySystem {
   // the turning of the stress during the step.
   void conserve_momentum(const Parallel& parallel, const std::vector<Real>& b, std::vector<Real>& x) const;
 
+  // |f - G x| of what moves.
+  double residual(const Parallel& parallel, const std::vector<Real>& f, const std::vector<Real>& x);
+
   // Copies between global node fields and vectors of unknowns.
   void gather(const Parallel& parallel, const VectorField& field, std::vector<Real>& x) const;
   void scatter(const Parallel& parallel, const std::vector<Real>& x, VectorField& field) const;
