@@ -176,7 +176,10 @@ def render_schema(table: Table) -> str:
             prims=", ".join(json.dumps(prim) for prim in PRIM_TYPES[scope]),
             builtin='\n    prepend apiSchemas = ["PhysicsMassAPI"]' if scope == "solid" else "",
             doc=json.dumps(table[scope]["doc"]),
-            attributes="\n".join(schema_attribute(scope, parameter) for parameter in rows),
+            attributes="\n".join(
+                [schema_attribute(scope, parameter) for parameter in rows]
+                + [schema_relationship(scope, relationship) for relationship in table[scope]["relationship"]]
+            ),
         )
     return text
 
@@ -199,6 +202,16 @@ def schema_attribute(scope: str, parameter: Parameter) -> str:
     lines += limit_lines(parameter, usd_type)
     body = "".join(f"        {line}\n" for line in lines)
     return f"    uniform {usd_type} eulerfsi:{parameter['name']} = {usd_value(parameter, fallback)} (\n{body}    )\n"
+
+
+def schema_relationship(scope: str, relationship: dict) -> str:
+    doc = json.dumps(relationship["doc"])
+    lines = ["customData = {", f"    string userDocBrief = {doc}", "}"]
+    lines.append(f'displayGroup = "Euler FSI {scope.title()}"')
+    lines.append(f"displayName = {json.dumps(title(relationship['name']))}")
+    lines.append(f"doc = {doc}")
+    body = "".join(f"        {line}\n" for line in lines)
+    return f"    rel eulerfsi:{relationship['name']} (\n{body}    )\n"
 
 
 def usd_type_of(parameter: Parameter) -> str:
@@ -245,7 +258,9 @@ def render_json(table: Table) -> str:
         for parameter in table[scope]["parameter"]:
             row = {"scope": scope} | parameter | {"usd_type": usd_type_of(parameter), "label": title(parameter["name"])}
             rows.append(row | {key: limits(row[key]) for key in ("hard", "soft") if key in row})
-    return json.dumps({"note": NOTE, "prim_types": PRIM_TYPES, "parameters": rows}, indent=1) + "\n"
+    relationships = {scope: [row["name"] for row in table[scope]["relationship"]] for scope in SCOPES}
+    data = {"note": NOTE, "prim_types": PRIM_TYPES, "relationships": relationships, "parameters": rows}
+    return json.dumps(data, indent=1) + "\n"
 
 
 DIALOG_TEMPLATE = ROOT / "houdini_hda" / "DialogScript.template"
@@ -330,6 +345,9 @@ def render_docs(table: Table) -> str:
                 f"`{parameter['field']}`" if parameter["field"] else "",
                 parameter["doc"].replace("|", "\\|"),
             ]
+            lines.append("| " + " | ".join(cells) + " |")
+        for relationship in table[scope]["relationship"]:
+            cells = [f"`eulerfsi:{relationship['name']}`", "", "relationship", "", "", "", "", relationship["doc"]]
             lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 

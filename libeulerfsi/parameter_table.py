@@ -27,7 +27,9 @@ class TableError(ValueError):
 
 
 def load_table(path: Path = TABLE, headers: Path = HEADERS) -> Table:
-    """Reads and validates the table; returns {scope: {"doc": str, "parameter": [Parameter]}}.
+    """Reads and validates the table.
+
+    Returns {scope: {"doc": str, "parameter": [Parameter], "relationship": [{"name": str, "doc": str}]}}.
 
     Raises TableError when an entry breaks a rule.
     """
@@ -47,6 +49,14 @@ def load_table(path: Path = TABLE, headers: Path = HEADERS) -> Table:
                 if parameter[key] and parameter[key] in seen:
                     raise TableError(f"{where}: {key} = {parameter[key]!r} occurs twice")
                 seen.add(parameter[key])
+        for relationship in table[scope].setdefault("relationship", []):
+            where = f"[{scope}] {relationship.get('name', '?')}"
+            if set(relationship) != {"name", "doc"}:
+                raise TableError(f"{where}: keys are {sorted(relationship)}, must be ['doc', 'name']")
+            check_name_and_doc(where, relationship)
+            if relationship["name"] in names:
+                raise TableError(f"{where}: name = {relationship['name']!r} occurs twice")
+            names.add(relationship["name"])
     return table
 
 
@@ -58,12 +68,9 @@ def check_parameter(where: str, parameter: Parameter) -> None:
     if unknown := keys - KNOWN_KEYS:
         raise TableError(f"{where}: unknown keys {sorted(unknown)}")
     kind, default = parameter["type"], parameter["default"]
-    if not re.fullmatch(r"[a-z][A-Za-z0-9]*", parameter["name"]):
-        raise TableError(f"{where}: name must be camelCase")
+    check_name_and_doc(where, parameter)
     if kind not in TYPES:
         raise TableError(f"{where}: type = {kind!r}, must be one of {sorted(TYPES)}")
-    if not parameter["doc"].endswith("."):
-        raise TableError(f"{where}: doc must be a sentence that ends in a full stop")
     if (kind == "token") != ("tokens" in keys):
         raise TableError(f"{where}: tokens belong to type token, and to it only")
 
@@ -76,6 +83,14 @@ def check_parameter(where: str, parameter: Parameter) -> None:
         check_limits(where, parameter)
     elif keys & {"hard", "soft", "unit", "stage_unit", "min_exclusive"}:
         raise TableError(f"{where}: limits and units belong to numbers")
+
+
+def check_name_and_doc(where: str, entry: Parameter) -> None:
+    """What parameters and relationships have in common."""
+    if not re.fullmatch(r"[a-z][A-Za-z0-9]*", entry["name"]):
+        raise TableError(f"{where}: name must be camelCase")
+    if not entry["doc"].endswith("."):
+        raise TableError(f"{where}: doc must be a sentence that ends in a full stop")
 
 
 def check_limits(where: str, parameter: Parameter) -> None:

@@ -387,6 +387,8 @@ PROTOTYPES: dict[str, list] = {
     "efsi_solid_get_surface": [_SIM, c_uint32, c_void_p, c_void_p, c_uint64],
     "efsi_solid_get_diagnostics": [_SIM, c_uint32, _P(SolidDiagnostics)],
     "efsi_solid_get_transport_change": [_SIM, c_uint32, _P(TransportChange)],
+    "efsi_passenger_add": [_SIM, c_uint32, c_void_p, c_uint64, _P(c_uint32)],
+    "efsi_passenger_get_points": [_SIM, c_uint32, c_void_p, c_void_p, c_uint64],
     "efsi_emitter_def_init": [_P(EmitterDef)],
     "efsi_emitter_add": [_SIM, _P(EmitterDef), _P(c_uint32)],
     "efsi_field_get_view": [_SIM, c_int32, c_uint32, _P(FieldView)],

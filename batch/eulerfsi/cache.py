@@ -100,11 +100,17 @@ class Cache:
         """All frames of the range are there, intact."""
         return all(not self.manifest.damaged_files(frame) for frame in self.scene.frames)
 
-    def write_frame(self, frame: int, simulation: Simulation, solids: list[int]) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Writes all files of a frame and registers them; returns the surfaces (points, velocities) it wrote."""
+    def write_frame(
+        self, frame: int, simulation: Simulation, solids: list[int], passengers: list[int]
+    ) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Writes all files of a frame and registers them; returns (points, velocities) of scene.drawn as written."""
         surfaces = [
             simulation.surface(identifier, len(solid.mesh.points))
             for identifier, solid in zip(solids, self.scene.solids, strict=True)
+        ]
+        surfaces += [
+            simulation.passenger(identifier, len(passenger.mesh.points))
+            for identifier, passenger in zip(passengers, self.scene.passengers, strict=True)
         ]
         written = {}
         if solids:

@@ -11,6 +11,7 @@ from typing import Any
 
 import eulerfsi_usd  # noqa: F401 - registers the schema before a stage is opened
 import numpy as np
+from eulerfsi_usd.passengers import find_passengers
 from eulerfsi_usd.pose import Pose, PoseError
 from pxr import Tf, Usd, UsdGeom, UsdPhysics, UsdShade
 
@@ -56,6 +57,24 @@ class Solid:
 
 
 @dataclasses.dataclass
+class Passenger:
+    """What rides along with a solid, at rest. mesh, local: as of Solid; curves and points have no faces."""
+
+    path: str
+    solid: str  # path of the solid
+    mesh: solver.Mesh
+    local: solver.Mesh
+    subdivision: str  # "" where there are no faces
+    left_handed: bool = False
+    surface_file: str = ""
+
+    @property
+    def output_path(self) -> str:
+        """The prim that receives the points."""
+        return self.path
+
+
+@dataclasses.dataclass
 class Emitter:
     """One emitter. values: fields of EfsiEmitterDef."""
 
@@ -78,6 +97,12 @@ class Scene:
     solids: list[Solid]
     emitters: list[Emitter]
     warnings: list[str]
+    passengers: list[Passenger] = dataclasses.field(default_factory=list)
+
+    @property
+    def drawn(self) -> list[Solid | Passenger]:
+        """All that gets points in every frame."""
+        return [*self.solids, *self.passengers]
 
     @property
     def name(self) -> str:
@@ -94,6 +119,8 @@ class Scene:
         result = {self.domain_path: self.domain}
         for item in [*self.solids, *self.emitters]:
             result[item.path] = item.values
+        for passenger in self.passengers:
+            result[passenger.path] = {"carried_by": passenger.solid}
         return json.loads(json.dumps(result))
 
     def hash(self) -> str:
@@ -101,7 +128,7 @@ class Scene:
         digest = hashlib.sha256()
         start = {"fps": self.fps, "first": self.frames.first, "parameters": self.parameters()}
         digest.update(json.dumps(start, sort_keys=True).encode())
-        for solid in self.solids:
+        for solid in self.drawn:
             for array in (solid.mesh.points, solid.mesh.counts, solid.mesh.indices):
                 digest.update(array.tobytes())
         return digest.hexdigest()
@@ -235,11 +262,16 @@ def read_scene(stage: Usd.Stage, path: Path, memory_limit: int = 0, threads: int
     memory.demand(where, domain, [solid.mesh for solid in solids], memory_limit, units.meters_per_unit)
     for solid in solids:
         _examine(reader, solid, stage.GetPrimAtPath(solid.path), domain["voxel_size"], threads or available_threads())
+    passengers = [
+        _passenger(reader, space, stage.GetPrimAtPath(solid.path), prim)
+        for solid in solids
+        for prim in find_passengers(stage.GetPrimAtPath(solid.path))
+    ]
     emitters = [_emitter(reader, space, p) for p in find_prims(stage, "emitter") if reader.value(p, enabled)]
     if not domain["ambient_fluid"]:
         emitters = []  # nothing carries the smoke; check_stage warns
     fps = stage.GetTimeCodesPerSecond()
-    return Scene(path, stage, units, space, frames, fps, where, domain, solids, emitters, warnings)
+    return Scene(path, stage, units, space, frames, fps, where, domain, solids, emitters, warnings, passengers)
 
 
 def _the_domain(stage: Usd.Stage) -> Usd.Prim:
@@ -353,6 +385,32 @@ def _solid(reader: _Reader, space: SimulationSpace, prim: Usd.Prim) -> Solid:
     output = path if is_mesh else _free_child(prim, "surface")
     start = _describe_start(reader, pose, animated, values)
     return Solid(path, output, mesh, local, values, None, file, subdivision, left_handed, start)
+
+
+def _passenger(reader: _Reader, space: SimulationSpace, solid: Usd.Prim, prim: Usd.Prim) -> Passenger:
+    """Where a prim is while the solid is in its rest shape: both as posed at the start."""
+    path, is_mesh = str(prim.GetPath()), prim.IsA(UsdGeom.Mesh)
+    counts = indices = subdivision = None
+    if is_mesh:
+        pose, mesh = Pose(prim, own_points=True), UsdGeom.Mesh(prim)
+        try:
+            points = pose.points(reader.time)
+        except PoseError as error:
+            raise SceneError(f"{path}: skel:skeleton = {pose.skeleton}: cannot be applied: {error}") from error
+        counts = mesh.GetFaceVertexCountsAttr().Get(reader.time)
+        indices = mesh.GetFaceVertexIndicesAttr().Get(reader.time)
+        subdivision = str(mesh.GetSubdivisionSchemeAttr().Get())
+    else:
+        points = np.asarray(UsdGeom.PointBased(prim).GetPointsAttr().Get(reader.time), float)
+    local = solver.Mesh(points, np.array(counts or (), int), np.array(indices or (), int))
+    if is_mesh and (local.counts.sum() != len(local.indices) or (local.indices >= len(local.points)).any()):
+        raise SceneError(f"{path}: faceVertexCounts, faceVertexIndices and points of the mesh do not fit")
+    to_sim = space.from_local(reader.local_to_world(prim))
+    if determinant(to_sim) == 0:
+        raise SceneError(f"{path}: the transform of what {solid.GetPath()} carries has a zero scale")
+    placed = solver.Mesh(transform_points(local.points, to_sim), local.counts, local.indices)
+    left_handed = is_mesh and reader.authored(prim, "orientation") == UsdGeom.Tokens.leftHanded
+    return Passenger(path, str(solid.GetPath()), placed, local, subdivision or "", left_handed)
 
 
 def _examine(reader: _Reader, solid: Solid, prim: Usd.Prim, voxel_size: float, threads: int) -> None:

@@ -79,8 +79,16 @@ def load_scene(path: Path, options: Options, log: Log, memory_limit: int) -> tup
     return scene, overrides
 
 
-def build_simulation(scene: Scene, threads: int, memory_limit: int, log: Log) -> tuple[Simulation, list[int]]:
-    """A simulation at time 0 with the scene's solids and emitters. Returns it with the solids' ids."""
+@dataclasses.dataclass
+class Ids:
+    """Ids in the library of a scene's solids and passengers, in its order."""
+
+    solids: list[int] = dataclasses.field(default_factory=list)
+    passengers: list[int] = dataclasses.field(default_factory=list)
+
+
+def build_simulation(scene: Scene, threads: int, memory_limit: int, log: Log) -> tuple[Simulation, Ids]:
+    """A simulation at time 0 with all that the scene holds, and the ids of that."""
     place = [""]  # prim that the library is working on, for its messages
 
     def forward(level: int, text: str) -> None:
@@ -90,10 +98,14 @@ def build_simulation(scene: Scene, threads: int, memory_limit: int, log: Log) ->
     definition = {**scene.domain, "threads": threads, "memory_limit": memory_limit}
     simulation = Simulation(definition, forward)
     try:
-        identifiers = []
+        ids = Ids()
         for solid in scene.solids:
             place[0] = f"{solid.path}: "
-            identifiers.append(simulation.add_solid(solid.surface, **solid.values)[0])
+            ids.solids.append(simulation.add_solid(solid.surface, **solid.values)[0])
+        carriers = dict(zip((solid.path for solid in scene.solids), ids.solids, strict=True))
+        for passenger in scene.passengers:
+            place[0] = f"{passenger.path}: carried by {passenger.solid}: "
+            ids.passengers.append(simulation.add_passenger(carriers[passenger.solid], passenger.mesh.points))
         for emitter in scene.emitters:
             place[0] = f"{emitter.path}: "
             simulation.add_emitter(**emitter.values)
@@ -101,7 +113,7 @@ def build_simulation(scene: Scene, threads: int, memory_limit: int, log: Log) ->
         simulation.close()
         raise LibraryError(error.status, place[0] + mesh_reason("", error)) from error
     place[0] = ""
-    return simulation, identifiers
+    return simulation, ids
 
 
 def simulate(path: Path, options: Options, log: Log | None = None) -> Result:
@@ -116,7 +128,7 @@ def simulate(path: Path, options: Options, log: Log | None = None) -> Result:
     if wanted.first > scene.frames.first:
         demand_start(wanted, scene.frames.first, _last_checkpoint(folder, mode))
     checks.check_output(folder)
-    simulation, solids = build_simulation(scene, threads, memory_limit, log)
+    simulation, ids = build_simulation(scene, threads, memory_limit, log)
     with simulation:
         folder.mkdir(parents=True, exist_ok=True)
         with FolderLock(folder), contextlib.closing(log), usd_messages(log.info):
@@ -126,7 +138,7 @@ def simulate(path: Path, options: Options, log: Log | None = None) -> Result:
                 cache_module.remove_old(folder)
                 cache = Cache.create(folder, scene, overrides, _grids(scene))
             log.open(folder / "log")
-            return _Run(scene, cache, simulation, solids, log, options.progress, threads).execute(mode == "resume")
+            return _Run(scene, cache, simulation, ids, log, options.progress, threads).execute(mode == "resume")
 
 
 def _last_checkpoint(folder: Path, mode: str) -> int | None:
@@ -145,9 +157,9 @@ class _Run:
     """One run over the frames of a scene."""
 
     def __init__(
-        self, scene: Scene, cache: Cache, simulation: Simulation, solids: list[int], log: Log, mode: str, threads: int
+        self, scene: Scene, cache: Cache, simulation: Simulation, ids: Ids, log: Log, mode: str, threads: int
     ) -> None:
-        self.scene, self.cache, self.simulation, self.solids, self.log = scene, cache, simulation, solids, log
+        self.scene, self.cache, self.simulation, self.ids, self.log = scene, cache, simulation, ids, log
         self.progress = Progress(mode, scene.frames)
         self.signals = Signals()
         self.threads = threads
@@ -243,7 +255,7 @@ class _Run:
             "repairs": self.simulation.repairs(),
             "transport": {
                 solid.path: self.simulation.transport_change(identifier)
-                for solid, identifier in zip(self.scene.solids, self.solids, strict=True)
+                for solid, identifier in zip(self.scene.solids, self.ids.solids, strict=True)
             },
         }
         if self.scene.domain["energy_ledger"]:
@@ -259,10 +271,10 @@ class _Run:
             self.log.info(f"frame {frame}: stopped in its first steps; a resumed run takes up an earlier checkpoint")
 
     def _finish_frame(self, frame: int, seconds: float) -> None:
-        self.surfaces = self.cache.write_frame(frame, self.simulation, self.solids)
+        self.surfaces = self.cache.write_frame(frame, self.simulation, self.ids.solids, self.ids.passengers)
         solids = {
             solid.path: self.simulation.solid_diagnostics(identifier)
-            for solid, identifier in zip(self.scene.solids, self.solids, strict=True)
+            for solid, identifier in zip(self.scene.solids, self.ids.solids, strict=True)
         }
         self._look_at_meshes(frame, solids)
         line = {"event": "frame", "frame": frame, "time": self.simulation.time, "seconds": round(seconds, 4)}

@@ -216,6 +216,23 @@ class Simulation:
         self._check(self._lib.efsi_emitter_add(self._handle, byref(definition), byref(identifier)))
         return identifier.value
 
+    def add_passenger(self, solid: int, points: np.ndarray) -> int:
+        """Adds points, (n, 3) [m] in the solid's rest shape, that ride along with it. Returns their id."""
+        identifier, rest = c_uint32(), np.ascontiguousarray(points, np.float32)
+        status = self._lib.efsi_passenger_add(self._handle, solid, rest.ctypes.data, len(rest), byref(identifier))
+        self._check(status)
+        return identifier.value
+
+    def passenger(self, identifier: int, point_count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Positions [m] and velocities [m/s] of a passenger's points, (point_count, 3) float32 each."""
+        points, velocities = (np.empty((point_count, 3), np.float32) for _ in range(2))
+        self._check(
+            self._lib.efsi_passenger_get_points(
+                self._handle, identifier, points.ctypes.data, velocities.ctypes.data, point_count
+            )
+        )
+        return points, velocities
+
     def step(self, max_dt: float) -> dict[str, Any]:
         """One step of at most max_dt seconds; returns the fields of EfsiStepInfo."""
         info = binding.StepInfo()

@@ -15,7 +15,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 
 from . import files
-from .scene import Scene, Solid
+from .scene import Passenger, Scene, Solid
 from .space import transform_points, transform_vectors
 
 _TYPES = {
@@ -72,13 +72,13 @@ class UsdWriter:
         return f"vdb/{self.scene.name}.{frame:04d}.vdb"
 
     def write_frame(self, frame: int, surfaces: list[tuple[np.ndarray, np.ndarray]]) -> str:
-        """Writes one frame layer. surfaces: per solid, positions [m] and velocities [m/s] in simulation space.
+        """Writes one frame layer. surfaces: of scene.drawn, positions [m] and velocities [m/s] in simulation space.
 
         Returns the content hash: SHA-256 of prim paths, points and velocities as written.
         """
         layer = Sdf.Layer.CreateAnonymous(".usdc")
         content = hashlib.sha256()
-        for solid, (points, velocities) in zip(self.scene.solids, surfaces, strict=True):
+        for solid, (points, velocities) in zip(self.scene.drawn, surfaces, strict=True):
             values = self._local_values(solid, frame, points, velocities)
             prim = Sdf.CreatePrimInLayer(layer, solid.output_path)
             for name, value in values.items():
@@ -90,7 +90,7 @@ class UsdWriter:
         return content.hexdigest()
 
     def _local_values(
-        self, solid: Solid, frame: int, points: np.ndarray, velocities: np.ndarray
+        self, solid: Solid | Passenger, frame: int, points: np.ndarray, velocities: np.ndarray
     ) -> dict[str, np.ndarray]:
         prim = self.scene.stage.GetPrimAtPath(solid.path)
         to_world = self._local_to_world(prim, frame)
@@ -116,7 +116,7 @@ class UsdWriter:
     def write_manifest_layer(self) -> None:
         """Writes the layer that tells which attributes the clips hold."""
         layer = Sdf.Layer.CreateAnonymous(".usda")
-        for solid in self.scene.solids:
+        for solid in self.scene.drawn:
             prim = Sdf.CreatePrimInLayer(layer, solid.output_path)
             for name, kind in _TYPES.items():
                 if name != "normals" or solid.subdivision == "none":
@@ -134,7 +134,7 @@ class UsdWriter:
         layer = Sdf.Layer.CreateAnonymous(".usda")
         layer.subLayerPaths.append(sublayer)
         self._write_stage_metadata(layer, last, data)
-        for solid in self.scene.solids:
+        for solid in self.scene.drawn:
             self._write_clips(layer, solid, last)
         if vdb_frames:
             self._write_volume(layer, vdb_frames, grids)
@@ -157,7 +157,7 @@ class UsdWriter:
         layer.startTimeCode, layer.endTimeCode = self.scene.frames.first, last
         layer.customLayerData = {**source.GetInfo("customLayerData"), "eulerfsi": _usd_dictionary(data)}
 
-    def _write_clips(self, layer: Sdf.Layer, solid: Solid, last: int) -> None:
+    def _write_clips(self, layer: Sdf.Layer, solid: Solid | Passenger, last: int) -> None:
         prim = Sdf.CreatePrimInLayer(layer, solid.output_path)
         if solid.surface_file:
             prim.specifier, prim.typeName = Sdf.SpecifierDef, "Mesh"
@@ -167,7 +167,8 @@ class UsdWriter:
             scheme.default = "none"
         else:
             _block_deformers(prim, self.scene.stage.GetPrimAtPath(solid.path))
-            self._hold_topology(prim, solid)
+            if solid.subdivision:
+                self._hold_topology(prim, solid)
         if solid.subdivision == "none":
             Sdf.AttributeSpec(prim, "normals", _TYPES["normals"]).SetInfo("interpolation", "vertex")
             self._block(prim, solid, "primvars:normals")  # would win over `normals` and show the old shape's shading
@@ -187,13 +188,13 @@ class UsdWriter:
             },
         )
 
-    def _block(self, spec: Sdf.PrimSpec, solid: Solid, name: str) -> None:
+    def _block(self, spec: Sdf.PrimSpec, solid: Solid | Passenger, name: str) -> None:
         """Takes away an attribute that the scene authors."""
         attribute = self.scene.stage.GetPrimAtPath(solid.path).GetAttribute(name)
         if attribute and attribute.HasAuthoredValue():
             Sdf.AttributeSpec(spec, name, attribute.GetTypeName()).default = Sdf.ValueBlock()
 
-    def _hold_topology(self, spec: Sdf.PrimSpec, solid: Solid) -> None:
+    def _hold_topology(self, spec: Sdf.PrimSpec, solid: Solid | Passenger) -> None:
         """Faces that change over time stay those of the first frame, to which the simulated points belong."""
         mesh = UsdGeom.Mesh(self.scene.stage.GetPrimAtPath(solid.path))
         for attribute, value in (

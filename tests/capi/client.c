@@ -300,6 +300,20 @@ static void check_fall(const char* folder) {
   }
   CHECK(efsi_solid_get_surface(sim, id, points, velocities, 7) == EFSI_ERROR_ARGUMENT);
 
+  /* What rides along in the middle of the cube and above its lid has fallen with it. */
+  const float rest[6] = {0.3f, 0.35f, 0.3f, 0.3f, 0.5f, 0.3f}, far[3] = {0.3f, 0.9f, 0.3f};
+  uint32_t passenger = 0;
+  CHECK_OK(sim, efsi_passenger_add(sim, id, rest, 2, &passenger));
+  CHECK_OK(sim, efsi_passenger_get_points(sim, passenger, points, velocities, 2));
+  for (int i = 0; i < 2; ++i) {
+    CHECK(fabs((double)points[3 * i + 1] - (double)rest[3 * i + 1] + fallen) < 0.01);
+    CHECK(velocities[3 * i + 1] < -0.5f && velocities[3 * i + 1] > -1.5f);
+  }
+  CHECK(efsi_passenger_get_points(sim, passenger, points, NULL, 3) == EFSI_ERROR_ARGUMENT);
+  CHECK(efsi_passenger_get_points(sim, 2, points, NULL, 2) == EFSI_ERROR_ARGUMENT);
+  CHECK(efsi_passenger_add(sim, id, far, 1, &passenger) == EFSI_ERROR_ARGUMENT);
+  CHECK(strstr(efsi_simulation_last_error(sim), "must be at most 6 voxels"));
+
   EfsiProfile profile;
   CHECK_OK(sim, efsi_simulation_get_profile(sim, &profile));
   CHECK(profile.steps >= 3 && profile.total_seconds > 0.0 && profile.memory_bytes > 0);

@@ -12,7 +12,7 @@ from pathlib import Path
 import eulerfsi_usd
 import pytest
 from eulerfsi_usd import checks
-from eulerfsi_usd.parameters import API_SCHEMAS, load, prim_types, stage_attributes
+from eulerfsi_usd.parameters import API_SCHEMAS, load, prim_types, stage_attributes, stage_relationships
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -67,7 +67,7 @@ def test_committed_schema_equals_the_generator(tmp_path: Path) -> None:
 def test_schema_attributes_equal_the_table(scope: str) -> None:
     definition = Usd.SchemaRegistry().FindAppliedAPIPrimDefinition(API_SCHEMAS[scope])
     names = {name for name in definition.GetPropertyNames() if name.startswith("eulerfsi:")}
-    assert names == set(stage_attributes(scope))
+    assert names == {*stage_attributes(scope), *stage_relationships(scope)}
     for name, row in stage_attributes(scope).items():
         attribute = definition.GetAttributeDefinition(name)
         assert attribute.GetTypeName() == Sdf.ValueTypeNames.Find(row.usd_type)

@@ -12,7 +12,8 @@ import math
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from .issues import Issue, domain_box, first_time, is_enabled, make_issue, read, scopes_of
-from .parameters import API_SCHEMAS, NAMESPACE, Parameter, load, prim_types, stage_attributes
+from .parameters import API_SCHEMAS, NAMESPACE, Parameter, load, prim_types, stage_attributes, stage_relationships
+from .passengers import check_passengers
 from .surface import check_animation, check_density, check_inside, check_surface
 
 AXES = ("X", "Y", "Z")
@@ -50,6 +51,7 @@ def check_scene(stage: Usd.Stage) -> list[Issue]:
     if not prims["solid"] and not prims["emitter"]:
         limit = "at least one prim with EulerFsiSolidAPI or EulerFsiEmitterAPI, enabled"
         issues.append(make_issue(None, "content", None, limit, "EmptyScene", severity="warning"))
+    issues += check_passengers(prims["solid"])
     if len(prims["domain"]) == 1:
         domain = prims["domain"][0]
         if read(domain, "eulerfsi:ambientFluid") is False:
@@ -92,7 +94,7 @@ def check_names(prim: Usd.Prim) -> list[Issue]:
     if len(scopes) > 1:
         names = ", ".join(API_SCHEMAS[scope] for scope in scopes)
         issues.append(make_issue(prim, "apiSchemas", names, "one schema of eulerfsi per prim", "ManySchemas"))
-    known = {name for scope in scopes for name in stage_attributes(scope)}
+    known = {name for scope in scopes for name in (*stage_attributes(scope), *stage_relationships(scope))}
     for prop in prim.GetAuthoredPropertiesInNamespace("eulerfsi"):
         name = prop.GetName()
         if name not in known:
@@ -102,7 +104,11 @@ def check_names(prim: Usd.Prim) -> list[Issue]:
 
 def _unknown_attribute(prim: Usd.Prim, name: str, known: set[str]) -> Issue:
     physics = {NAMESPACE + row.name: row for rows in load().values() for row in rows.values() if row.usd_physics}
-    elsewhere = [API_SCHEMAS[scope] for scope in API_SCHEMAS if name in stage_attributes(scope)]
+    elsewhere = [
+        API_SCHEMAS[scope]
+        for scope in API_SCHEMAS
+        if name in stage_attributes(scope) or name in stage_relationships(scope)
+    ]
     if name in physics:
         hint = f"use {physics[name].attribute}"
     elif elsewhere:

@@ -101,3 +101,10 @@ def prim_types() -> dict[str, tuple[str, ...]]:
 def stage_attributes(scope: str) -> dict[str, Parameter]:
     """{attribute name: Parameter} of the attributes that the schema of one scope adds."""
     return {row.attribute: row for row in load()[scope].values() if not row.usd_physics}
+
+
+@cache
+def stage_relationships(scope: str) -> tuple[str, ...]:
+    """Names of the relationships that the schema of one scope adds."""
+    data = json.loads(Path(__file__).with_name("parameters.json").read_text(encoding="utf-8"))
+    return tuple(NAMESPACE + name for name in data["relationships"][scope])

@@ -6,6 +6,7 @@
 #include "eulerfsi/fields.h"
 #include "eulerfsi/fluid.h"
 #include "eulerfsi/io.h"
+#include "eulerfsi/passenger.h"
 #include "eulerfsi/profile.h"
 #include "eulerfsi/simulation.h"
 #include "eulerfsi/solid.h"

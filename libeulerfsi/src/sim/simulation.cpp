@@ -222,6 +222,11 @@ std::size_t Simulation::add_emitter(const fluid::Emitter& emitter) {
   return emitters_.size() - 1;
 }
 
+std::size_t Simulation::add_passenger(std::size_t solid, std::vector<Vec3d> points) {
+  passengers_.emplace_back(solid, solid::make_passenger(parallel_, solids_[solid], grid_.h, std::move(points)));
+  return passengers_.size() - 1;
+}
+
 void Simulation::prepare() {
   if (prepared_) return;
   prepared_ = true;
@@ -453,6 +458,11 @@ std::vector<Vec3d> Simulation::surface_velocity(std::size_t index) const {
   std::vector<Vec3d> velocity;
   solid::sample_surface_velocity(parallel_, state_.solids[index], velocity);
   return velocity;
+}
+
+void Simulation::locate_passenger(std::size_t index, std::vector<Vec3d>& points, std::vector<Vec3d>& velocities) const {
+  const auto& [solid, passenger] = passengers_[index];
+  solid::carry(parallel_, solids_[solid], state_.solids[solid], passenger, points, velocities);
 }
 
 const std::vector<Real>& Simulation::solid_fraction() {

@@ -15,6 +15,7 @@
 #include "sim/state.hpp"
 #include "sim/step.hpp"
 #include "sim/workspace.hpp"
+#include "solid/passengers.hpp"
 
 namespace efsi::sim {
 
@@ -66,6 +67,8 @@ class Simulation {
   // Before the first step. Returns the solid's index from 0.
   std::size_t add_solid(const SolidDesc& desc, geometry::MeshReport& report);
   std::size_t add_emitter(const fluid::Emitter& emitter);
+  // Points that ride along with a solid, at rest in its rest shape [m]. At any time. Returns their index from 0.
+  std::size_t add_passenger(std::size_t solid, std::vector<Vec3d> points);
 
   StepInfo step(double max_dt);
   StepInfo advance(double duration, const Progress& progress);
@@ -85,6 +88,10 @@ class Simulation {
   SolidDiagnostics diagnose_solid(std::size_t index);
   FluidDiagnostics diagnose_fluid();
   std::vector<Vec3d> surface_velocity(std::size_t index) const;
+  std::size_t passenger_count() const { return passengers_.size(); }
+  std::size_t passenger_points(std::size_t index) const { return passengers_[index].second.points.size(); }
+  // Positions [m] and velocities [m/s] of a passenger's points now.
+  void locate_passenger(std::size_t index, std::vector<Vec3d>& points, std::vector<Vec3d>& velocities) const;
   // Fields of the whole box, until the next step. Part of each cell that solids fill, cells; empty without solids.
   const std::vector<Real>& solid_fraction();
   const std::vector<Real>& pressure();        // padded cells [Pa]
@@ -116,6 +123,7 @@ class Simulation {
   grid::Grid grid_;
   std::vector<solid::SolidRest> solids_;
   std::vector<fluid::Emitter> emitters_;
+  std::vector<std::pair<std::size_t, solid::Passenger>> passengers_;  // with their solids
   State state_;
   Workspace work_;
   struct {
