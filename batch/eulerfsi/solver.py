@@ -198,15 +198,59 @@ class Simulation:
 
         shape: a mesh, which is examined here, or a surface for this voxel size, which was.
         """
-        definition, identifier, report = binding.SolidDef(), c_uint32(), binding.MeshReport()
+        definition, identifier, report = self._solid_def(shape, values), c_uint32(), binding.MeshReport()
+        self._check(self._lib.efsi_solid_add(self._handle, byref(definition), byref(identifier), byref(report)))
+        return identifier.value, to_dict(report)
+
+    def _solid_def(self, shape: Mesh | Surface, values: Mapping[str, Any]) -> binding.SolidDef:
+        definition = binding.SolidDef()
         self._lib.efsi_solid_def_init(byref(definition))
         _fill(definition, values)
         if isinstance(shape, Surface):
             definition.surface = shape.handle
         else:
             definition.mesh = shape.view()
-        self._check(self._lib.efsi_solid_add(self._handle, byref(definition), byref(identifier), byref(report)))
-        return identifier.value, to_dict(report)
+        return definition
+
+    def add_collider(self, shape: Mesh | Surface, **values: Any) -> tuple[int, int]:
+        """Adds a solid whose motion is given, before the first step. values: friction. Returns (solid id, pin id)."""
+        definition, solid, pin = self._solid_def(shape, values), c_uint32(), c_uint32()
+        status = self._lib.efsi_collider_add(self._handle, byref(definition), byref(solid), byref(pin), None)
+        self._check(status)
+        return solid.value, pin.value
+
+    def add_pin(self, solid: int, where: Surface | np.ndarray) -> int:
+        """Holds a part of a solid, before the first step. Returns the pin's id.
+
+        where: a volume around the solid at rest, or (vertices,) true where a vertex of its mesh is held.
+        """
+        pin = c_uint32()
+        if isinstance(where, Surface):
+            status = self._lib.efsi_pin_add_volume(self._handle, solid, where.handle, byref(pin))
+        else:
+            marked = np.ascontiguousarray(where, np.uint8)
+            status = self._lib.efsi_pin_add_vertices(
+                self._handle, solid, marked.ctypes.data, len(marked), byref(pin)
+            )
+        self._check(status)
+        return pin.value
+
+    def set_motion(self, pin: int, start: float, end: float, poses: tuple[np.ndarray, np.ndarray]) -> None:
+        """What a pin holds moves from one pose to the next between two times [s].
+
+        poses: (4, 4) each, rigid, for column vectors; they place what is at rest.
+        """
+        before, after = (np.ascontiguousarray(pose, np.float64) for pose in poses)
+        status = self._lib.efsi_pin_set_motion(
+            self._handle, pin, start, end, before.ctypes.data, after.ctypes.data
+        )
+        self._check(status)
+
+    def pin_impulse(self, pin: int) -> list[float]:
+        """What held the nodes of a pin in the last step [kg m/s]."""
+        out = binding.Vec3()
+        self._check(self._lib.efsi_pin_get_impulse(self._handle, pin, byref(out)))
+        return list(out)
 
     def add_emitter(self, **values: Any) -> int:
         """Adds an emitter before the first step. values: fields of EfsiEmitterDef (SI). Returns its id."""

@@ -7,6 +7,7 @@
 #include "eulerfsi/fluid.h"
 #include "eulerfsi/io.h"
 #include "eulerfsi/passenger.h"
+#include "eulerfsi/pin.h"
 #include "eulerfsi/profile.h"
 #include "eulerfsi/simulation.h"
 #include "eulerfsi/solid.h"

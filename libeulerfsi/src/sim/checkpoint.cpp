@@ -120,6 +120,12 @@ std::uint64_t Simulation::scene_hash() const {
     hash.add_array(s.surface.points);
     hash.add_array(s.surface.triangles);
   }
+  for (const Pin& pin : pins_) {
+    hash.add_value(static_cast<std::uint64_t>(pin.solid));
+    hash.add_value(static_cast<std::uint64_t>(pin.whole));
+    hash.add_array(pin.region.values);
+    vector(pin.region.origin);
+  }
   for (const auto& e : emitters_) {
     hash.add(e.from_world.data(), 16 * sizeof(double));
     for (double v : {e.density, e.temperature, e.start_time, e.end_time, e.velocity[0], e.velocity[1], e.velocity[2]})

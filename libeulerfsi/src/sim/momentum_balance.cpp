@@ -10,7 +10,7 @@ namespace {
 Vec3d conserved_axes(const Scene& scene) {
   const grid::Walls& walls = scene.params.walls;
   Vec3d axes = Vec3d::Zero();
-  if (!scene.params.fluid.present || walls.any_open()) return axes;
+  if (!scene.params.fluid.present || walls.any_open() || !scene.pins.empty()) return axes;
   for (int a = 0; a < 3; ++a) axes[a] = walls.lower(a) == grid::Wall::kPeriodic ? 1.0 : 0.0;
   return axes;
 }
@@ -76,7 +76,8 @@ void restore_momenta(const StepContext& step, const TransportMomenta& momenta, c
   {
     ScopedTimer timer(profile, Stage::kSolidAdvection);
     for (std::size_t l = 0; l < states.size(); ++l)
-      if (states[l].whole) solid::restore_momenta(parallel, momenta.solids[l], solids[l], states[l]);
+      if (states[l].whole && !is_collider(scene.pins, l))
+        solid::restore_momenta(parallel, momenta.solids[l], solids[l], states[l]);
   }
   const Vec3d axes = conserved_axes(scene);
   if (states.empty() || axes.isZero()) return;

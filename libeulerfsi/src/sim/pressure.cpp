@@ -9,6 +9,7 @@
 #include "grid/boundary.hpp"
 #include "linalg/reduce.hpp"
 #include "sim/grid_loops.hpp"
+#include "sim/prescribed.hpp"
 #include "sim/solid_contact.hpp"
 #include "sim/velocity_solve.hpp"
 #include "sim/volume_source.hpp"
@@ -58,14 +59,16 @@ bool needs_coupling(const Scene& scene, const system::DivergenceNorms& divergenc
 }
 
 // The pressure system of this step and what it shall reach.
-void assemble_pressure_system(const Parallel& parallel, const Scene& scene, double dt, const SolidStates& states,
-                              SolidWorks& solids, const Matter& matter, const Holds& holds, system::SlipNodes& slip,
+void assemble_pressure_system(const StepContext& step, const SolidStates& states, SolidWorks& solids,
+                              const Matter& matter, const Holds& holds, system::SlipNodes& slip,
                               PressureEquation& pressure) {
+  const auto& [parallel, scene, time, dt, profile, info] = step;
   if (!pressure.lasts) {
     std::vector<std::uint8_t> active;
     if (!scene.solids.empty()) active = pressure_cells(parallel, scene, states, solids, matter);
+    close_given_cells(step, states, matter, slip, active);
     pressure.system.assemble(parallel, matter.common.grid, matter.common.walls, matter.fixed, matter.specific_volume,
-                             std::move(active), matter.owned, &slip);
+                             std::move(active), matter.owned, &slip, is_sealed(scene));
     pressure.lasts = scene.solids.empty();
   }
   if (scene.params.numerics.volume_source && !scene.solids.empty())
@@ -163,7 +166,7 @@ void prepare_pressure(const StepContext& step, const SolidStates& states, SolidW
   if (!has_pressure(scene)) return;
   ScopedTimer timer(profile, Stage::kPressureSolve);
   const Grid& g = matter.common.grid;
-  assemble_pressure_system(parallel, scene, dt, states, solids, matter, elasticity.holds, velocity.slip, pressure);
+  assemble_pressure_system(step, states, solids, matter, elasticity.holds, velocity.slip, pressure);
   if (!scene.params.numerics.coupling_step || scene.solids.empty() || last.empty()) return;
   // Within the solids, over the fluid's level; the fluid's own pressure would feed what it moves.
   const double level = scene.params.fluid.present ? fluid_level(parallel, g, matter.owned, last) : 0.0;
@@ -311,8 +314,9 @@ void project_velocity(const StepContext& step, const Grid& g, VelocityEquation& 
   }
   ScopedTimer timer(profile, Stage::kPressureSolve);
   if (pressure.takes) linalg::add_scaled(parallel, pressure.q, 1.0, pressure.taken);  // the q of all the step
-  if (!elasticity.walls.empty()) {
+  if (!elasticity.walls.empty() || !elasticity.given.empty()) {
     grid::fill_ghosts(g, pressure.q, Real(0));
+    add_given_reactions(parallel, g, pressure.q, pressure.coupled, pressure.correction, velocity.slip, elasticity);
     add_reactions(parallel, g, pressure.q, pressure.coupled, pressure.correction, elasticity.system, elasticity.walls);
   }
   std::swap(pressure.q, next);

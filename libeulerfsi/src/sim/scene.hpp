@@ -1,10 +1,11 @@
-// Purpose: what a step does not change: parameters, grid of the box, solids at rest, emitters.
+// Purpose: what a step does not change: parameters, grid of the box, solids at rest, emitters, pins.
 #pragma once
 
 #include <vector>
 
 #include "fluid/fluid.hpp"
 #include "grid/grid.hpp"
+#include "sim/given_motion.hpp"
 #include "sim/params.hpp"
 #include "solid/solid.hpp"
 
@@ -15,6 +16,7 @@ struct Scene {
   const grid::Grid& grid;
   const std::vector<solid::SolidRest>& solids;
   const std::vector<fluid::Emitter>& emitters;
+  const std::vector<Pin>& pins;
 };
 
 // Per solid, in the scene's order: what survives a step, and what does not.

@@ -63,6 +63,8 @@ void validate(const SolidDesc& d) {
   }
 }
 
+constexpr double kOnBorder = 1e-3;  // cells: what is so near to the border of a region is in it
+
 std::string diverged(double time, const std::string& reason) {
   std::ostringstream text;
   text << "diverged at time " << time << " s: " << reason << "; the state is that of the last good step";
@@ -126,6 +128,52 @@ Simulation::Simulation(const Params& params, Log log)
 }
 
 std::size_t Simulation::add_solid(const SolidDesc& desc, geometry::MeshReport& report) {
+  return add_body(desc, false, report);
+}
+
+std::size_t Simulation::add_collider(const SolidDesc& desc, geometry::MeshReport& report) {
+  SolidDesc body = desc;
+  body.compressible = true;  // no pressure acts in it
+  body.density = std::max(desc.density, params_.fluid.density);
+  body.velocity = body.angular_velocity = Vec3d::Zero();
+  Pin pin;
+  pin.solid = add_body(body, true, report);
+  pin.whole = true;
+  pin.vertices.assign(solids_[pin.solid].surface.points.size(), 1);
+  pin.low = report.extent_min;
+  pin.high = report.extent_max;
+  pin.motion.center = geometry::center_of_volume(solids_[pin.solid].surface);
+  pins_.push_back(std::move(pin));
+  return pins_.size() - 1;
+}
+
+void Simulation::demand_inside(const geometry::MeshReport& report) const {
+  constexpr const char* axis[3] = {"x", "y", "z"};
+  const Vec3d top = params_.domain_min + params_.domain_size;
+  for (int a = 0; a < 3; ++a)
+    if (report.extent_min[a] < params_.domain_min[a] - 1e-6 * grid_.h ||
+        report.extent_max[a] > top[a] + 1e-6 * grid_.h) {
+      std::ostringstream text;
+      text << "EfsiSolidDef.mesh: extends from " << report.extent_min[a] << " to " << report.extent_max[a] << " in "
+           << axis[a] << ", the domain from " << params_.domain_min[a] << " to " << top[a];
+      throw Error(ErrorCode::kArgument, text.str());
+    }
+}
+
+// Of the next solid. Colliders may lie in each other.
+void Simulation::demand_apart(bool collider, const geometry::SignedDistance& distance) const {
+  for (std::size_t other = 0; other < solids_.size(); ++other) {
+    if (collider && is_collider(pins_, other)) continue;
+    const geometry::Overlap found = geometry::overlap(solids_[other].distance, distance, parallel_);
+    if (found.depth <= kMostOverlap * grid_.h) continue;
+    throw Error(ErrorCode::kArgument,
+                "EfsiSolidDef.mesh: solid " + std::to_string(solids_.size() + 1) + " overlaps solid " +
+                    std::to_string(other + 1) + " by " + number(found.depth) + " m (" + number(found.volume) +
+                    " m^3): must be at most half a voxel, " + number(kMostOverlap * grid_.h) + " m");
+  }
+}
+
+std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry::MeshReport& report) {
   if (state_.steps > 0) throw Error(ErrorCode::kArgument, "efsi_solid_add: solids are added before the first step");
   validate(desc);
   solid::SolidRest rest;
@@ -149,24 +197,8 @@ std::size_t Simulation::add_solid(const SolidDesc& desc, geometry::MeshReport& r
   rest.volume = report.solid_volume;
   rest.area = geometry::surface_area(rest.surface);
   if (!(rest.volume > 0.0)) throw Error(ErrorCode::kMesh, "EfsiSolidDef.mesh: encloses no volume");
-  constexpr const char* axis[3] = {"x", "y", "z"};
-  const Vec3d top = params_.domain_min + params_.domain_size;
-  for (int a = 0; a < 3; ++a)
-    if (report.extent_min[a] < params_.domain_min[a] - 1e-6 * grid_.h ||
-        report.extent_max[a] > top[a] + 1e-6 * grid_.h) {
-      std::ostringstream text;
-      text << "EfsiSolidDef.mesh: extends from " << report.extent_min[a] << " to " << report.extent_max[a] << " in "
-           << axis[a] << ", the domain from " << params_.domain_min[a] << " to " << top[a];
-      throw Error(ErrorCode::kArgument, text.str());
-    }
-  for (std::size_t other = 0; other < solids_.size(); ++other) {
-    const geometry::Overlap found = geometry::overlap(solids_[other].distance, rest.distance, parallel_);
-    if (found.depth <= kMostOverlap * grid_.h) continue;
-    throw Error(ErrorCode::kArgument,
-                "EfsiSolidDef.mesh: solid " + std::to_string(solids_.size() + 1) + " overlaps solid " +
-                    std::to_string(other + 1) + " by " + number(found.depth) + " m (" + number(found.volume) +
-                    " m^3): must be at most half a voxel, " + number(kMostOverlap * grid_.h) + " m");
-  }
+  if (!collider) demand_inside(report);
+  demand_apart(collider, rest.distance);
   if (report.thinnest_feature < 2.0 * grid_.h) {
     std::ostringstream text;
     text << "solid " << solids_.size() + 1 << ": its thinnest feature is about " << report.thinnest_feature
@@ -200,7 +232,7 @@ std::size_t Simulation::add_solid(const SolidDesc& desc, geometry::MeshReport& r
 
   solid::SolidWork work;
   solid::compute_mass(parallel_, rest, state, work);
-  if (work.element_cell.empty()) {
+  if (work.element_cell.empty() && !collider) {
     std::ostringstream text;
     text << "EfsiSolidDef.mesh: no cell of size " << grid_.h
          << " m lies inside the solid; its thinnest feature is about " << report.thinnest_feature << " m";
@@ -220,6 +252,54 @@ std::size_t Simulation::add_emitter(const fluid::Emitter& emitter) {
   emitters_.push_back(emitter);
   prepared_ = false;  // the first frame shows it, also when the fields were looked at before
   return emitters_.size() - 1;
+}
+
+std::size_t Simulation::add_pin(std::size_t solid, const geometry::SignedDistance& volume) {
+  Pin pin;
+  pin.solid = solid;
+  pin.region = volume;
+  for (float& distance : pin.region.values) distance -= static_cast<float>(kOnBorder * grid_.h);
+  return add_pin(std::move(pin));
+}
+
+std::size_t Simulation::add_pin(std::size_t solid, const std::vector<std::uint8_t>& vertices) {
+  Pin pin;
+  pin.solid = solid;
+  pin.region = region_of(solids_[solid].surface, vertices, grid_.h);
+  return add_pin(std::move(pin));
+}
+
+std::size_t Simulation::add_pin(Pin pin) {
+  if (state_.steps > 0) throw Error(ErrorCode::kArgument, "efsi_pin_add: pins are added before the first step");
+  const std::string name = "pin " + std::to_string(pins_.size() + 1) + " of solid " + std::to_string(pin.solid + 1);
+  if (is_collider(pins_, pin.solid))
+    throw Error(ErrorCode::kArgument, name + ": must hold a solid that moves, and that is a collider");
+  const solid::SolidState& state = state_.solids[pin.solid];
+  const grid::Grid& g = state.band.grid;
+  std::size_t held = 0;
+  Vec3d sum = Vec3d::Zero();
+  for (std::size_t n = 0; n < g.node_count(); ++n) {
+    const auto [i, j, k] = g.node_place(n);
+    const Vec3d X = g.node_position(i, j, k);
+    if (!work_.solids[pin.solid].carries[n] || !pin.holds(X)) continue;
+    ++held;
+    sum += X;
+  }
+  if (held == 0)
+    throw Error(ErrorCode::kArgument, name +
+                                          ": the region holds 0 nodes of the solid: must be at least 1; it lies beside "
+                                          "the solid or between the nodes of voxels of " +
+                                          number(grid_.h) + " m");
+  for (const Vec3d& X : solids_[pin.solid].surface.points) pin.vertices.push_back(pin.holds(X));
+  pin.low = pin.region.origin;
+  pin.high = pin.region.node(pin.region.size[0] - 1, pin.region.size[1] - 1, pin.region.size[2] - 1);
+  pin.motion.center = sum / static_cast<double>(held);
+  pins_.push_back(std::move(pin));
+  return pins_.size() - 1;
+}
+
+void Simulation::set_motion(std::size_t pin, double start, double end, const Pose& from, const Pose& to) {
+  pins_[pin].motion = {start, end, from, to, pins_[pin].motion.center};
 }
 
 std::size_t Simulation::add_passenger(std::size_t solid, std::vector<Vec3d> points) {
@@ -300,7 +380,7 @@ StepInfo Simulation::checked_step(double remaining) {
     ScopedTimer timer(profile_, Stage::kCheck);
     keep_backup();
   }
-  const Scene scene{params_, grid_, solids_, emitters_};
+  const Scene scene{params_, grid_, solids_, emitters_, pins_};
   double shrink = 1.0;
   std::string reason;
   for (int attempt = 0; attempt <= kMaxRetries; ++attempt) {
@@ -313,10 +393,11 @@ StepInfo Simulation::checked_step(double remaining) {
       if (!std::isfinite(info.velocity_residual) || !std::isfinite(info.pressure_residual))
         reason = "a solve met values that are not finite";
       for (std::size_t l = 0; l < solids_.size() && reason.empty(); ++l) {
-        if (work_.solids[l].element_cell.empty()) reason = "solid " + std::to_string(l + 1) + " has vanished";
+        const bool given = is_collider(pins_, l);
+        if (work_.solids[l].element_cell.empty() && !given) reason = "solid " + std::to_string(l + 1) + " has vanished";
         if (!finite(parallel_, state_.solids[l].u) || !finite(parallel_, state_.solids[l].v))
           reason = "solid " + std::to_string(l + 1) + ": a value is not finite";
-        if (solids_[l].compressible &&
+        if (solids_[l].compressible && !given &&
             solid::largest_strain_rate(parallel_, state_.solids[l], state_.solids[l].valid) * info.dt > kRetryStrain)
           reason = "solid " + std::to_string(l + 1) + " was strained by more than " + std::to_string(kRetryStrain);
         if (work_.solids[l].max_speed * info.dt > kRetryTravel * grid_.h)

@@ -67,6 +67,15 @@ class Simulation {
   // Before the first step. Returns the solid's index from 0.
   std::size_t add_solid(const SolidDesc& desc, geometry::MeshReport& report);
   std::size_t add_emitter(const fluid::Emitter& emitter);
+  // Before the first step. A solid whose motion is given; of its description surface and friction count. It may lie
+  // across the faces of the box. Returns the index of its pin; that of the solid is the last one's.
+  std::size_t add_collider(const SolidDesc& desc, geometry::MeshReport& report);
+  // Holds a solid where its material lies in a volume, or beside marked vertices of its surface. Index from 0.
+  std::size_t add_pin(std::size_t solid, const geometry::SignedDistance& volume);
+  std::size_t add_pin(std::size_t solid, const std::vector<std::uint8_t>& vertices);
+  // From now on what a pin holds moves so; the centre of its motion is kept. At any time.
+  void set_motion(std::size_t pin, double start, double end, const Pose& from, const Pose& to);
+  const std::vector<Pin>& pins() const { return pins_; }
   // Points that ride along with a solid, at rest in its rest shape [m]. At any time. Returns their index from 0.
   std::size_t add_passenger(std::size_t solid, std::vector<Vec3d> points);
 
@@ -111,6 +120,10 @@ class Simulation {
   void prepare();
 
  private:
+  std::size_t add_body(const SolidDesc& desc, bool collider, geometry::MeshReport& report);
+  void demand_inside(const geometry::MeshReport& report) const;
+  void demand_apart(bool collider, const geometry::SignedDistance& distance) const;
+  std::size_t add_pin(Pin pin);
   StepInfo checked_step(double remaining);
   void keep_backup();
   bool fills_box() const { return params_.fluid.present; }  // the common grid
@@ -123,6 +136,7 @@ class Simulation {
   grid::Grid grid_;
   std::vector<solid::SolidRest> solids_;
   std::vector<fluid::Emitter> emitters_;
+  std::vector<Pin> pins_;
   std::vector<std::pair<std::size_t, solid::Passenger>> passengers_;  // with their solids
   State state_;
   Workspace work_;

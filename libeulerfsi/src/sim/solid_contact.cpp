@@ -264,9 +264,11 @@ SolidContacts find_solid_contacts(const StepContext& step, const SolidStates& st
   if (!step.scene.params.numerics.walls_push_only) return contacts;
   for (std::size_t one = 0; one < states.size(); ++one) {
     std::vector<FoundRow> rows;
-    for (std::size_t other = one + 1; other < states.size(); ++other)
+    for (std::size_t other = one + 1; other < states.size(); ++other) {
+      if (is_collider(step.scene.pins, one) && is_collider(step.scene.pins, other)) continue;
       for (FoundRow& row : find_pair_rows(step, states, solids, common.grid, one, other))
         rows.push_back(std::move(row));
+    }
     if (rows.empty()) continue;
     recall(states[one], step.dt, rows);
     for (FoundRow& row : rows) {

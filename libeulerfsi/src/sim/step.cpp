@@ -9,6 +9,7 @@
 #include "sim/masses.hpp"
 #include "sim/momentum_balance.hpp"
 #include "sim/node_velocity.hpp"
+#include "sim/prescribed.hpp"
 #include "sim/pressure.hpp"
 #include "sim/repair_maps.hpp"
 #include "sim/solid_contact.hpp"
@@ -29,6 +30,33 @@ void remember_elements(const StepContext& step, const Hold& hold, const solid::S
     solid::remember_elements(work, state);
   else
     state.stiff.clear();
+}
+
+// Lines 18 to 20 for solid l: map, velocity and surface move with it, and its band follows.
+void transport_solid(const StepContext& step, std::size_t l, const solid::RigidStep& frame, const Hold& hold,
+                     solid::SolidWork& work, solid::SolidState& state, solid::AdvectWorkspace& packed,
+                     EnergyLedger& ledger) {
+  const auto& [parallel, scene, time, dt, profile, info] = step;
+  if (is_collider(scene.pins, l)) {
+    ScopedTimer timer(profile, Stage::kSolidAdvection);
+    ledger.leave(l);
+    place_collider(step, l, state, work);
+    return;
+  }
+  {
+    ScopedTimer timer(profile, Stage::kSolidAdvection);
+    solid::extend(parallel, state, work);  // Alg. 1 line 18
+    ledger.leave(l);
+    solid::advect(parallel, scene.params.numerics.solid_advection, dt, frame, work, state,  // Alg. 1 lines 19, 20
+                  packed);
+    timer.visited(work.layer.size(), 12 * sizeof(Real));
+    give_map(step, l, state);
+  }
+  carry_surface(step, l, frame, packed, work, state);
+  ScopedTimer timer(profile, Stage::kSolidAdvection);
+  give_surface(step, l, state);
+  remember_elements(step, hold, work, state);
+  solid::follow_solid(scene.grid, scene.solids[l], state);
 }
 
 // Of the transport, per solid; at rest where nothing keeps momenta.
@@ -104,6 +132,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   SolidStates& states = state.solids;
   fluid::FluidState& fluid = state.fluid;
   StepInfo info;
+  begin_given(parallel, scene, state.time, remaining, states);
   double dt = compute_time_step(parallel, scene, states, state.fluid_speed, state.steps, remaining);  // Alg. 1 line 1
   if (shrink < 1.0) dt = std::min(dt, shrink * remaining);
   info.dt = dt;
@@ -113,6 +142,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
     compute_masses(step, states, solids);  // Alg. 1 line 3
     combine_masses(step, states, solids, state.window, fluid.pressure, matter, velocity.slip);  // Alg. 1 line 7
   }
+  elasticity.given = find_given(step, states, solids, matter, velocity.slip);
   EnergyLedger ledger(step, states, solids, matter, fluid.velocity);
   if (numerics.conserve_momentum) measure_first_momenta(step, states, solids, momenta);
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {  // lines 2-6
@@ -127,6 +157,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   add_external_forces(step, matter, fluid, velocity);
   ledger.book_nodes(EnergyStage::kOutside, velocity);
   meet_walls(step, states, solids, matter, velocity, elasticity.walls);
+  give_velocity(scene, matter, elasticity.given, elasticity.walls, velocity);
   ledger.book_nodes(EnergyStage::kWalls, velocity);
   assemble_velocity_system(step, states, solids, matter, velocity, elasticity);  // Alg. 1 line 8
   prepare_pressure(step, states, solids, matter, fluid.pressure, elasticity, velocity, pressure);
@@ -140,6 +171,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   keep_off(parallel, matter.mass, velocity, elasticity.walls);
   remember_rows(dt, elasticity.walls, states);
   remember_contacts(dt, elasticity.contacts, states);
+  info.pins = sum_impulses(scene.pins.size(), elasticity.given);
   if (numerics.conserve_momentum) measure_momenta(step, states, solids, matter, velocity, momenta);
   const std::vector<solid::RigidStep> frames = transport_frames(step, elasticity.holds, momenta);
   const std::vector<VolumeTarget> targets = volume_targets(scene.solids, states, solids);
@@ -151,20 +183,8 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
     solid::take_velocity(parallel, common, velocity.field, states[l], solids[l]);  // Alg. 1 line 13
   }
   pressure.system.exchange_scratch(solid_advect.storage());
-  for (std::size_t l = 0; l < scene.solids.size(); ++l) {  // lines 17-21
-    {
-      ScopedTimer timer(profile, Stage::kSolidAdvection);
-      solid::extend(parallel, states[l], solids[l]);  // Alg. 1 line 18
-      ledger.leave(l);
-      solid::advect(parallel, numerics.solid_advection, dt, frames[l], solids[l], states[l],  // Alg. 1 lines 19, 20
-                    solid_advect);
-      timer.visited(solids[l].layer.size(), 12 * sizeof(Real));
-    }
-    carry_surface(step, l, frames[l], solid_advect, solids[l], states[l]);
-    ScopedTimer timer(profile, Stage::kSolidAdvection);
-    remember_elements(step, elasticity.holds.of(l), solids[l], states[l]);
-    solid::follow_solid(scene.grid, scene.solids[l], states[l]);
-  }
+  for (std::size_t l = 0; l < scene.solids.size(); ++l)  // lines 17-21
+    transport_solid(step, l, frames[l], elasticity.holds.of(l), solids[l], states[l], solid_advect, ledger);
   pressure.system.exchange_scratch(solid_advect.storage());
   still_fluid(elasticity.walls, velocity.field);
   advect_fluid(step, velocity.field, velocity.slip, matter, fluid, advect, pressure.system);  // Alg. 1 line 22

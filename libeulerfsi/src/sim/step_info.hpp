@@ -24,6 +24,7 @@ struct StepInfo {
   std::uint64_t degenerate_cells = 0, retries = 0, unconverged = 0;
   Repairs repairs;                         // of the last step
   std::vector<TransportChange> transport;  // per solid, of the last step; empty where nothing restores momenta
+  std::vector<Vec3d> pins;                 // impulse per pin, of the last step [kg m/s]
   std::optional<EnergyRecord> energy;      // of the last step, where the ledger is on
 };
 

@@ -117,7 +117,7 @@ double pair_limit(const Parallel& parallel, const Scene& scene, const SolidState
   limit = time_to_move(seen.closing, params.gravity.norm(), cells * h);
   if (params.numerics.resolve_impacts && seen.gap < kContactReach * h)
     for (const std::size_t l : {one, other})
-      limit = wave_limit(parallel, scene.grid, scene.solids[l], states[l], limit);
+      if (!is_collider(scene.pins, l)) limit = wave_limit(parallel, scene.grid, scene.solids[l], states[l], limit);
   return limit;
 }
 
@@ -155,13 +155,19 @@ double compute_time_step(const Parallel& parallel, const Scene& scene, const Sol
   double limit = params.max_time_step > 0.0 ? std::min(params.max_time_step, remaining) : remaining;
   const std::vector<Box> boxes = surface_boxes(states);
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
+    const bool given = is_collider(scene.pins, l);
+    for (std::size_t other = 0; other < l; ++other)
+      if (!given || !is_collider(scene.pins, other))
+        limit = std::min(limit, pair_limit(parallel, scene, states, boxes, other, l));
+    if (given) {  // walls do not stop it, nor does anything drive it
+      limit = std::min(limit, time_to_move(states[l].speed, 0.0, params.cfl_solid * g.h));
+      continue;
+    }
     const Gaps gaps = measure_gaps(scene, states[l]);
     limit = std::min(limit, wall_limit(parallel, scene, l, states[l], gaps));
     limit = speed_limit(parallel, scene, states[l], free_cells(scene, boxes, l, gaps), limit);
     if (steps == 0 && params.numerics.resolve_impacts && is_dense(params.fluid, scene.solids[l]))
       limit = std::min(limit, time_to_move(states[l].speed, 0.0, kStart * g.h));
-    for (std::size_t other = 0; other < l; ++other)
-      limit = std::min(limit, pair_limit(parallel, scene, states, boxes, other, l));
   }
   if (params.fluid.present) limit = std::min(limit, time_to_move(fluid_speed, 0.0, params.cfl_fluid * g.h));
   return remaining / std::ceil(remaining / limit - 1e-6);

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "linalg/reduce.hpp"
+#include "sim/prescribed.hpp"
 #include "sim/solid_contact.hpp"
 #include "sim/wall_contact.hpp"
 #include "solid/displacement.hpp"
@@ -74,6 +75,7 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
   system.assemble(parallel, matter.common.grid, walls.empty() ? matter.fixed : held, refs, matter.mass, velocity.slip,
                   dt);
   tie_rows(elasticity.walls, system);
+  fix_given(elasticity.given, system);
   number_rows(system, contacts);
   elasticity.holds = find_holds(scene.solids.size(), system, meeting_pairs(contacts));
   {
@@ -114,6 +116,7 @@ void solve_velocity(const StepContext& step, VelocityEquation& elasticity, NodeV
   system::add_impulses(elasticity.contacts.rows, elasticity.momentum);
   elasticity.holds = find_holds(scene.solids.size(), system, pushing_pairs(elasticity.contacts));
   add_reactions(parallel, elasticity, elasticity.walls);
+  add_given_reactions(parallel, elasticity);
   info.velocity_residual = stats.residual;
   info.unconverged += !stats.converged;
   if (numerics.conserve_momentum) system.conserve_momentum(parallel, elasticity.momentum, elasticity.v_star);

@@ -56,6 +56,13 @@ struct WallRow {
   Vec3 pull = Vec3::Zero();   // along the tangents, where it sticks [kg m/s]
 };
 
+// A node of a solid whose velocity is given (sim/prescribed.hpp).
+struct GivenNode {
+  std::size_t pin = 0, solid = 0, node = 0;  // node: of the common grid
+  Vec3 velocity = Vec3::Zero();
+  Vec3d impulse = Vec3d::Zero();  // that holds it in this step [kg m/s]
+};
+
 // Where two solids may touch (sim/solid_contact.hpp): the rows of Eq. 8, and of each the solids and the cell of the
 // box.
 struct RowPlace {
@@ -72,13 +79,14 @@ struct SolidContacts {
 // Eq. 8 on its unknowns.
 struct VelocityEquation {
   system::VelocitySystem system;
-  Holds holds;                 // what holds the solids while it is solved and after
-  std::vector<WallRow> walls;  // what walls do
-  SolidContacts contacts;      // what solids do to each other
-  std::vector<Real> f_star;    // the right-hand side [kg m/s]
-  std::vector<Real> v_star;    // start of the solve, then v* [m/s]
-  std::vector<Real> v_old;     // at the start of the step, where there are contacts [m/s]
-  std::vector<Real> momentum;  // M v + dt f, which v* has to have [kg m/s]
+  Holds holds;                   // what holds the solids while it is solved and after
+  std::vector<WallRow> walls;    // what walls do
+  SolidContacts contacts;        // what solids do to each other
+  std::vector<GivenNode> given;  // what pins and colliders prescribe
+  std::vector<Real> f_star;      // the right-hand side [kg m/s]
+  std::vector<Real> v_star;      // start of the solve, then v* [m/s]
+  std::vector<Real> v_old;       // at the start of the step, where there are contacts [m/s]
+  std::vector<Real> momentum;    // M v + dt f, which v* has to have [kg m/s]
 };
 
 // Eqs. 11 to 13. The multiplier q of J has v = v* - M^-1 J^T q [Pa s]; J^T is minus the gradient, so q = -dt p.

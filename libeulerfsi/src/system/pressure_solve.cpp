@@ -27,8 +27,10 @@ EFSI_KERNEL void subtract_row(int n, Real value, Real* r) {
 
 void PressureSystem::assemble(const Parallel& parallel, const Grid& g, const Walls& walls,
                               const std::vector<std::uint8_t>& fixed, const std::vector<Real>& specific_volume,
-                              std::vector<std::uint8_t> active, std::vector<std::uint8_t> solid_cell, SlipNodes* slip) {
+                              std::vector<std::uint8_t> active, std::vector<std::uint8_t> solid_cell, SlipNodes* slip,
+                              bool sealed) {
   slip_ = slip;
+  sealed_ = sealed;
   if (g.cells != grid_.cells) {  // ghosts lie elsewhere, and those that nobody writes must be zero
     rhs_.clear();
     pcg_ = {};
@@ -42,7 +44,7 @@ void PressureSystem::assemble(const Parallel& parallel, const Grid& g, const Wal
   multigrid_.build(parallel, g, walls, fixed, specific_volume, std::move(active), slip);
 }
 
-bool PressureSystem::closed() const { return !walls_.any_open() && multigrid_.finest().active.empty(); }
+bool PressureSystem::closed() const { return !walls_.any_open() && (sealed_ || multigrid_.finest().active.empty()); }
 
 bool PressureSystem::keep_last(const Parallel& parallel, std::vector<Real>& q) {
   std::vector<Real>& left = pcg_.r;
@@ -78,12 +80,38 @@ DivergenceNorms PressureSystem::set_right_side(const Parallel& parallel, const V
   const DivergenceNorms norms = residual_norms(parallel, rhs_);
   if (!closed()) return norms;
   // In a closed box it must sum to zero.
+  const auto& active = multigrid_.finest().active;
+  if (!active.empty()) {
+    subtract_mean(parallel, active);
+    return norms;
+  }
   const Real mean = static_cast<Real>(linalg::sum(parallel, rhs_) / static_cast<double>(grid_.cell_count()));
   parallel.for_each(grid_.cells[2], [&](std::int64_t k) {
     for (int j = 0; j < grid_.cells[1]; ++j)
       subtract_row(grid_.cells[0], mean, rhs_.data() + grid_.padded(0, j, static_cast<int>(k)));
   });
   return norms;
+}
+
+void PressureSystem::subtract_mean(const Parallel& parallel, const std::vector<std::uint8_t>& active) {
+  const auto for_rows = [&](const auto& body) {
+    return parallel.sum(grid_.cells[2], [&](std::int64_t k) {
+      double sum = 0.0;
+      for (int j = 0; j < grid_.cells[1]; ++j) {
+        const std::size_t row = grid_.padded(0, j, static_cast<int>(k));
+        for (std::size_t c = row; c < row + static_cast<std::size_t>(grid_.cells[0]); ++c)
+          if (active[c]) sum += body(c);
+      }
+      return sum;
+    });
+  };
+  const double count = for_rows([](std::size_t) { return 1.0; });
+  if (!(count > 0.0)) return;
+  const Real mean = static_cast<Real>(for_rows([&](std::size_t c) { return static_cast<double>(rhs_[c]); }) / count);
+  for_rows([&](std::size_t c) {
+    rhs_[c] -= mean;
+    return 0.0;
+  });
 }
 
 double PressureSystem::solid_norm(const Parallel& parallel, const std::vector<Real>& r) const {

@@ -23,10 +23,11 @@ class PressureSystem {
  public:
   // specific_volume: 1/density per node, 0 where nothing moves [m^3/kg]; active: cells with an equation, empty: all.
   // solid_cell: padded cells owned by solids, may be empty; the tolerance is demanded of them by themselves, too.
-  // fixed: per node, components that walls fix. slip: nodes with two velocities, or none; used until the next call.
+  // sealed: nothing flows into cells without an equation. fixed: per node, components that walls fix. slip: nodes with
+  // two velocities, or none; used until the next call.
   void assemble(const Parallel& parallel, const Grid& g, const Walls& walls, const std::vector<std::uint8_t>& fixed,
                 const std::vector<Real>& specific_volume, std::vector<std::uint8_t> active,
-                std::vector<std::uint8_t> solid_cell, SlipNodes* slip = nullptr);
+                std::vector<std::uint8_t> solid_cell, SlipNodes* slip = nullptr, bool sealed = false);
   // What the next solve has on the right: h^3 (J v - source), in a closed box less its mean. source: wanted div v per
   // padded cell [1/s], may be empty.
   DivergenceNorms set_right_side(const Parallel& parallel, const VectorField& velocity,
@@ -52,6 +53,8 @@ class PressureSystem {
 
  private:
   bool closed() const;
+  // Of the right-hand side over the cells with an equation.
+  void subtract_mean(const Parallel& parallel, const std::vector<std::uint8_t>& active);
   void compute_residual(const Parallel& parallel, const VectorField& velocity, const std::vector<Real>& source,
                         std::vector<Real>& r);
   double solid_norm(const Parallel& parallel, const std::vector<Real>& r) const;  // of the solids' cells
@@ -68,6 +71,7 @@ class PressureSystem {
   std::vector<Real> rhs_;                 // padded cells
   PressureMultigrid multigrid_;
   SlipNodes* slip_ = nullptr;
+  bool sealed_ = false;
   linalg::PcgWorkspace pcg_;
   linalg::PcrWorkspace pcr_;
 };

@@ -4,6 +4,12 @@
 #include "grid/packed_field.hpp"
 
 namespace efsi::system {
+namespace {
+
+constexpr Real kNoEndOfMass = Real(1e30);  // kg
+
+}  // namespace
+
 Vec3 stair_normal(std::uint8_t solid_cells) {
   Vec3 sum = Vec3::Zero();
   for (std::size_t corner = 0; corner < 8; ++corner)
@@ -46,6 +52,15 @@ SlipNodes::Terms SlipNodes::terms(const SlipNode& n, Real area) {
     grid::store_octet(out[c].data(), across * (own - common));
   }
   return out;
+}
+
+void SlipNodes::hold(const Parallel& parallel, const std::vector<Real>& specific_volume) {
+  parallel.for_each(static_cast<std::int64_t>(nodes_.size()), [&](std::int64_t i) {
+    const auto t = static_cast<std::size_t>(i);
+    if (specific_volume[nodes_[t].node] > 0) return;
+    nodes_[t].solid_mass = kNoEndOfMass;
+    terms_[t] = terms(nodes_[t], area());
+  });
 }
 
 void SlipNodes::swap(const Parallel& parallel, grid::VectorField& velocity) {

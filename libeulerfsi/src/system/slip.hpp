@@ -38,6 +38,8 @@ class SlipNodes {
   SlipNodes() = default;
   // nodes: in ascending order of their planes k.
   SlipNodes(const Parallel& parallel, const grid::Grid& g, std::vector<SlipNode> nodes);
+  // The solid's velocity is given at nodes where this is 0: it has no end of mass there.
+  void hold(const Parallel& parallel, const std::vector<Real>& specific_volume);
   bool empty() const { return nodes_.empty(); }
   const std::vector<SlipNode>& nodes() const { return nodes_; }
   // v_s; the fields below hold v_f at these nodes.

@@ -277,7 +277,7 @@ void VelocitySystem::set_penalties(std::vector<Penalty> penalties) {
       }
 }
 
-void VelocitySystem::add_penalties(Real s, const std::vector<Real>& x, std::vector<Real>& y) const {
+void VelocitySystem::add_penalties(Real s, const std::vector<Real>& x, std::vector<Real>& y, bool everywhere) const {
   for (const Penalty& p : penalties_) {
     Vec3 v = Vec3::Zero();
     for (const RowPart& part : p.parts)
@@ -286,7 +286,7 @@ void VelocitySystem::add_penalties(Real s, const std::vector<Real>& x, std::vect
     for (const RowPart& part : p.parts)
       for (std::size_t a = 0; a < 3; ++a) {
         const std::size_t i = 3 * part.unknown + a;
-        if (moves_[i] > 0) y[i] += part.weight * force[static_cast<Eigen::Index>(a)];
+        if (everywhere || moves_[i] > 0) y[i] += part.weight * force[static_cast<Eigen::Index>(a)];
       }
   }
 }

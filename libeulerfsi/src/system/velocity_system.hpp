@@ -69,8 +69,8 @@ class VelocitySystem {
   void fix(std::size_t unknown, int axis);
   // From now on apply() and solve() have these in G; the last ones go. After assemble() there are none.
   void set_penalties(std::vector<Penalty> penalties);
-  // y += s B^T S B x of the penalties.
-  void add_penalties(Real s, const std::vector<Real>& x, std::vector<Real>& y) const;
+  // y += s B^T S B x of the penalties, where something moves or everywhere.
+  void add_penalties(Real s, const std::vector<Real>& x, std::vector<Real>& y, bool everywhere = false) const;
   // Below this the residual of x is noise.
   double rounding(const Parallel& parallel, const std::vector<Real>& x) const;
   // Inverse of the diagonal of G, the mean of the components that move [1/kg].

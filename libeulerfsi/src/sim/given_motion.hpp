@@ -1,0 +1,53 @@
+// Purpose: motion that the caller gives: where a rigid body is between two poses, and how it moves there; what is held
+// so: a region of a solid (a pin) or all of it (a collider).
+#pragma once
+
+#include <vector>
+
+#include "geometry/signed_distance.hpp"
+#include "geometry/triangle_mesh.hpp"
+#include "solid/momentum.hpp"
+
+namespace efsi::sim {
+
+// A rigid placement: what is at X at rest is at turn X + shift.
+struct Pose {
+  Mat3d turn = Mat3d::Identity();
+  Vec3d shift = Vec3d::Zero();  // [m]
+  Vec3d place(const Vec3d& X) const { return turn * X + shift; }
+  Vec3d material(const Vec3d& x) const { return turn.transpose() * (x - shift); }
+  bool operator==(const Pose& other) const = default;
+};
+
+// From one pose to the next: `center` goes straight ahead at one speed while the body turns about it at one rate, by
+// the smaller angle. Before `start` and after `end` it rests. At first it rests where it is.
+struct GivenMotion {
+  double start = 0.0, end = 0.0;  // [s]
+  Pose from, to;
+  Vec3d center = Vec3d::Zero();  // at rest [m]
+
+  Pose pose(double time) const;
+  // Velocity in the middle of a step from t to t + dt, of what is in the pose of `time`.
+  solid::RigidMotion velocity(double time, double t, double dt) const;
+};
+
+// Nodes and vertices of a solid whose material lies in a region move as given.
+struct Pin {
+  std::size_t solid = 0;
+  bool whole = false;                               // all of the solid: it is a collider
+  geometry::SignedDistance region;                  // material space; < 0 inside; not of a collider
+  std::vector<std::uint8_t> vertices;               // of the solid's surface: 1: in the region
+  Vec3d low = Vec3d::Zero(), high = Vec3d::Zero();  // box around what moves [m]
+  GivenMotion motion;
+
+  bool holds(const Vec3d& X) const { return whole || region.sample(X) <= 0.0; }
+};
+
+// What lies within a cell of a surface's marked vertices, of edges and triangles between such.
+geometry::SignedDistance region_of(const geometry::TriangleMesh& surface, const std::vector<std::uint8_t>& marked,
+                                   double h);
+
+// Whether all of a solid moves as given.
+bool is_collider(const std::vector<Pin>& pins, std::size_t solid);
+
+}  // namespace efsi::sim

@@ -1,0 +1,242 @@
+#include "sim/prescribed.hpp"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "sim/grid_loops.hpp"
+#include "system/divergence.hpp"
+
+namespace efsi::sim {
+
+using grid::Grid;
+
+namespace {
+
+// Largest component of a pin's velocity, over the box around it [m/s].
+double fastest(const Pin& pin, const Pose& pose, const solid::RigidMotion& motion) {
+  double speed = 0.0;
+  for (unsigned corner = 0; corner < 8; ++corner) {
+    Vec3d X;
+    for (int a = 0; a < 3; ++a) X[a] = corner >> a & 1u ? pin.high[a] : pin.low[a];
+    speed = std::max(speed, motion.at(pose.place(X)).cwiseAbs().maxCoeff());
+  }
+  return speed;
+}
+
+// Where a pin holds nodes of a band: velocity, and the map where `map`.
+void give(const Parallel& parallel, const Pin& pin, const Pose& pose, const solid::RigidMotion& motion, bool map,
+          solid::SolidState& state) {
+  const Grid& g = state.band.grid;
+  parallel.for_each(g.cells[2] + 1, [&](std::int64_t plane) {
+    const int k = static_cast<int>(plane);
+    for (int j = 0; j <= g.cells[1]; ++j)
+      for (int i = 0; i <= g.cells[0]; ++i) {
+        const std::size_t n = g.node(i, j, k);
+        if (!state.valid[n]) continue;
+        const Vec3d x = g.node_position(i, j, k), X = pose.material(x);
+        if (!pin.holds(X)) continue;
+        state.v.set(n, motion.at(x).cast<Real>());
+        if (map) state.u.set(n, (x - X).cast<Real>());
+      }
+  });
+}
+
+template <class Body>
+void for_pins(const Scene& scene, std::size_t solid, const Body& body) {
+  for (const Pin& pin : scene.pins)
+    if (pin.solid == solid) body(pin);
+}
+
+// A band around the surface where it is.
+solid::Band band_around(const Grid& box, const std::vector<Vec3d>& surface) {
+  Eigen::AlignedBox3d around;
+  for (const Vec3d& x : surface) around.extend(x);
+  Vec3i lo, hi;
+  for (int a = 0; a < 3; ++a) {
+    const auto s = static_cast<std::size_t>(a);
+    const double most = 2.0 * box.cells[s];
+    lo[s] = static_cast<int>(std::floor(std::clamp((around.min()[a] - box.origin[a]) / box.h, -most, most)));
+    hi[s] = static_cast<int>(std::ceil(std::clamp((around.max()[a] - box.origin[a]) / box.h, -most, most)));
+  }
+  return solid::make_band(box, lo, hi);
+}
+
+Vec3 entries(const std::vector<Real>& x, std::size_t unknown) {
+  return {x[3 * unknown], x[3 * unknown + 1], x[3 * unknown + 2]};
+}
+
+}  // namespace
+
+void begin_given(const Parallel& parallel, const Scene& scene, double time, double remaining, SolidStates& states) {
+  for (const Pin& pin : scene.pins) {
+    const solid::RigidMotion motion = pin.motion.velocity(time, time, remaining);
+    const Pose pose = pin.motion.pose(time);
+    solid::SolidState& state = states[pin.solid];
+    const double speed = fastest(pin, pose, motion);
+    state.speed = pin.whole ? speed : std::max(state.speed, speed);
+    if (pin.whole || speed > 0.0) give(parallel, pin, pose, motion, false, state);
+  }
+}
+
+std::vector<GivenNode> find_given(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
+                                  Matter& matter, system::SlipNodes& slip) {
+  const auto& [parallel, scene, time, dt, profile, info] = step;
+  std::vector<GivenNode> given;
+  if (scene.pins.empty()) return given;
+  const Grid& g = matter.common.grid;
+  std::set<std::pair<std::size_t, std::size_t>> known;  // (solid, node): the first pin counts
+  for (std::size_t p = 0; p < scene.pins.size(); ++p) {
+    const Pin& pin = scene.pins[p];
+    const Pose pose = pin.motion.pose(time);
+    const solid::RigidMotion motion = pin.motion.velocity(time, time, dt);
+    const Grid& band = states[pin.solid].band.grid;
+    const Vec3i lo = grid::offset(band, g);
+    for (std::size_t local = 0; local < solids[pin.solid].carries.size(); ++local) {
+      if (!solids[pin.solid].carries[local]) continue;
+      const Vec3i at = band.node_place(local);
+      const Vec3d x = band.node_position(at[0], at[1], at[2]);
+      if (!pin.holds(pose.material(x))) continue;
+      const std::size_t n = g.node(at[0] + lo[0], at[1] + lo[1], at[2] + lo[2]);
+      if (!known.insert({pin.solid, n}).second) continue;
+      given.push_back({p, pin.solid, n, motion.at(x).cast<Real>(), Vec3d::Zero()});
+    }
+  }
+  for (const GivenNode& node : given) matter.specific_volume[node.node] = 0;
+  slip.hold(parallel, matter.specific_volume);
+  return given;
+}
+
+void give_velocity(const Scene& scene, const Matter& matter, std::vector<GivenNode>& given, std::vector<WallRow>& walls,
+                   NodeVelocity& velocity) {
+  if (given.empty()) return;
+  std::set<std::size_t> nodes;
+  for (const GivenNode& g : given) nodes.insert(g.node);
+  std::erase_if(walls, [&](const WallRow& row) { return nodes.contains(row.node) || nodes.contains(row.above); });
+  const std::size_t count = velocity.slip.nodes().size();
+  std::map<std::size_t, std::size_t> slips;  // node -> its index
+  for (std::size_t t = 0; t < count; ++t) slips[velocity.slip.nodes()[t].node] = t;
+  for (GivenNode& g : given) {
+    const auto found = slips.find(g.node);
+    const Real fluid_mass = matter.fluid_mass[g.node];
+    const Real own_mass = scene.pins[g.pin].whole ? Real(0) : matter.mass[g.node] - fluid_mass;
+    if (found == slips.end()) {
+      const Vec3 before = velocity.field.at(g.node);
+      g.impulse = ((own_mass + fluid_mass) * (g.velocity - before)).cast<double>();
+      velocity.field.set(g.node, g.velocity);
+      continue;
+    }
+    const std::size_t t = found->second;
+    const system::SlipNode& node = velocity.slip.nodes()[t];
+    Vec3& solid = velocity.slip.solid_velocity()[t];
+    const Vec3 fluid = velocity.field.at(g.node);
+    const Vec3 push = node.normal.dot(g.velocity - fluid) * node.normal;
+    g.impulse = (own_mass * (g.velocity - solid) + fluid_mass * push).cast<double>();
+    solid = g.velocity;
+    velocity.field.set(g.node, fluid + push);
+  }
+}
+
+void fix_given(const std::vector<GivenNode>& given, system::VelocitySystem& system) {
+  for (const GivenNode& g : given)
+    for (int axis = 0; axis < 3; ++axis) system.fix(system.unknown_of(g.node), axis);
+}
+
+void close_given_cells(const StepContext& step, const SolidStates& states, const Matter& matter,
+                       const system::SlipNodes& slip, std::vector<std::uint8_t>& active) {
+  const auto& [parallel, scene, time, dt, profile, info] = step;
+  if (scene.pins.empty()) return;
+  const Grid& g = matter.common.grid;
+  if (active.empty()) active.assign(g.padded_count(), 1);
+  const auto corner = grid::corner_offsets(g);
+  std::vector<std::uint8_t> slips(g.node_count(), 0);
+  for (const system::SlipNode& n : slip.nodes()) slips[n.node] = 1;
+  for (const solid::SolidState& state : states)
+    for_band_cells(parallel, g, state.band, [&](std::size_t, int i, int j, int k) {
+      const std::size_t n = g.node(i, j, k), c = g.padded(i, j, k);
+      const bool fluid = matter.owned[c] == 0;
+      const bool moves = std::any_of(corner.begin(), corner.end(), [&](std::size_t o) {
+        return matter.specific_volume[n + o] > 0 || (fluid && slips[n + o]);
+      });
+      if (!moves) active[c] = 0;
+    });
+}
+
+bool is_sealed(const Scene& scene) {
+  if (scene.pins.empty() || !scene.params.fluid.present) return false;
+  for (std::size_t l = 0; l < scene.solids.size(); ++l)
+    if (scene.solids[l].compressible && !is_collider(scene.pins, l)) return false;
+  return true;
+}
+
+void add_given_reactions(const Parallel& parallel, VelocityEquation& elasticity) {
+  if (elasticity.given.empty()) return;
+  std::vector<Real> moved;
+  elasticity.system.multiply(parallel, elasticity.v_star, moved);
+  for (GivenNode& g : elasticity.given) {
+    const std::size_t u = elasticity.system.unknown_of(g.node);
+    g.impulse += (entries(moved, u) - entries(elasticity.f_star, u)).cast<double>();
+  }
+}
+
+void add_given_reactions(const Parallel& parallel, const Grid& grid, const std::vector<Real>& q, Real coupled,
+                         const std::vector<Real>& correction, const system::SlipNodes& slip,
+                         VelocityEquation& elasticity) {
+  if (elasticity.given.empty()) return;
+  std::vector<Real> stiff;
+  if (coupled != 0) {
+    elasticity.system.multiply(parallel, correction, stiff);
+    elasticity.system.add_penalties(1, correction, stiff, true);  // what contact answers
+  }
+  const std::vector<Vec3> slides = slip.sliding_impulse(parallel, q);
+  std::map<std::size_t, Vec3> sliding;
+  for (std::size_t t = 0; t < slides.size(); ++t) sliding[slip.nodes()[t].node] = slides[t];
+  for (GivenNode& g : elasticity.given) {
+    const auto [i, j, k] = grid.node_place(g.node);
+    Vec3 impulse = system::pressure_impulse(grid, q, i, j, k);
+    if (const auto found = sliding.find(g.node); found != sliding.end()) impulse -= found->second;
+    if (coupled != 0) impulse -= coupled * entries(stiff, elasticity.system.unknown_of(g.node));
+    g.impulse += impulse.cast<double>();
+  }
+}
+
+std::vector<Vec3d> sum_impulses(std::size_t pins, const std::vector<GivenNode>& given) {
+  std::vector<Vec3d> sums(pins, Vec3d::Zero());
+  for (const GivenNode& g : given) sums[g.pin] += g.impulse;
+  return sums;
+}
+
+void give_map(const StepContext& step, std::size_t l, solid::SolidState& state) {
+  const auto& [parallel, scene, time, dt, profile, info] = step;
+  for_pins(scene, l, [&](const Pin& pin) {
+    give(parallel, pin, pin.motion.pose(time + dt), pin.motion.velocity(time + dt, time, dt), true, state);
+  });
+}
+
+void give_surface(const StepContext& step, std::size_t l, solid::SolidState& state) {
+  const auto& [parallel, scene, time, dt, profile, info] = step;
+  for_pins(scene, l, [&](const Pin& pin) {
+    const Pose pose = pin.motion.pose(time + dt);
+    for (std::size_t v = 0; v < pin.vertices.size(); ++v)
+      if (pin.vertices[v]) state.surface[v] = pose.place(scene.solids[l].surface.points[v]);
+  });
+}
+
+void place_collider(const StepContext& step, std::size_t l, solid::SolidState& state, solid::SolidWork& work) {
+  const auto& [parallel, scene, time, dt, profile, info] = step;
+  const solid::Band old = state.band;
+  give_surface(step, l, state);
+  const solid::Band band = band_around(scene.grid, state.surface);
+  if (band.grid.lo != old.grid.lo || band.grid.cells != old.grid.cells) solid::move_band(state, band);
+  state.valid.assign(state.band.grid.node_count(), solid::kKnown);
+  give_map(step, l, state);
+  state.stiff.clear();
+  work.max_speed = 0.0;
+  for_pins(scene, l, [&](const Pin& pin) {
+    work.max_speed = fastest(pin, pin.motion.pose(time), pin.motion.velocity(time, time, dt));
+  });
+}
+
+}  // namespace efsi::sim

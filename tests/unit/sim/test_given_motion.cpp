@@ -1,0 +1,241 @@
+// Purpose: pins and colliders: what is given arrives, holds, and pushes as it should.
+#include <Eigen/Geometry>
+#include <algorithm>
+
+#include "base/error.hpp"
+#include "unit/sim/scene.hpp"
+
+using namespace efsi;
+using namespace efsi::test;
+
+namespace {
+
+constexpr double kCell = 0.02, kFrame = 1.0 / 24.0;
+
+// Counter-clockwise seen from outside.
+geometry::TriangleMesh box_mesh(const Vec3d& low, const Vec3d& high) {
+  geometry::TriangleMesh mesh;
+  for (int c = 0; c < 8; ++c)
+    mesh.points.push_back({c & 1 ? high[0] : low[0], c & 2 ? high[1] : low[1], c & 4 ? high[2] : low[2]});
+  constexpr int quads[6][4] = {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}};
+  for (const auto& q : quads) {
+    mesh.triangles.push_back({q[0], q[1], q[2]});
+    mesh.triangles.push_back({q[0], q[2], q[3]});
+  }
+  return mesh;
+}
+
+sim::SolidDesc desc_of(const geometry::TriangleMesh& mesh) {
+  sim::SolidDesc d;
+  d.surface = mesh;
+  return d;
+}
+
+sim::Params vacuum(const Vec3d& size) {
+  sim::Params p = box_params(size, kCell);
+  p.fluid.present = false;
+  return p;
+}
+
+// A bar that hangs from its upper end, which is held.
+struct HangingBar {
+  std::unique_ptr<sim::Simulation> s;
+  std::size_t pin = 0;
+  std::vector<std::uint8_t> held;
+  explicit HangingBar(const sim::Params& p) : s(make_simulation(p)) {
+    sim::SolidDesc bar = desc_of(box_mesh({0.15, 0.25, 0.15}, {0.25, 0.55, 0.25}));
+    bar.youngs_modulus = 2e5;
+    bar.rayleigh_alpha = 3.0;
+    geometry::MeshReport report;
+    s->add_solid(bar, report);
+    for (const Vec3d& x : bar.surface.points) held.push_back(x[1] > 0.5);
+    pin = s->add_pin(0, held);
+  }
+  double weight() { return 9.8 * s->diagnose_solid(0).mass; }
+};
+
+// Mean over the steps of a frame [N].
+Vec3d force_in_frame(sim::Simulation& s, std::size_t pin, double length = kFrame) {
+  Vec3d sum = Vec3d::Zero();
+  s.advance(length, [&](double, const sim::StepInfo& last) {
+    sum += last.pins[pin];
+    return false;
+  });
+  return sum / length;
+}
+
+sim::Pose pose(const Vec3d& turn, const Vec3d& shift) { return {solid::rotation(turn), shift}; }
+
+}  // namespace
+
+TEST_CASE("What holds a bar that hangs is its weight, and its held end does not move", "[law]") {
+  for (const bool fluid : {false, true}) {
+    sim::Params p = box_params({0.4, 0.6, 0.4}, kCell);
+    p.fluid.present = fluid;
+    HangingBar bar(p);
+    Vec3d force;
+    for (int frame = 0; frame < 24; ++frame) force = force_in_frame(*bar.s, bar.pin);
+    double moved = 0.0;
+    for (std::size_t v = 0; v < bar.held.size(); ++v)
+      if (bar.held[v])
+        moved = std::max(moved, (bar.s->state().solids[0].surface[v] - bar.s->solids()[0].surface.points[v]).norm());
+    INFO("force " << force.transpose() << " N, weight " << bar.weight() << " N, moved by " << moved / kCell << " h");
+    CHECK(std::abs(force[1] / bar.weight() - 1.0) < 0.01);
+    CHECK(std::abs(force[0]) + std::abs(force[2]) < 1e-3 * bar.weight());
+    CHECK(moved <= 1e-6 * kCell);
+    CHECK(bar.s->diagnose_solid(0).extent_min[1] < 0.2499);  // it hangs
+  }
+}
+
+TEST_CASE("A pin that turns and goes takes its end where the pose says") {
+  HangingBar bar(vacuum({0.6, 0.7, 0.6}));
+  const Vec3d turn(0.0, 0.9, 0.3), shift(0.1, 0.0, 0.12);
+  const auto part = [&](double s) { return pose(s * turn, s * shift); };
+  for (int frame = 0; frame < 12; ++frame) {
+    bar.s->set_motion(bar.pin, frame * kFrame, (frame + 1) * kFrame, part(frame / 12.0), part((frame + 1) / 12.0));
+    bar.s->advance(kFrame, {});
+  }
+  double off = 0.0, far = 0.0;
+  for (std::size_t v = 0; v < bar.held.size(); ++v) {
+    const Vec3d x = bar.s->state().solids[0].surface[v];
+    const Vec3d wanted = part(1.0).place(bar.s->solids()[0].surface.points[v]);
+    (bar.held[v] ? off : far) = std::max(bar.held[v] ? off : far, (x - wanted).norm() / kCell);
+  }
+  CHECK(off < 1e-6);
+  CHECK(far < 6.0);  // the rest of it follows
+  CHECK(bar.s->diagnose_solid(0).min_det_f > 0.5);
+}
+
+TEST_CASE("A collider is where its pose says and leaves the fluid without sources", "[law]") {
+  sim::Params p = box_params({0.6, 0.6, 0.6}, kCell);
+  const auto s = make_simulation(p);
+  geometry::MeshReport report;
+  const std::size_t pin = s->add_collider(desc_of(ball_mesh({0.25, 0.3, 0.3}, 0.1)), report);
+  const Vec3d center(0.25, 0.3, 0.3);
+  const auto at = [&](double x) {
+    const Vec3d turn(0.0, 0.2 * x / 0.02, 0.0);
+    return pose(turn, center + Vec3d(x, 0.0, 0.0) - solid::rotation(turn) * center);
+  };
+  for (int frame = 0; frame < 5; ++frame) {
+    s->set_motion(pin, frame * kFrame, (frame + 1) * kFrame, at(0.02 * frame), at(0.02 * (frame + 1)));
+    const sim::StepInfo info = s->advance(kFrame, {});
+    CHECK(info.unconverged == 0);
+    CHECK(info.divergence_after < 0.02 * info.divergence_before);
+  }
+  double off = 0.0;
+  for (std::size_t v = 0; v < s->state().solids[0].surface.size(); ++v)
+    off = std::max(off, (s->state().solids[0].surface[v] - at(0.1).place(s->solids()[0].surface.points[v])).norm());
+  CHECK(off < 1e-9);
+  CHECK(all_finite(s->state()));
+}
+
+TEST_CASE("A ball that is set in motion takes half its volume of fluid along", "[law]") {
+  sim::Params p = box_params({0.6, 0.6, 0.6}, 0.0125);
+  p.gravity.setZero();
+  const auto s = make_simulation(p);
+  geometry::MeshReport report;
+  const std::size_t pin = s->add_collider(desc_of(ball_mesh({0.3, 0.3, 0.3}, 0.1)), report);
+  s->set_motion(pin, 0.0, 1e-3, {}, pose(Vec3d::Zero(), {1e-4, 0.0, 0.0}));
+  s->step(1e-3);
+  // The box brings that to 1 + 3 (r / R)^3 times as much, R the radius of a ball of its volume.
+  const double volume = report.solid_volume, radius = 0.6 / std::cbrt(4.0 * 3.14159265358979 / 3.0);
+  const double wanted = 0.5 * p.fluid.density * volume * 0.1 * (1.0 + 3.0 * std::pow(0.1 / radius, 3));
+  const Vec3d impulse = s->last_step().pins[pin];
+  INFO("impulse " << impulse[0] << ", of added mass " << wanted);
+  CHECK(impulse[0] / wanted == Approx(1.0).margin(0.1));
+}
+
+TEST_CASE("Nothing falls through a collider, and it gives a ball the momentum that it counts", "[law]") {
+  const auto s = make_simulation(vacuum({0.6, 0.7, 0.6}), {ball_desc({0.3, 0.35, 0.3}, 0.08)});
+  geometry::MeshReport report;
+  // It reaches through three walls and comes up to meet the ball.
+  const std::size_t pin = s->add_collider(desc_of(box_mesh({0.05, -0.1, -0.1}, {0.7, 0.16, 0.5})), report);
+  double least = 1e30, impulse = 0.0;
+  for (int frame = 0; frame < 24; ++frame) {
+    const auto at = [](int f) { return pose(Vec3d::Zero(), {0.0, 0.01 * std::min(f, 8), 0.0}); };
+    s->set_motion(pin, frame * kFrame, (frame + 1) * kFrame, at(frame), at(frame + 1));
+    s->advance(kFrame, [&](double, const sim::StepInfo& last) {
+      impulse += last.pins[pin][1];
+      const double top = s->state().solids[1].surface[7][1];
+      for (const Vec3d& x : s->state().solids[0].surface) least = std::min(least, (x[1] - top) / kCell);
+      return false;
+    });
+  }
+  const sim::SolidDiagnostics ball = s->diagnose_solid(0);
+  const double wanted = ball.momentum[1] + ball.mass * 9.8 * s->state().time;
+  INFO("least gap " << least << " h, impulse " << impulse << ", momentum and weight " << wanted);
+  CHECK(least > 1.75 - 0.5);
+  CHECK(least < 2.0);
+  CHECK(impulse == Approx(wanted).epsilon(0.01));
+  CHECK(ball.center[1] > 0.3);
+}
+
+TEST_CASE("A body slides down a tilted collider as Coulomb says", "[law]") {
+  const double tilt = 0.35, mu = 0.2;
+  sim::Params p = vacuum({0.9, 0.6, 0.4});
+  const Mat3d turn = solid::rotation({0.0, 0.0, -tilt});  // downhill along x
+  const Vec3d pivot(0.45, 0.1, 0.2);
+  const auto tilted = [&](geometry::TriangleMesh mesh) {
+    for (Vec3d& x : mesh.points) x = pivot + turn * (x - pivot);
+    return mesh;
+  };
+  const auto s = make_simulation(p);
+  geometry::MeshReport report;
+  sim::SolidDesc plane = desc_of(tilted(box_mesh({-0.1, 0.0, -0.1}, {1.1, 0.2, 0.5})));
+  plane.friction = mu;
+  s->add_collider(plane, report);
+  sim::SolidDesc body =
+      desc_of(tilted(box_mesh({0.15, 0.2 + 1.7 * kCell, 0.12}, {0.31, 0.2 + 1.7 * kCell + 0.08, 0.28})));
+  body.friction = mu;
+  body.youngs_modulus = 2e5;
+  s->add_solid(body, report);
+  const Vec3d downhill = turn.col(0);
+  const auto speed = [&] {
+    const sim::SolidDiagnostics d = s->diagnose_solid(1);
+    return d.momentum.dot(downhill) / d.mass;
+  };
+  for (int frame = 0; frame < 4; ++frame) s->advance(kFrame, {});
+  const double first = speed(), begin = s->state().time;
+  for (int frame = 0; frame < 5; ++frame) s->advance(kFrame, {});
+  const double found = (speed() - first) / (s->state().time - begin);
+  const double wanted = 9.8 * (std::sin(tilt) - mu * std::cos(tilt));
+  INFO("acceleration " << found << " m/s^2, Coulomb's " << wanted);
+  CHECK(found == Approx(wanted).epsilon(0.02));
+}
+
+TEST_CASE("Given motion: the same bits with any number of threads, and after a restart") {
+  const auto run = [](int threads, bool restart) {
+    sim::Params p = box_params({0.4, 0.6, 0.4}, kCell);
+    p.threads = threads;
+    auto bar = std::make_unique<HangingBar>(p);
+    const auto frame = [&](int f) {
+      const auto at = [](int n) { return pose({0, 0.1 * n, 0}, {0.004 * n, 0, 0}); };
+      bar->s->set_motion(bar->pin, f * kFrame, (f + 1) * kFrame, at(f), at(f + 1));
+      bar->s->advance(kFrame, {});
+    };
+    for (int f = 0; f < 2; ++f) frame(f);
+    if (restart) {
+      const sim::State state = bar->s->state();
+      bar = std::make_unique<HangingBar>(p);
+      bar->s->set_state(state);
+    }
+    for (int f = 2; f < 4; ++f) frame(f);
+    return sim::state_hash(bar->s->state());
+  };
+  const std::uint64_t once = run(1, false);
+  CHECK(run(2, false) == once);
+  CHECK(run(1, true) == once);
+}
+
+TEST_CASE("A region that holds nothing, and a collider that is pinned, are refused") {
+  HangingBar bar(vacuum({0.6, 0.7, 0.6}));
+  std::vector<std::uint8_t> none(bar.held.size(), 0);
+  CHECK_THROWS_WITH(bar.s->add_pin(0, none),
+                    Catch::Contains("pin 2 of solid 1: the region holds 0 nodes of the solid"));
+  const auto away = geometry::examine(ball_mesh({0.5, 0.1, 0.5}, 0.05), sim::kRestSpacing * kCell);
+  CHECK_THROWS_WITH(bar.s->add_pin(0, away->distance), Catch::Contains("must be at least 1"));
+  geometry::MeshReport report;
+  bar.s->add_collider(desc_of(ball_mesh({0.5, 0.1, 0.5}, 0.05)), report);
+  CHECK_THROWS_WITH(bar.s->add_pin(1, away->distance), Catch::Contains("that is a collider"));
+  CHECK_THROWS_WITH(bar.s->add_solid(ball_desc({0.5, 0.12, 0.5}, 0.05), report), Catch::Contains("overlaps solid 2"));
+}
