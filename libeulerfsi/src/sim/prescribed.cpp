@@ -7,6 +7,7 @@
 #include <set>
 
 #include "sim/grid_loops.hpp"
+#include "sim/step_weight.hpp"
 #include "system/divergence.hpp"
 
 namespace efsi::sim {
@@ -64,6 +65,35 @@ solid::Band band_around(const Grid& box, const std::vector<Vec3d>& surface) {
   return solid::make_band(box, lo, hi);
 }
 
+// Node -> its place among the slip nodes.
+std::map<std::size_t, std::size_t> slip_indices(const system::SlipNodes& slip) {
+  std::map<std::size_t, std::size_t> indices;
+  for (std::size_t t = 0; t < slip.nodes().size(); ++t) indices[slip.nodes()[t].node] = t;
+  return indices;
+}
+
+// Returns per node the fluid's velocity before, or that of all there, and the solid's.
+std::vector<Vec3> set_velocities(const std::vector<GivenNode>& given, NodeVelocity& velocity) {
+  const auto slips = slip_indices(velocity.slip);
+  std::vector<Vec3> before;
+  for (const GivenNode& g : given) {
+    const Vec3 fluid = velocity.field.at(g.node);
+    before.push_back(fluid);
+    const auto found = slips.find(g.node);
+    if (found == slips.end()) {
+      before.push_back(fluid);
+      velocity.field.set(g.node, g.velocity);
+      continue;
+    }
+    const Vec3& n = velocity.slip.nodes()[found->second].normal;
+    Vec3& solid = velocity.slip.solid_velocity()[found->second];
+    before.push_back(solid);
+    solid = g.velocity;
+    velocity.field.set(g.node, fluid + n.dot(g.velocity - fluid) * n);
+  }
+  return before;
+}
+
 Vec3 entries(const std::vector<Real>& x, std::size_t unknown) {
   return {x[3 * unknown], x[3 * unknown + 1], x[3 * unknown + 2]};
 }
@@ -109,34 +139,34 @@ std::vector<GivenNode> find_given(const StepContext& step, const SolidStates& st
   return given;
 }
 
-void give_velocity(const Scene& scene, const Matter& matter, std::vector<GivenNode>& given, std::vector<WallRow>& walls,
-                   NodeVelocity& velocity) {
+void give_velocity(const StepContext& step, const SolidWorks& solids, const Matter& matter,
+                   std::vector<GivenNode>& given, NodeVelocity& velocity) {
+  if (given.empty()) return;
+  const StepWeight weight = weight_in_step(step.scene, step.dt, solids);
+  const std::vector<Vec3> before = set_velocities(given, velocity);
+  const auto slips = slip_indices(velocity.slip);
+  for (std::size_t i = 0; i < given.size(); ++i) {
+    GivenNode& g = given[i];
+    const auto found = slips.find(g.node);
+    const Real fluid_mass = matter.fluid_mass[g.node], own_mass = matter.mass[g.node] - fluid_mass;
+    Vec3 impulse;
+    if (found == slips.end()) {
+      impulse = matter.mass[g.node] * (g.velocity - before[2 * i]);
+    } else {
+      const Vec3& n = velocity.slip.nodes()[found->second].normal;
+      impulse = own_mass * (g.velocity - before[2 * i + 1]) + fluid_mass * n.dot(g.velocity - before[2 * i]) * n;
+    }
+    if (step.scene.pins[g.pin].whole) impulse += own_mass * weight.solids[g.solid];
+    g.impulse = impulse.cast<double>();
+  }
+}
+
+void keep_given(const std::vector<GivenNode>& given, std::vector<WallRow>& walls, NodeVelocity& velocity) {
   if (given.empty()) return;
   std::set<std::size_t> nodes;
   for (const GivenNode& g : given) nodes.insert(g.node);
   std::erase_if(walls, [&](const WallRow& row) { return nodes.contains(row.node) || nodes.contains(row.above); });
-  const std::size_t count = velocity.slip.nodes().size();
-  std::map<std::size_t, std::size_t> slips;  // node -> its index
-  for (std::size_t t = 0; t < count; ++t) slips[velocity.slip.nodes()[t].node] = t;
-  for (GivenNode& g : given) {
-    const auto found = slips.find(g.node);
-    const Real fluid_mass = matter.fluid_mass[g.node];
-    const Real own_mass = scene.pins[g.pin].whole ? Real(0) : matter.mass[g.node] - fluid_mass;
-    if (found == slips.end()) {
-      const Vec3 before = velocity.field.at(g.node);
-      g.impulse = ((own_mass + fluid_mass) * (g.velocity - before)).cast<double>();
-      velocity.field.set(g.node, g.velocity);
-      continue;
-    }
-    const std::size_t t = found->second;
-    const system::SlipNode& node = velocity.slip.nodes()[t];
-    Vec3& solid = velocity.slip.solid_velocity()[t];
-    const Vec3 fluid = velocity.field.at(g.node);
-    const Vec3 push = node.normal.dot(g.velocity - fluid) * node.normal;
-    g.impulse = (own_mass * (g.velocity - solid) + fluid_mass * push).cast<double>();
-    solid = g.velocity;
-    velocity.field.set(g.node, fluid + push);
-  }
+  set_velocities(given, velocity);
 }
 
 void fix_given(const std::vector<GivenNode>& given, system::VelocitySystem& system) {

@@ -15,10 +15,12 @@ void begin_given(const Parallel& parallel, const Scene& scene, double time, doub
 // With the masses of the step: the given nodes and their velocities; takes their W away.
 std::vector<GivenNode> find_given(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
                                   Matter& matter, system::SlipNodes& slip);
-// After meet_walls: the nodes get their velocities, walls do nothing there. Starts the count of the impulses, in
-// which a collider has no mass.
-void give_velocity(const Scene& scene, const Matter& matter, std::vector<GivenNode>& given, std::vector<WallRow>& walls,
-                   NodeVelocity& velocity);
+// With all forces but the solids' own: the nodes get their velocities. Starts the count of the impulses, in which a
+// collider has no mass.
+void give_velocity(const StepContext& step, const SolidWorks& solids, const Matter& matter,
+                   std::vector<GivenNode>& given, NodeVelocity& velocity);
+// After meet_walls: walls do nothing there.
+void keep_given(const std::vector<GivenNode>& given, std::vector<WallRow>& walls, NodeVelocity& velocity);
 // Eq. 8: prescribes what they have.
 void fix_given(const std::vector<GivenNode>& given, system::VelocitySystem& system);
 // Cells at which nothing can move have no pressure. active: as PressureSystem has it; filled where it is empty.

@@ -156,8 +156,9 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   ledger.book_nodes(EnergyStage::kMixing, velocity);
   add_external_forces(step, matter, fluid, velocity);
   ledger.book_nodes(EnergyStage::kOutside, velocity);
+  give_velocity(step, solids, matter, elasticity.given, velocity);
   meet_walls(step, states, solids, matter, velocity, elasticity.walls);
-  give_velocity(scene, matter, elasticity.given, elasticity.walls, velocity);
+  keep_given(elasticity.given, elasticity.walls, velocity);
   ledger.book_nodes(EnergyStage::kWalls, velocity);
   assemble_velocity_system(step, states, solids, matter, velocity, elasticity);  // Alg. 1 line 8
   prepare_pressure(step, states, solids, matter, fluid.pressure, elasticity, velocity, pressure);
