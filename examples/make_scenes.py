@@ -312,12 +312,55 @@ def make_heap() -> Usd.Stage:
     return stage
 
 
+def make_struck() -> Usd.Stage:
+    """A soft pillar, held at its foot, with eyes that ride along, is struck by a ball on a pendulum."""
+    frames = 60
+    stage = new_stage(
+        "A soft pillar with eyes, held at its foot, is struck by a ball that swings as it is told.", frames
+    )
+    lower, size = (-0.4, 0.0, -0.2), (0.8, 0.55, 0.4)
+    add_domain(stage, lower, size, "slip", voxelSize=0.0125, fluidDensity=1.0, vorticityConfinement=0.5)
+    rounded = on_rounded_box(0.06, 0.025)
+    pillar = add_mesh(
+        stage, "/World/Pillar", box_mesh(12, lambda p: Gf.CompMult(rounded(p), Gf.Vec3d(1, 2.5, 1))), (0.85, 0.55, 0.2)
+    )
+    pillar.AddTranslateOp().Set(Gf.Vec3d(0.0, 0.15, 0.0))
+    apply_schema(pillar.GetPrim(), "solid", youngsModulus=6e4, poissonsRatio=0.35, rayleighBeta=0.002)
+    set_density(pillar.GetPrim(), 1000.0)
+    foot = add_cube(stage, "/World/Foot", (-0.1, 0.0, -0.1), (0.2, 0.05, 0.2))
+    pillar.GetPrim().CreateRelationship("eulerfsi:pins", False).SetTargets([foot.GetPath()])
+    for name, x in (("EyeLeft", -0.026), ("EyeRight", 0.026)):
+        eye = add_mesh(stage, f"/World/Face/{name}", box_mesh(6, on_sphere(0.018)), (0.95, 0.95, 0.92))
+        eye.AddTranslateOp().Set(Gf.Vec3d(x, 0.245, 0.06))
+        pupil = add_mesh(stage, f"/World/Face/{name}Pupil", box_mesh(4, on_sphere(0.009)), (0.05, 0.05, 0.08))
+        pupil.AddTranslateOp().Set(Gf.Vec3d(x, 0.245, 0.072))
+    UsdGeom.Xform.Define(stage, "/World/Face")
+    pillar.GetPrim().CreateRelationship("eulerfsi:carried", False).SetTargets(["/World/Face"])
+
+    pendulum = UsdGeom.Xform.Define(stage, "/World/Pendulum")
+    pendulum.AddTranslateOp().Set(Gf.Vec3d(-0.08, 0.55, 0.0))
+    swing = pendulum.AddRotateZOp()
+    for frame in range(1, frames + 1):
+        there = 0.5 - 0.5 * math.cos(math.pi * min(frame - 1, 28) / 14)
+        swing.Set(round(-70.0 + 82.0 * there, 4), frame)
+    ball = UsdGeom.Sphere.Define(stage, "/World/Pendulum/Ball")
+    ball.CreateRadiusAttr(0.05)
+    ball.CreateExtentAttr(Vt.Vec3fArray([(-0.05,) * 3, (0.05,) * 3]))
+    ball.AddTranslateOp().Set(Gf.Vec3d(0.0, -0.3, 0.0))
+    apply_schema(ball.GetPrim(), "collider", friction=0.2)
+    bind_material(stage, ball.GetPrim(), (0.3, 0.32, 0.36))
+    add_carpet(stage, lower, size)
+    add_camera(stage, (0.35, 0.4, 1.5), (0.0, 0.22, 0.0))
+    return stage
+
+
 MAKERS: dict[str, Callable[[], Usd.Stage]] = {
     "ball.usda": make_ball,
     "falling_bunny.usda": make_falling_bunny,
     "smoke_only.usda": make_smoke_only,
     "jelly_drop_no_fluid.usda": make_jelly_drop_no_fluid,
     "heap.usda": make_heap,
+    "struck.usda": make_struck,
 }
 
 

@@ -14,7 +14,7 @@ from pxr import Usd
 
 from . import memory
 from .errors import CacheIOError, SceneError
-from .scene import Scene, Solid
+from .scene import Collider, Scene, Solid
 from .usd_messages import composition_faults
 
 __all__ = ["Issue", "check_output", "check_scene", "check_stage", "raise_errors", "stage_issues"]
@@ -57,6 +57,10 @@ def check_scene(scene: Scene) -> list[Issue]:
         issues += _check_inside(scene, solid)
     for first, second in itertools.combinations(scene.solids, 2):
         issues += _check_apart(scene, first, second)
+    for collider in scene.colliders:
+        issues += _check_closed(collider)
+        for solid in scene.solids:
+            issues += _check_apart(scene, collider, solid)
     return issues
 
 
@@ -96,7 +100,16 @@ def _check_inside(scene: Scene, solid: Solid) -> list[Issue]:
     return [Issue(solid.path, field, value, limit, message, "error", "OutsideDomain")]
 
 
-def _check_apart(scene: Scene, first: Solid, second: Solid) -> list[Issue]:
+def _check_closed(collider: Collider) -> list[Issue]:
+    edges = collider.report["open_edges"]
+    if not edges:
+        return []
+    limit = "0: a collider is a closed mesh"
+    message = f"{collider.path}: the mesh has {edges} open edges: must be {limit}"
+    return [Issue(collider.path, "faceVertexIndices", str(edges), limit, message, "error", "OpenCollider")]
+
+
+def _check_apart(scene: Scene, first: Solid | Collider, second: Solid) -> list[Issue]:
     depth, volume = first.surface.overlap(second.surface)
     unit, most = scene.units.meters_per_unit, _MOST_OVERLAP * scene.domain["voxel_size"]
     if depth <= most:

@@ -8,10 +8,12 @@ import numpy as np
 
 from . import files
 from .scene import Scene
+from .space import transform_points
 from .usd_writer import vertex_normals
 
 # Fill colours of the solids, repeated when there are more.
 _COLORS = ((0.86, 0.36, 0.22), (0.25, 0.55, 0.80), (0.93, 0.72, 0.25), (0.45, 0.68, 0.38), (0.66, 0.45, 0.74))
+_COLLIDER = (0.45, 0.47, 0.50)
 _PASSENGER = (0.93, 0.93, 0.90)
 _BACKGROUND = (0.075, 0.085, 0.105)
 _LIGHT = np.array([-0.45, 0.75, 0.6]) / np.linalg.norm([-0.45, 0.75, 0.6])
@@ -25,7 +27,12 @@ def view_axes(gravity: np.ndarray) -> tuple[int, int, int]:
 
 
 def write_preview(
-    path: Path, scene: Scene, surfaces: list[tuple[np.ndarray, np.ndarray]], smoke: np.ndarray | None, title: str
+    path: Path,
+    scene: Scene,
+    frame: int,
+    surfaces: list[tuple[np.ndarray, np.ndarray]],
+    smoke: np.ndarray | None,
+    title: str,
 ) -> None:
     """Draws one frame. surfaces: of scene.drawn points [m] and velocities; smoke: (nx, ny, nz) density or None."""
     import matplotlib
@@ -68,7 +75,12 @@ def write_preview(
     # The viewer looks against the third axis of a right-handed (right, up, towards) frame.
     toward = flip * (1.0 if (right, up, depth) in ((0, 1, 2), (1, 2, 0), (2, 0, 1)) else -1.0)
     polygons, shades, distances = [], [], []
-    for number, (solid, (points, _)) in enumerate(zip(scene.drawn, surfaces, strict=True)):
+    shapes = [(solid, points) for solid, (points, _) in zip(scene.drawn, surfaces, strict=True)]
+    shapes += [
+        (collider, transform_points(collider.mesh.points, collider.motion.pose(frame).T))
+        for collider in scene.colliders
+    ]
+    for number, (solid, points) in enumerate(shapes):
         if not len(solid.mesh.counts):
             continue
         view = np.stack([points[:, right], flip * points[:, up], toward * points[:, depth]], axis=1).astype(float)
@@ -80,7 +92,8 @@ def write_preview(
         normal *= np.where(normal[:, 2:] < 0, -1, 1)  # open or inverted faces are lit from the viewer's side
         light = 0.25 + 0.75 * np.clip(normal @ _LIGHT, 0, 1)
         shine = 0.35 * np.clip(normal @ ((_LIGHT + (0, 0, 1)) / np.linalg.norm(_LIGHT + (0, 0, 1))), 0, 1) ** 40
-        color = np.array(_COLORS[number % len(_COLORS)] if number < len(scene.solids) else _PASSENGER)
+        rest = _PASSENGER if number < len(scene.drawn) else _COLLIDER
+        color = np.array(_COLORS[number % len(_COLORS)] if number < len(scene.solids) else rest)
         polygons.append(corners[:, :, :2])
         shades.append(np.clip(color * light[:, None] + shine[:, None], 0, 1))
         distances.append(corners[:, :, 2].mean(axis=1))

@@ -11,6 +11,8 @@ from typing import Any
 
 import eulerfsi_usd  # noqa: F401 - registers the schema before a stage is opened
 import numpy as np
+from eulerfsi_usd import given, gprims
+from eulerfsi_usd.parameters import API_SCHEMAS
 from eulerfsi_usd.passengers import find_passengers
 from eulerfsi_usd.pose import Pose, PoseError
 from pxr import Tf, Usd, UsdGeom, UsdPhysics, UsdShade
@@ -27,8 +29,8 @@ from .signals import Signals
 from .space import SimulationSpace, determinant, domain_space, orthonormal_rows, transform_points, transform_vectors
 from .system import available_threads
 
-DOMAIN_API, SOLID_API, EMITTER_API = "EulerFsiDomainAPI", "EulerFsiSolidAPI", "EulerFsiEmitterAPI"
-APIS = {DOMAIN_API: "domain", SOLID_API: "solid", EMITTER_API: "emitter"}
+DOMAIN_API, SOLID_API, EMITTER_API = (API_SCHEMAS[scope] for scope in ("domain", "solid", "emitter"))
+APIS = {api: scope for scope, api in API_SCHEMAS.items()}
 EARTH_GRAVITY = 9.81  # m/s^2
 DEFAULT_DENSITY = 1000.0  # kg/m^3
 _VOXEL_SIZES = (1e-6, 1e6)  # m: what single precision and OpenVDB's transforms can hold, and a continuum is
@@ -49,6 +51,62 @@ class Solid:
     subdivision: str = "none"
     left_handed: bool = False
     pose: str = ""  # what the start follows from, '' for a mesh that stands still as it is
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """Fields of EfsiMeshReport."""
+        return self.surface.report
+
+
+@dataclasses.dataclass
+class Motion:
+    """How what is given moves: with a prim's transform. driver: path of that prim, '' for none."""
+
+    driver: str
+    stage: Usd.Stage
+    space: SimulationSpace
+    first: int
+
+    @property
+    def moves(self) -> bool:
+        """Whether it does."""
+        return bool(self.driver) and given.moves(self.stage.GetPrimAtPath(self.driver))
+
+    def pose(self, frame: int) -> np.ndarray:
+        """(4, 4) for column vectors in simulation space: where a frame puts what lies there at the first frame."""
+        if not self.moves:
+            return np.eye(4)
+        world = given.motion(self.stage.GetPrimAtPath(self.driver), frame, self.first)
+        corners = self.space.point_to_world(np.concatenate([np.zeros((1, 3)), np.eye(3)]))
+        origin, *ends = transform_points(corners, self.space.from_local(world))
+        pose = np.eye(4)
+        pose[:3, :3] = np.stack([end - origin for end in ends], axis=1)
+        pose[:3, 3] = origin
+        return pose
+
+
+@dataclasses.dataclass
+class Pin:
+    """What holds a part of a solid. where: (vertices,) bool of its mesh, or a volume as `surface` has examined it."""
+
+    path: str  # of the prim that says where: the solid, or the volume
+    solid: str
+    motion: Motion
+    vertices: np.ndarray | None = None
+    mesh: solver.Mesh | None = None
+    surface: solver.Surface | None = None
+
+
+@dataclasses.dataclass
+class Collider:
+    """A body whose motion is given. mesh: where it is at the first frame, simulation space; values: EfsiSolidDef."""
+
+    path: str
+    mesh: solver.Mesh
+    values: dict[str, Any]
+    motion: Motion
+    surface: solver.Surface | None = None
+    surface_file: str = ""
 
     @property
     def report(self) -> dict[str, Any]:
@@ -98,6 +156,8 @@ class Scene:
     emitters: list[Emitter]
     warnings: list[str]
     passengers: list[Passenger] = dataclasses.field(default_factory=list)
+    pins: list[Pin] = dataclasses.field(default_factory=list)
+    colliders: list[Collider] = dataclasses.field(default_factory=list)
 
     @property
     def drawn(self) -> list[Solid | Passenger]:
@@ -117,10 +177,12 @@ class Scene:
     def parameters(self) -> dict[str, dict[str, Any]]:
         """{prim path: {field of the C definition: SI value}}: all that was used."""
         result = {self.domain_path: self.domain}
-        for item in [*self.solids, *self.emitters]:
+        for item in [*self.solids, *self.emitters, *self.colliders]:
             result[item.path] = item.values
         for passenger in self.passengers:
             result[passenger.path] = {"carried_by": passenger.solid}
+        for pin in self.pins:
+            result[f"{pin.path} (pin)"] = {"solid": pin.solid, "driver": pin.motion.driver}
         return json.loads(json.dumps(result))
 
     def hash(self) -> str:
@@ -131,6 +193,13 @@ class Scene:
         for solid in self.drawn:
             for array in (solid.mesh.points, solid.mesh.counts, solid.mesh.indices):
                 digest.update(array.tobytes())
+        for pin in self.pins:
+            digest.update((pin.mesh.points if pin.mesh else pin.vertices).tobytes())
+        for collider in self.colliders:
+            digest.update(collider.mesh.points.tobytes() + collider.mesh.indices.tobytes())
+        for moved in [*self.pins, *self.colliders]:
+            if moved.motion.moves:
+                digest.update(given.motion_text(self.stage.GetPrimAtPath(moved.motion.driver)).encode())
         return digest.hexdigest()
 
 
@@ -259,9 +328,19 @@ def read_scene(stage: Usd.Stage, path: Path, memory_limit: int = 0, threads: int
     domain["gravity"] = space.vector_to_sim(_gravity(stage, units, warnings)).tolist()
     enabled = table()["solid"]["enabled"]
     solids = [_solid(reader, space, prim) for prim in find_prims(stage, "solid") if reader.value(prim, enabled)]
+    pins = [pin for solid in solids for pin in _pins(reader, space, stage.GetPrimAtPath(solid.path), frames.first)]
+    colliders = [
+        _collider(reader, space, prim, frames.first)
+        for prim in find_prims(stage, "collider")
+        if reader.value(prim, enabled)
+    ]
     memory.demand(where, domain, [solid.mesh for solid in solids], memory_limit, units.meters_per_unit)
     for solid in solids:
-        _examine(reader, solid, stage.GetPrimAtPath(solid.path), domain["voxel_size"], threads or available_threads())
+        _examine(solid, domain["voxel_size"], threads or available_threads())
+        prim = stage.GetPrimAtPath(solid.path)
+        solid.values["density"] = _density(reader, prim, solid.report["solid_volume"])
+    for given_body in [*(pin for pin in pins if pin.mesh), *colliders]:
+        _examine(given_body, domain["voxel_size"], threads or available_threads())
     passengers = [
         _passenger(reader, space, stage.GetPrimAtPath(solid.path), prim)
         for solid in solids
@@ -271,7 +350,9 @@ def read_scene(stage: Usd.Stage, path: Path, memory_limit: int = 0, threads: int
     if not domain["ambient_fluid"]:
         emitters = []  # nothing carries the smoke; check_stage warns
     fps = stage.GetTimeCodesPerSecond()
-    return Scene(path, stage, units, space, frames, fps, where, domain, solids, emitters, warnings, passengers)
+    return Scene(
+        path, stage, units, space, frames, fps, where, domain, solids, emitters, warnings, passengers, pins, colliders
+    )
 
 
 def _the_domain(stage: Usd.Stage) -> Usd.Prim:
@@ -413,8 +494,44 @@ def _passenger(reader: _Reader, space: SimulationSpace, solid: Usd.Prim, prim: U
     return Passenger(path, str(solid.GetPath()), placed, local, subdivision or "", left_handed)
 
 
-def _examine(reader: _Reader, solid: Solid, prim: Usd.Prim, voxel_size: float, threads: int) -> None:
-    """Adds the surface that the library makes of the mesh, and the density, which may follow from the volume."""
+def _closed_mesh(reader: _Reader, space: SimulationSpace, prim: Usd.Prim) -> solver.Mesh:
+    """The surface of a Gprim where it is at the start, in simulation space, faces outwards."""
+    path = str(prim.GetPath())
+    try:
+        local = solver.Mesh(*gprims.surface_of(prim, reader.time))
+    except (PoseError, ValueError) as error:
+        raise SceneError(f"{path}: {error}") from error
+    to_sim = space.from_local(reader.local_to_world(prim))
+    handedness = determinant(to_sim)
+    if handedness == 0:
+        raise SceneError(f"{path}: its transform has a zero scale")
+    mesh = solver.Mesh(transform_points(local.points, to_sim), local.counts, local.indices)
+    left_handed = prim.IsA(UsdGeom.Mesh) and reader.authored(prim, "orientation") == UsdGeom.Tokens.leftHanded
+    return mesh.flipped() if left_handed != (handedness < 0) else mesh
+
+
+def _pins(reader: _Reader, space: SimulationSpace, solid: Usd.Prim, first: int) -> list[Pin]:
+    """What holds parts of a solid: its volumes, and the vertices that its primvar marks."""
+    stage, path = solid.GetStage(), str(solid.GetPath())
+    pins = []
+    for target in given.targets(solid, given.PINS):
+        motion = Motion(str(target), stage, space, first)
+        mesh = _closed_mesh(reader, space, stage.GetPrimAtPath(target))
+        pins.append(Pin(str(target), path, motion, mesh=mesh))
+    held = given.pinned_vertices(solid, reader.time)
+    if held is not None:
+        driver = next((str(target) for target in given.targets(solid, given.PIN_TO)), "")
+        pins.append(Pin(path, path, Motion(driver, stage, space, first), vertices=held))
+    return pins
+
+
+def _collider(reader: _Reader, space: SimulationSpace, prim: Usd.Prim, first: int) -> Collider:
+    motion = Motion(str(prim.GetPath()), prim.GetStage(), space, first)
+    return Collider(str(prim.GetPath()), _closed_mesh(reader, space, prim), reader.fields(prim, "collider"), motion)
+
+
+def _examine(solid: Solid | Pin | Collider, voxel_size: float, threads: int) -> None:
+    """Adds the surface that the library makes of the mesh."""
     waiting, signals = Waiting(f"{solid.path}: examining the surface"), Signals()
 
     def stop(fraction: float) -> bool:
@@ -427,9 +544,9 @@ def _examine(reader: _Reader, solid: Solid, prim: Usd.Prim, voxel_size: float, t
     except LibraryError as error:
         if error.status == binding.ERROR_CANCELLED:
             raise Cancelled(signals.number) from error
-        file = f"{solid.surface_file}: " if solid.surface_file else ""
-        raise SceneError(f"{solid.path}: {file}{mesh_reason(solid.surface_file, error)}") from error
-    solid.values["density"] = _density(reader, prim, solid.report["solid_volume"])
+        source = getattr(solid, "surface_file", "")
+        file = f"{source}: " if source else ""
+        raise SceneError(f"{solid.path}: {file}{mesh_reason(source, error)}") from error
 
 
 def _free_child(prim: Usd.Prim, name: str) -> str:

@@ -20,7 +20,7 @@ from .manifest import Manifest
 from .overrides import apply_overrides, set_domain_parameter
 from .progress import Progress
 from .reasons import mesh_reason
-from .scene import Scene, open_stage, read_scene, set_frames
+from .scene import Collider, Pin, Scene, open_stage, read_scene, set_frames
 from .signals import Signals
 from .solver import Simulation
 from .system import available_memory, available_threads
@@ -81,10 +81,12 @@ def load_scene(path: Path, options: Options, log: Log, memory_limit: int) -> tup
 
 @dataclasses.dataclass
 class Ids:
-    """Ids in the library of a scene's solids and passengers, in its order."""
+    """Ids in the library of what a scene holds, in its order; those of colliders are of their pins."""
 
     solids: list[int] = dataclasses.field(default_factory=list)
     passengers: list[int] = dataclasses.field(default_factory=list)
+    pins: list[int] = dataclasses.field(default_factory=list)
+    colliders: list[int] = dataclasses.field(default_factory=list)
 
 
 def build_simulation(scene: Scene, threads: int, memory_limit: int, log: Log) -> tuple[Simulation, Ids]:
@@ -106,6 +108,13 @@ def build_simulation(scene: Scene, threads: int, memory_limit: int, log: Log) ->
         for passenger in scene.passengers:
             place[0] = f"{passenger.path}: carried by {passenger.solid}: "
             ids.passengers.append(simulation.add_passenger(carriers[passenger.solid], passenger.mesh.points))
+        for pin in scene.pins:
+            place[0] = f"{pin.solid}: pinned by {pin.path}: " if pin.path != pin.solid else f"{pin.solid}: "
+            where = pin.surface if pin.surface else pin.vertices
+            ids.pins.append(simulation.add_pin(carriers[pin.solid], where))
+        for collider in scene.colliders:
+            place[0] = f"{collider.path}: "
+            ids.colliders.append(simulation.add_collider(collider.surface, **collider.values)[1])
         for emitter in scene.emitters:
             place[0] = f"{emitter.path}: "
             simulation.add_emitter(**emitter.values)
@@ -219,6 +228,7 @@ class _Run:
         simulation, start = self.simulation, self.simulation.time
         if target - start < 1e-9 / self.scene.fps:
             return  # the checkpoint was taken at the very end of the frame
+        self._set_motions(frame)
         sums = dict.fromkeys(_COUNTERS, 0)
 
         def record(info: dict[str, Any]) -> None:
@@ -249,6 +259,24 @@ class _Run:
                 f"{info['degenerate_cells']} degenerate cells"
             )
 
+    @property
+    def _given(self) -> list[tuple[Pin | Collider, int]]:
+        """Pins and colliders with their ids."""
+        bodies = [*self.scene.pins, *self.scene.colliders]
+        return list(zip(bodies, [*self.ids.pins, *self.ids.colliders], strict=True))
+
+    def _set_motions(self, frame: int) -> None:
+        """What is given moves from the pose of the frame before to that of this one."""
+        start, end = ((frame - back - self.scene.frames.first) / self.scene.fps for back in (1, 0))
+        for body, identifier in self._given:
+            if not body.motion.moves:
+                continue
+            try:
+                poses = body.motion.pose(frame - 1), body.motion.pose(frame)
+                self.simulation.set_motion(identifier, start, end, poses)
+            except LibraryError as error:
+                raise LibraryError(error.status, f"{body.motion.driver}: frame {frame}: {error}") from error
+
     def _step_columns(self) -> dict[str, Any]:
         """What the last step did beside its counters: repairs, changes by the transport, energies if asked for."""
         columns: dict[str, Any] = {
@@ -258,6 +286,8 @@ class _Run:
                 for solid, identifier in zip(self.scene.solids, self.ids.solids, strict=True)
             },
         }
+        if self._given:
+            columns["impulses"] = {body.path: self.simulation.pin_impulse(pin) for body, pin in self._given}
         if self.scene.domain["energy_ledger"]:
             columns["energy"] = self.simulation.energy_ledger()
         return columns
@@ -306,5 +336,5 @@ class _Run:
             smoke = self.simulation.field("smoke_density")[0][0] if self.scene.has_smoke else None
             frame = self.cache.manifest.last_frame
             title = f"{self.scene.name}  frame {frame}"
-            preview.write_preview(self.cache.folder / "preview.png", self.scene, self.surfaces, smoke, title)
+            preview.write_preview(self.cache.folder / "preview.png", self.scene, frame, self.surfaces, smoke, title)
         self.log.info(f"{status}; last frame {self.cache.manifest.last_frame}")

@@ -229,9 +229,7 @@ class Simulation:
             status = self._lib.efsi_pin_add_volume(self._handle, solid, where.handle, byref(pin))
         else:
             marked = np.ascontiguousarray(where, np.uint8)
-            status = self._lib.efsi_pin_add_vertices(
-                self._handle, solid, marked.ctypes.data, len(marked), byref(pin)
-            )
+            status = self._lib.efsi_pin_add_vertices(self._handle, solid, marked.ctypes.data, len(marked), byref(pin))
         self._check(status)
         return pin.value
 
@@ -241,9 +239,7 @@ class Simulation:
         poses: (4, 4) each, rigid, for column vectors; they place what is at rest.
         """
         before, after = (np.ascontiguousarray(pose, np.float64) for pose in poses)
-        status = self._lib.efsi_pin_set_motion(
-            self._handle, pin, start, end, before.ctypes.data, after.ctypes.data
-        )
+        status = self._lib.efsi_pin_set_motion(self._handle, pin, start, end, before.ctypes.data, after.ctypes.data)
         self._check(status)
 
     def pin_impulse(self, pin: int) -> list[float]:

@@ -341,6 +341,57 @@ static void check_fall(const char* folder) {
   efsi_simulation_destroy(sim);
 }
 
+/* The cube stands on a collider that comes up under it, pinned once by its lid and once by a volume: nothing moves but
+ * what is told to. */
+static void check_given_motion(void) {
+  static const double kStay[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+  double up[16], stretched[16];
+  memcpy(up, kStay, sizeof up);
+  memcpy(stretched, kStay, sizeof stretched);
+  up[7] = 0.01;
+  stretched[0] = 2.0;
+  const EfsiSimulationDef def = box_def();
+  EfsiError error = {EFSI_OK, ""};
+  EfsiSim* sim = NULL;
+  CHECK(efsi_simulation_create(&def, &sim, &error) == EFSI_OK);
+  EfsiSolidDef solid;
+  uint32_t id = 0, lid = 0, volume = 0, plate = 0, moved = 0;
+  CHECK_OK(NULL, efsi_solid_def_init(&solid));
+  solid.mesh = cube_view();
+  CHECK_OK(sim, efsi_solid_add(sim, &solid, &id, NULL));
+  const uint8_t marked[8] = {0, 0, 1, 1, 0, 0, 1, 1}, none[8] = {0};
+  CHECK_OK(sim, efsi_pin_add_vertices(sim, id, marked, 8, &lid));
+  CHECK(efsi_pin_add_vertices(sim, id, none, 8, &lid) == EFSI_ERROR_ARGUMENT);
+  CHECK(strstr(efsi_simulation_last_error(sim), "holds 0 nodes"));
+  CHECK(efsi_pin_add_vertices(sim, id, marked, 7, &lid) == EFSI_ERROR_ARGUMENT);
+  EfsiMeshView view = cube_view();
+  EfsiSurface* surface = NULL;
+  CHECK_OK(NULL, efsi_surface_create(&view, def.voxel_size, 1, NULL, NULL, &surface, &error));
+  CHECK_OK(sim, efsi_pin_add_volume(sim, id, surface, &volume));
+  efsi_surface_destroy(surface);
+  float low[8][3];
+  for (int i = 0; i < 8; ++i)
+    for (int a = 0; a < 3; ++a) low[i][a] = kPoints[i][a] - (a == 1 ? 0.3f : 0.0f);
+  solid.mesh.points = &low[0][0];
+  CHECK_OK(sim, efsi_collider_add(sim, &solid, &plate, &moved, NULL)); /* from 0.05 m below the floor up */
+  CHECK(id == 1 && lid == 1 && volume == 2 && plate == 2 && moved == 3);
+  CHECK_OK(sim, efsi_pin_set_motion(sim, moved, 0.0, 0.04, kStay, up));
+  CHECK(efsi_pin_set_motion(sim, moved, 0.0, 0.04, kStay, stretched) == EFSI_ERROR_ARGUMENT);
+  CHECK(strstr(efsi_simulation_last_error(sim), "to: must be rigid"));
+  CHECK(efsi_pin_set_motion(sim, moved, 0.04, 0.04, kStay, up) == EFSI_ERROR_ARGUMENT);
+  CHECK(efsi_pin_set_motion(sim, 4, 0.0, 0.04, kStay, up) == EFSI_ERROR_ARGUMENT);
+  CHECK_OK(sim, efsi_simulation_advance(sim, 0.04, NULL, NULL, NULL));
+  float points[24];
+  CHECK_OK(sim, efsi_solid_get_surface(sim, id, points, NULL, 8));
+  for (int i = 0; i < 24; ++i) CHECK(fabs((double)(points[i] - kPoints[i / 3][i % 3])) < 1e-7);
+  CHECK_OK(sim, efsi_solid_get_surface(sim, plate, points, NULL, 8));
+  for (int i = 0; i < 8; ++i) CHECK(fabs((double)(points[3 * i + 1] - low[i][1]) - 0.01) < 1e-6);
+  EfsiVec3 impulse = {0, 0, 0};
+  CHECK_OK(sim, efsi_pin_get_impulse(sim, lid, &impulse));
+  CHECK(impulse.y > 0.0);
+  efsi_simulation_destroy(sim);
+}
+
 int main(int argc, char** argv) {
   if (argc != 2) {
     fprintf(stderr, "usage: client FOLDER\n");
@@ -350,6 +401,7 @@ int main(int argc, char** argv) {
   check_mesh(argv[1]);
   check_refusals();
   check_fall(argv[1]);
+  check_given_motion();
   if (failures) fprintf(stderr, "%d checks failed\n", failures);
   return failures > 100 ? 100 : failures;
 }

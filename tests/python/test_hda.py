@@ -196,6 +196,8 @@ def test_dialog_has_the_name_of_the_operator_and_unique_parameters() -> None:
 def test_defaults_and_limits_equal_the_table() -> None:
     seen = set()
     for scope, rows in load().items():
+        if scope not in SCOPE_PREFIX:
+            continue  # the asset makes no colliders
         for row in rows.values():
             multiparm, parm = PARMS[SCOPE_PREFIX[scope] + row.name]
             seen.add(SCOPE_PREFIX[scope] + row.name)

@@ -99,6 +99,7 @@ int main() {
   { EfsiSimulationDef def{}; EFSI_DOMAIN_PARAMETERS(ROW) }
   { EfsiSolidDef def{}; EFSI_SOLID_PARAMETERS(ROW) }
   { EfsiEmitterDef def{}; EFSI_EMITTER_PARAMETERS(ROW) }
+  { EfsiSolidDef def{}; EFSI_COLLIDER_PARAMETERS(ROW) }
 }
 """
 

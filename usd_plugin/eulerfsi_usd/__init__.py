@@ -1,8 +1,9 @@
 """USD schema and validators of libeulerfsi.
 
-Importing the package registers the schema plug-in, so that `EulerFsiDomainAPI`, `EulerFsiSolidAPI` and
-`EulerFsiEmitterAPI` have their fallbacks, docs and limits. Import it before the first stage is opened: USD builds its
-schema registry once. Hosts that do not import it find the same plug-in through PXR_PLUGINPATH_NAME=<this folder>.
+Importing the package registers the schema plug-in, so that `EulerFsiDomainAPI`, `EulerFsiSolidAPI`,
+`EulerFsiEmitterAPI` and `EulerFsiColliderAPI` have their fallbacks, docs and limits. Import it before the first stage
+is opened: USD builds its schema registry once. Hosts that do not import it find the same plug-in through
+PXR_PLUGINPATH_NAME=<this folder>.
 """
 
 from __future__ import annotations

@@ -11,6 +11,8 @@ import math
 
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
+from .given import check_collider as check_given_collider
+from .given import check_pins
 from .issues import Issue, domain_box, first_time, is_enabled, make_issue, read, scopes_of
 from .parameters import API_SCHEMAS, NAMESPACE, Parameter, load, prim_types, stage_attributes, stage_relationships
 from .passengers import check_passengers
@@ -22,7 +24,7 @@ AXES = ("X", "Y", "Z")
 def check_stage(stage: Usd.Stage) -> list[Issue]:
     """All issues of a scene: first those of the stage, then prim by prim in traversal order."""
     issues = check_scene(stage)
-    checks = {"domain": check_domain, "solid": check_solid, "emitter": check_emitter}
+    checks = {"domain": check_domain, "solid": check_solid, "emitter": check_emitter, "collider": check_collider}
     for prim in stage.Traverse():
         for scope in scopes_of(prim):
             issues += checks[scope](prim)
@@ -37,7 +39,7 @@ def uses_eulerfsi(stage: Usd.Stage) -> bool:
 def check_scene(stage: Usd.Stage) -> list[Issue]:
     """Units of the stage, number of domains, names of schemas and attributes, solids inside the domain."""
     issues = check_units(stage)
-    prims: dict[str, list[Usd.Prim]] = {"domain": [], "solid": [], "emitter": []}
+    prims: dict[str, list[Usd.Prim]] = {scope: [] for scope in API_SCHEMAS}
     for prim in stage.Traverse():
         issues += check_names(prim)
         for scope in scopes_of(prim):
@@ -215,7 +217,13 @@ def check_solid(prim: Usd.Prim) -> list[Issue]:
     issues = check_values(prim, "solid")
     if not is_enabled(prim):
         return issues
-    return issues + check_density(prim) + check_surface(prim) + check_animation(prim, "solid")
+    return issues + check_density(prim) + check_surface(prim) + check_animation(prim, "solid") + check_pins(prim)
+
+
+def check_collider(prim: Usd.Prim) -> list[Issue]:
+    """Values, shape and motion of a prim with EulerFsiColliderAPI."""
+    issues = check_values(prim, "collider")
+    return issues if issues or not is_enabled(prim) else check_given_collider(prim)
 
 
 def check_emitter(prim: Usd.Prim) -> list[Issue]:

@@ -9,8 +9,8 @@ from functools import cache
 from pathlib import Path
 
 NAMESPACE = "eulerfsi:"
-SCOPES = ("domain", "solid", "emitter")
-API_SCHEMAS = {"domain": "EulerFsiDomainAPI", "solid": "EulerFsiSolidAPI", "emitter": "EulerFsiEmitterAPI"}
+SCOPES = ("domain", "solid", "emitter", "collider")
+API_SCHEMAS = {scope: f"EulerFsi{scope.title()}API" for scope in SCOPES}
 
 Value = bool | float | str | tuple[float, float, float]
 

@@ -1,0 +1,162 @@
+"""Pins and colliders: what moves as the scene says, and whether it can."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from pxr import Sdf, Usd, UsdGeom
+
+from .gprims import SHAPES, dimensions
+from .issues import Issue, first_time, make_issue, read
+from .pose import Pose, transform_drivers
+from .surface import check_surface
+
+PINS, PIN_TO, PIN_PRIMVAR = "eulerfsi:pins", "eulerfsi:pinTo", "primvars:eulerfsi:pin"
+RIGID = 1e-4  # by which a motion may stretch
+
+
+def frames_of(stage: Usd.Stage) -> list[float]:
+    """Whole frames of the stage's range; its first time alone where it has none."""
+    if not stage.HasAuthoredTimeCodeRange():
+        return [1.0]
+    return [float(frame) for frame in range(math.ceil(stage.GetStartTimeCode()), int(stage.GetEndTimeCode()) + 1)]
+
+
+def motion(prim: Usd.Prim, frame: float, start: float) -> np.ndarray:
+    """(4, 4) for row vectors: where a frame puts, in world space, what is in the world at the first frame."""
+    before, now = (UsdGeom.XformCache(Usd.TimeCode(time)).GetLocalToWorldTransform(prim) for time in (start, frame))
+    return np.array(before.GetInverse() * now)
+
+
+def motion_text(prim: Usd.Prim) -> str:
+    """All values of the transforms that place a prim: equal texts are equal motions, whatever frames are simulated."""
+    lines = []
+    while prim and not prim.IsPseudoRoot():
+        xform = UsdGeom.Xformable(prim)
+        for operation in xform.GetOrderedXformOps() if xform else ():
+            attribute = operation.GetAttr()
+            times = attribute.GetTimeSamples() or [Usd.TimeCode.Default()]
+            lines += [f"{attribute.GetPath()} {time} {attribute.Get(time)}" for time in times]
+        prim = None if xform and xform.GetResetXformStack() else prim.GetParent()
+    return "\n".join(lines)
+
+
+def moves(prim: Usd.Prim) -> bool:
+    """Whether its place in the world is animated."""
+    return bool(transform_drivers(prim))
+
+
+def targets(solid: Usd.Prim, name: str) -> list[Sdf.Path]:
+    """Of a relationship."""
+    relationship = solid.GetRelationship(name)
+    return relationship.GetTargets() if relationship else []
+
+
+def check_collider(prim: Usd.Prim) -> list[Issue]:
+    """Shape and motion of a prim with EulerFsiColliderAPI whose values have been checked."""
+    return _check_shape(prim) + _check_motion(prim)
+
+
+def _check_shape(prim: Usd.Prim) -> list[Issue]:
+    if prim.IsA(UsdGeom.Mesh):
+        return check_surface(prim) or _check_same_mesh(prim)
+    issues = []
+    for name in dimensions(prim):
+        attribute = prim.GetAttribute(name)
+        value = read(prim, name)
+        if not (math.isfinite(value) and value > 0.0):
+            issues.append(make_issue(prim, name, value, "> 0", "EmptyShape"))
+        if attribute.ValueMightBeTimeVarying():
+            number = f"{attribute.GetNumTimeSamples()} time samples"
+            issues.append(make_issue(prim, name, number, "constant: only its transform may be animated", "Animated"))
+    return issues
+
+
+def _check_same_mesh(prim: Usd.Prim) -> list[Issue]:
+    """Faces and points are the same in all frames."""
+    mesh, start = UsdGeom.Mesh(prim), frames_of(prim.GetStage())[0]
+    skeleton = Pose(prim, True).skeleton
+    if skeleton:
+        limit = "none: a collider is moved by transforms only"
+        return [make_issue(prim, "skel:skeleton", skeleton, limit, "DeformingCollider")]
+    for attribute in (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr(), mesh.GetPointsAttr()):
+        if not attribute.ValueMightBeTimeVarying():
+            continue
+        first = attribute.Get(start)
+        for frame in frames_of(prim.GetStage())[1:]:
+            now = attribute.Get(frame)
+            if now is not None and np.array_equal(np.asarray(now), np.asarray(first)):
+                continue
+            value = f"{len(now or ())} values at frame {frame:g}, {len(first)} at frame {start:g}"
+            limit = "the same in all frames: a collider is moved by transforms only"
+            return [make_issue(prim, attribute.GetName(), value, limit, "ChangingCollider")]
+    return []
+
+
+def _check_motion(prim: Usd.Prim) -> list[Issue]:
+    """Rigid in all frames."""
+    if not moves(prim):
+        return []
+    frames = frames_of(prim.GetStage())
+    for frame in frames[1:]:
+        linear = motion(prim, frame, frames[0])[:3, :3]
+        off = float(np.abs(linear @ linear.T - np.eye(3)).max())
+        if not off <= RIGID or np.linalg.det(linear) < 0:
+            sizes = [float(np.sqrt((row * row).sum())) for row in linear]
+            value = f"a stretch by {', '.join(f'{size:.4g}' for size in sizes)} from frame {frames[0]:g} to {frame:g}"
+            limit = "rigid: rotations and translations, with one scale in all frames"
+            return [make_issue(prim, "xformOpOrder", value, limit, "StretchingMotion")]
+    return []
+
+
+def check_pins(solid: Usd.Prim) -> list[Issue]:
+    """Vertices, volumes and motions that hold parts of a solid."""
+    issues = _check_primvar(solid)
+    for target in targets(solid, PINS):
+        prim = solid.GetStage().GetPrimAtPath(target)
+        limit = f"a {', '.join(SHAPES)} or closed Mesh"
+        if not prim or not (prim.IsA(UsdGeom.Mesh) or str(prim.GetTypeName()) in SHAPES):
+            hint = f"it is a {prim.GetTypeName() or 'typeless prim'}" if prim else "there is no such prim"
+            issues.append(make_issue(solid, PINS, target, limit, "WrongTarget", hint))
+            continue
+        issues += _check_shape(prim) + _check_motion(prim)
+    for target in targets(solid, PIN_TO):
+        prim = solid.GetStage().GetPrimAtPath(target)
+        if not prim or not prim.IsA(UsdGeom.Xformable):
+            issues.append(make_issue(solid, PIN_TO, target, "a prim with a transform", "WrongTarget"))
+            continue
+        issues += _check_motion(prim)
+    if len(targets(solid, PIN_TO)) > 1:
+        number = f"{len(targets(solid, PIN_TO))} targets"
+        issues.append(make_issue(solid, PIN_TO, number, "one target", "ManyTargets"))
+    return issues
+
+
+def pinned_vertices(solid: Usd.Prim, time: Usd.TimeCode) -> np.ndarray | None:
+    """(points,) true where the primvar holds a vertex; None where it is not authored."""
+    primvar = UsdGeom.PrimvarsAPI(solid).GetPrimvar("eulerfsi:pin")
+    if not primvar or not primvar.HasAuthoredValue():
+        return None
+    values = np.asarray(primvar.ComputeFlattened(time) or (), float)
+    return values > 0.5
+
+
+def _check_primvar(solid: Usd.Prim) -> list[Issue]:
+    time = first_time(solid.GetStage())
+    held = pinned_vertices(solid, time)
+    if held is None:
+        if targets(solid, PIN_TO):
+            return [make_issue(solid, PIN_PRIMVAR, None, "authored where eulerfsi:pinTo is", "MissingPins")]
+        return []
+    primvar = UsdGeom.PrimvarsAPI(solid).GetPrimvar("eulerfsi:pin")
+    count = len(UsdGeom.Mesh(solid).GetPointsAttr().Get(time) or ()) if solid.IsA(UsdGeom.Mesh) else 0
+    if primvar.GetInterpolation() not in (UsdGeom.Tokens.vertex, UsdGeom.Tokens.varying) or len(held) != count:
+        value = f"{len(held)} values, interpolation {primvar.GetInterpolation()}"
+        return [make_issue(solid, PIN_PRIMVAR, value, f"{count} values, one per vertex", "BadPins")]
+    if not held.any():
+        return [make_issue(solid, PIN_PRIMVAR, "at most 0.5 everywhere", "above 0.5 at a vertex", "EmptyPins")]
+    if primvar.ValueMightBeTimeVarying():
+        number = f"{primvar.GetAttr().GetNumTimeSamples()} time samples"
+        return [make_issue(solid, PIN_PRIMVAR, number, "constant: what is held may not be animated", "Animated")]
+    return []
