@@ -139,6 +139,43 @@ def test_solids_of_the_heap_meet_and_stay_apart(tmp_path: Path) -> None:
     assert any("degenerate_cells" in event for event in events)
 
 
+@pytest.mark.slow
+def test_struck_pillar_holds_its_foot_gives_way_and_returns(tmp_path: Path) -> None:
+    """Coarse voxels: a pin, a collider that swings, eyes that ride along."""
+    voxel, frames = 0.02, 60
+    options = Options(output=tmp_path / "cache", settings=(f"/World/Domain.voxelSize={voxel}",), progress="none")
+    result = simulate(SCENES / "struck.usda", options)
+    stage = Usd.Stage.Open(str(result.folder / "struck.usda"))
+
+    def points(path: str, frame: int) -> np.ndarray:
+        prim = stage.GetPrimAtPath(path)
+        place = np.array(UsdGeom.XformCache(frame).GetLocalToWorldTransform(prim))
+        return np.asarray(UsdGeom.Mesh(prim).GetPointsAttr().Get(frame), float) @ place[:3, :3] + place[3, :3]
+
+    rest = points("/World/Pillar", 1)
+    foot, top = rest[:, 1] <= 0.05, rest[:, 1] > 0.29
+    moved, deepest = [], []
+    for frame in range(1, frames + 1):
+        now = points("/World/Pillar", frame)
+        assert np.abs(now[foot] - rest[foot]).max() < 1e-6, f"frame {frame}: the foot is not held"
+        moved.append(float((now[top] - rest[top])[:, 0].mean()))
+        ball = stage.GetPrimAtPath("/World/Pendulum/Ball")
+        center = np.array(UsdGeom.XformCache(frame).GetLocalToWorldTransform(ball))[3, :3]
+        deepest.append((float(np.linalg.norm(now - center, axis=1).min()) - 0.05) / voxel)
+        # An eye sits on the pillar: the vertices nearest to it stay as near.
+        eye = [points("/World/Face/EyeLeft", at).mean(axis=0) for at in (1, frame)]
+        near = np.argsort(np.linalg.norm(rest - eye[0], axis=1))[:4]
+        apart = [np.linalg.norm(shape[near] - center, axis=1) for shape, center in zip((rest, now), eye, strict=True)]
+        assert np.abs(apart[1] - apart[0]).max() < 0.5 * voxel, f"frame {frame}: the eye has left its place"
+    assert max(moved) > 0.05, "the ball has not struck"
+    assert abs(moved[-1]) < 0.2 * max(moved), "the pillar has not come back"
+    assert min(deepest) < 2.5, "nothing has touched"
+    assert min(deepest) > 1.75 - 0.5, "the ball has gone into the pillar"
+    steps = [json.loads(line) for line in (result.folder / "stats.jsonl").read_text().splitlines()]
+    given = sum(np.array(step["impulses"]["/World/Pendulum/Ball"]) for step in steps if step["event"] == "step")
+    assert given[0] > 0.1  # kg m/s
+
+
 def test_ball_has_the_published_set_up() -> None:
     stage = Usd.Stage.Open(str(SCENES / "ball.usda"))
     domain, ball, carpet = (stage.GetPrimAtPath(f"/World/{name}") for name in ("Domain", "Ball", "Carpet"))

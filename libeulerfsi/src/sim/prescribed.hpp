@@ -23,6 +23,9 @@ void give_velocity(const StepContext& step, const SolidWorks& solids, const Matt
 void keep_given(const std::vector<GivenNode>& given, std::vector<WallRow>& walls, NodeVelocity& velocity);
 // Eq. 8: prescribes what they have.
 void fix_given(const std::vector<GivenNode>& given, system::VelocitySystem& system);
+// Contact between what is given on both sides, or nearly: nothing can make up for it. Such rows go.
+void drop_blocked_rows(const std::vector<GivenNode>& given, const system::VelocitySystem& system,
+                       SolidContacts& contacts);
 // Cells at which nothing can move have no pressure. active: as PressureSystem has it; filled where it is empty.
 void close_given_cells(const StepContext& step, const SolidStates& states, const Matter& matter,
                        const system::SlipNodes& slip, std::vector<std::uint8_t>& active);

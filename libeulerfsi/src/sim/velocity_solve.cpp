@@ -77,6 +77,7 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
   tie_rows(elasticity.walls, system);
   fix_given(elasticity.given, system);
   number_rows(system, contacts);
+  drop_blocked_rows(elasticity.given, system, contacts);
   elasticity.holds = find_holds(scene.solids.size(), system, meeting_pairs(contacts));
   {
     const system::SolidView view(parallel, velocity.slip, velocity.field);
