@@ -117,6 +117,10 @@ geometry::SignedDistance region_of(const geometry::TriangleMesh& surface, const 
   return region;
 }
 
+bool is_pinned(const std::vector<Pin>& pins, std::size_t solid) {
+  return std::any_of(pins.begin(), pins.end(), [&](const Pin& pin) { return pin.solid == solid; });
+}
+
 bool is_collider(const std::vector<Pin>& pins, std::size_t solid) {
   return std::any_of(pins.begin(), pins.end(), [&](const Pin& pin) { return pin.whole && pin.solid == solid; });
 }

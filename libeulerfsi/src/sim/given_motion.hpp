@@ -47,7 +47,8 @@ struct Pin {
 geometry::SignedDistance region_of(const geometry::TriangleMesh& surface, const std::vector<std::uint8_t>& marked,
                                    double h);
 
-// Whether all of a solid moves as given.
+// Whether part of a solid moves as given, and whether all of it does.
+bool is_pinned(const std::vector<Pin>& pins, std::size_t solid);
 bool is_collider(const std::vector<Pin>& pins, std::size_t solid);
 
 }  // namespace efsi::sim

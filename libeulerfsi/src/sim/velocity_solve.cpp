@@ -64,7 +64,7 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
       const double pace = dt * std::sqrt(rest.elastic.mu / rest.density) / scene.grid.h;
       const double strain = dt * solid::largest_strain_rate(parallel, states[l], solids[l].carries);
       const double growth = std::max(solids[l].max_det_f, 1.0 / solids[l].min_det_f);
-      ref.loose = shares_while(pressed[l], pace, strain, growth);
+      ref.loose = shares_while(pressed[l] || is_pinned(scene.pins, l), pace, strain, growth);
       ref.held = shares_while(true, pace, strain, growth);
     }
     refs.push_back(ref);

@@ -87,6 +87,28 @@ TEST_CASE("What holds a bar that hangs is its weight, and its held end does not 
   }
 }
 
+TEST_CASE("A cantilever sags as Timoshenko's beam", "[law]") {
+  constexpr double kHigh = 0.1, kLong = 0.4, kShear = 1e6 / 2.6, kDensity = 1000.0;
+  sim::Params p = box_params({0.7, 0.4, 0.3}, kHigh / 8.0);
+  p.fluid.present = false;
+  sim::SolidDesc bar = desc_of(box_mesh({0.05, 0.2, 0.1}, {0.15 + kLong, 0.3, 0.2}));
+  bar.youngs_modulus = 2.6 * kShear;
+  bar.poissons_ratio = 0.3;
+  bar.rayleigh_alpha = 8.0;
+  const auto s = make_simulation(p, {bar});
+  const geometry::TriangleMesh clamp = box_mesh({0.0, 0.15, 0.05}, {0.15, 0.35, 0.25});
+  s->add_pin(0, geometry::examine(clamp, sim::kRestSpacing * p.voxel_size)->distance);
+  for (int frame = 0; frame < 24; ++frame) s->advance(kFrame, {});
+  double sag = 0.0;  // of the four corners of the free end
+  for (const std::size_t v : {1, 3, 5, 7})
+    sag += 0.25 * (bar.surface.points[v][1] - s->state().solids[0].surface[v][1]);
+  // The pressure keeps the volume: Young's modulus is three times the shear modulus.
+  const double bend = 1.5 * kDensity * 9.8 * std::pow(kLong, 4) / (3.0 * kShear * kHigh * kHigh);
+  const double wanted = bend + kDensity * 9.8 * kLong * kLong / (2.0 * 5.0 / 6.0 * kShear);
+  INFO("sag " << sag << " m, of the beam " << wanted);
+  CHECK(sag == Approx(wanted).epsilon(0.03));
+}
+
 TEST_CASE("A pin that turns and goes takes its end where the pose says") {
   HangingBar bar(vacuum({0.6, 0.7, 0.6}));
   const Vec3d turn(0.0, 0.9, 0.3), shift(0.1, 0.0, 0.12);
