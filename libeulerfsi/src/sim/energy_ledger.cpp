@@ -148,10 +148,11 @@ void EnergyLedger::book_nodes(EnergyStage stage, NodeVelocity& velocity) {
   Energy now = record_->end;
   now.fluid_kinetic = fluid_energy(fluid_mass_, velocity.field);
   now.solid_kinetic = 0.0;
-  const system::SolidView view(parallel_, velocity.slip, velocity.field);
-  for (std::size_t l = 0; l < states_.size(); ++l)
+  for (std::size_t l = 0; l < states_.size(); ++l) {
+    const system::SolidView view(parallel_, velocity.slip, l, velocity.field);
     now.solid_kinetic +=
         solid::measure_momenta(parallel_, states_[l].band, solids_[l], common_, velocity.field).kinetic_energy;
+  }
   book(stage, now);
 }
 
@@ -168,8 +169,8 @@ void EnergyLedger::meet(NodeVelocity& velocity, std::span<const solid::RigidStep
     record_->at_start.fluid_kinetic = fluid_energy(fluid_mass_, fluid_velocity_);
   }
   record_->at_start.solid_kinetic = 0.0;
-  const system::SolidView view(parallel_, velocity.slip, velocity.field);
   for (std::size_t l = 0; l < states_.size(); ++l) {
+    const system::SolidView view(parallel_, velocity.slip, l, velocity.field);
     const solid::RigidStep& f = frames[l];
     const solid::RigidMotion back{f.velocity.center, f.shift / dt_ - f.velocity.linear,
                                   f.turn / dt_ - f.velocity.angular};

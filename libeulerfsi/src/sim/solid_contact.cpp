@@ -17,7 +17,7 @@ using grid::Grid;
 
 namespace {
 
-constexpr double kSkin = 1.75;    // cells between solids at rest on each other: no node carries both
+static const double kSkin = std::getenv("EFSI_SKIN") ? std::atof(std::getenv("EFSI_SKIN")) : 1.75;
 constexpr double kReach = 1.0;    // cells: rows from this gap on
 constexpr double kDeepest = 1.0;  // cells: deeper than that counts as that
 constexpr double kOutside = 0.5;  // cells: rows act at most that far outside the cells that carry stiffness
@@ -249,17 +249,22 @@ void recall(const solid::SolidState& solid, double dt, std::vector<FoundRow>& ro
   }
 }
 
-Vec3d velocity_of(const system::ContactRow& row, const grid::VectorField& velocity) {
+// The solid to which a part of a row belongs.
+std::size_t solid_of(const RowPlace& place, std::size_t part) { return place.solids[part < 8 ? 0 : 1]; }
+
+// B v of a row whose parts name nodes.
+Vec3d velocity_of(const RowPlace& place, const system::ContactRow& row, const NodeVelocity& velocity) {
   Vec3d sum = Vec3d::Zero();
-  for (const system::RowPart& part : row.parts)
-    sum += static_cast<double>(part.weight) * velocity.at(part.unknown).cast<double>();
+  for (std::size_t p = 0; p < row.parts.size(); ++p)
+    sum += static_cast<double>(row.parts[p].weight) *
+           velocity.slip.velocity_of(solid_of(place, p), row.parts[p].unknown, velocity.field).cast<double>();
   return sum;
 }
 
 }  // namespace
 
 SolidContacts find_solid_contacts(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
-                                  const CommonGrid& common, NodeVelocity& velocity) {
+                                  const CommonGrid& common, const NodeVelocity& velocity) {
   SolidContacts contacts;
   if (!step.scene.params.numerics.walls_push_only) return contacts;
   for (std::size_t one = 0; one < states.size(); ++one) {
@@ -275,10 +280,10 @@ SolidContacts find_solid_contacts(const StepContext& step, const SolidStates& st
     }
   }
   if (contacts.rows.empty()) return contacts;
-  const system::SolidView view(step.parallel, velocity.slip, velocity.field);
   for (std::size_t r = 0; r < contacts.rows.size(); ++r) {
     const system::ContactRow& row = contacts.rows[r];
-    contacts.places[r].meets = row.push > 0.0 || row.normal.dot(velocity_of(row, velocity.field)) < row.least;
+    contacts.places[r].meets =
+        row.push > 0.0 || row.normal.dot(velocity_of(contacts.places[r], row, velocity)) < row.least;
   }
   return contacts;
 }
@@ -290,8 +295,11 @@ std::vector<std::uint8_t> pressed_solids(std::size_t solids, const SolidContacts
 }
 
 void number_rows(const system::VelocitySystem& system, SolidContacts& contacts) {
-  for (system::ContactRow& row : contacts.rows)
-    for (system::RowPart& part : row.parts) part.unknown = system.unknown_of(part.unknown);
+  for (std::size_t r = 0; r < contacts.rows.size(); ++r)
+    for (std::size_t p = 0; p < contacts.rows[r].parts.size(); ++p) {
+      std::size_t& unknown = contacts.rows[r].parts[p].unknown;
+      unknown = system.unknown_of(solid_of(contacts.places[r], p), unknown);
+    }
 }
 
 SolidPairs meeting_pairs(const SolidContacts& contacts) {

@@ -11,7 +11,7 @@ namespace efsi::sim {
 // All rows of the step, with the impulses of the last one; parts of rows name nodes of the common grid. velocity: of
 // the nodes with all forces but the solids' own. Empty where no two bands overlap.
 SolidContacts find_solid_contacts(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
-                                  const CommonGrid& common, NodeVelocity& velocity);
+                                  const CommonGrid& common, const NodeVelocity& velocity);
 // Per solid: whether a row has pushed it in the last step or will at the velocity of find_solid_contacts.
 std::vector<std::uint8_t> pressed_solids(std::size_t solids, const SolidContacts& contacts);
 // From nodes to the unknowns of an assembled system.

@@ -137,7 +137,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   project_velocity(step, common, elasticity, pressure, velocity, fluid.pressure);                // Alg. 1 line 11
   ledger.book_nodes(EnergyStage::kPressure, velocity);
   ledger.book_source(fluid.pressure, pressure.source);
-  keep_off(parallel, matter.mass, velocity, elasticity.walls);
+  keep_off(matter.mass, velocity, elasticity.walls);
   remember_rows(dt, elasticity.walls, states);
   remember_contacts(dt, elasticity.contacts, states);
   if (numerics.conserve_momentum) measure_momenta(step, states, solids, matter, velocity, momenta);
@@ -147,7 +147,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
 
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {  // lines 12-16
     ScopedTimer timer(profile, Stage::kSolidAdvection);
-    const system::SolidView view(parallel, velocity.slip, velocity.field);
+    const system::SolidView view(parallel, velocity.slip, l, velocity.field);
     solid::take_velocity(parallel, common, velocity.field, states[l], solids[l]);  // Alg. 1 line 13
   }
   pressure.system.exchange_scratch(solid_advect.storage());

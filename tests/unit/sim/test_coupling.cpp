@@ -102,9 +102,9 @@ struct SqueezedBall : StagedScene {
 
   Eigen::VectorXd before, after;  // v* and v on the unknowns
 
-  Eigen::VectorXd unknowns(const grid::VectorField& velocity) const {
+  Eigen::VectorXd unknowns(const grid::VectorField& velocity) {
     std::vector<Real> x;
-    work.elasticity.system.gather(Parallel(1), velocity, x);
+    work.elasticity.system.gather(Parallel(1), velocity, work.velocity.slip, x);
     return Eigen::Map<const Eigen::Matrix<Real, Eigen::Dynamic, 1>>(x.data(), static_cast<Eigen::Index>(x.size()))
         .cast<double>();
   }
