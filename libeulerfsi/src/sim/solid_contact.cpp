@@ -17,12 +17,13 @@ using grid::Grid;
 
 namespace {
 
-static const double kSkin = std::getenv("EFSI_SKIN") ? std::atof(std::getenv("EFSI_SKIN")) : 1.75;
 constexpr double kReach = 1.0;    // cells: rows from this gap on
 constexpr double kDeepest = 1.0;  // cells: deeper than that counts as that
 constexpr double kOutside = 0.5;  // cells: rows act at most that far outside the cells that carry stiffness
-constexpr double kFacing = 0.5;   // least length of the difference of the unit normals of two surfaces that meet
-constexpr int kSearch = 2;        // cells around a surface point in which its element is looked for
+constexpr double kFan =
+    0.01;  // 1 less the square of the mean of the normals in a cell, of a surface of middling curvature
+constexpr double kFacing = 0.5;  // least length of the difference of the unit normals of two surfaces that meet
+constexpr int kSearch = 2;       // cells around a surface point in which its element is looked for
 
 // What two bands have in common, in cells of the box.
 struct Overlap {
@@ -163,6 +164,10 @@ struct Pair {
   Sight from_one, from_other;
 };
 
+// How far a surface knows its normal in a cell, by the mean of the unit normals around it: at an edge they fan out, and
+// the face that it touches decides.
+double certainty(const Vec3d& mean_normal) { return 1.0 / (kFan + std::max(0.0, 1.0 - mean_normal.squaredNorm())); }
+
 // The row of a cell of a pair's nodes, if the surface halfway between the solids cuts it and they are near enough.
 std::optional<FoundRow> find_row(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
                                  const Grid& common, const Pair& pair, const Vec3i& cell) {
@@ -179,17 +184,18 @@ std::optional<FoundRow> find_row(const StepContext& step, const SolidStates& sta
   if (!place) return {};
   const Weights w = trilinear(*place);
   double from_one = 0.0, from_other = 0.0;
-  Vec3d towards = Vec3d::Zero();
+  Vec3d out_of_one = Vec3d::Zero(), out_of_other = Vec3d::Zero();
   for (std::size_t c = 0; c < 8; ++c) {
     from_one += w[c] * pair.from_one.distance[n + corner[c]];
     from_other += w[c] * pair.from_other.distance[n + corner[c]];
-    towards += w[c] * (pair.from_one.outwards[n + corner[c]] - pair.from_other.outwards[n + corner[c]]);
+    out_of_one += w[c] * pair.from_one.outwards[n + corner[c]];
+    out_of_other += w[c] * pair.from_other.outwards[n + corner[c]];
   }
-  const double gap = from_one + from_other - kSkin * g.h;
-  if (!(gap < kReach * g.h && towards.norm() > kFacing)) return {};
+  const double gap = from_one + from_other - kContactSkin * g.h;
+  if (!(gap < kReach * g.h && (out_of_one - out_of_other).norm() > kFacing)) return {};
   FoundRow row{{{pair.one, pair.other}, {cell[0] + g.lo[0], cell[1] + g.lo[1], cell[2] + g.lo[2]}, gap, false}, {}};
   system::ContactRow& contact = row.contact;
-  contact.normal = towards.normalized();
+  contact.normal = (certainty(out_of_one) * out_of_one - certainty(out_of_other) * out_of_other).normalized();
   contact.least = least_velocity(std::max(gap, -kDeepest * g.h), step.dt);
   contact.friction = 0.5 * (step.scene.solids[pair.one].friction + step.scene.solids[pair.other].friction);
   const Vec3d x = g.node_position(cell[0], cell[1], cell[2]) + g.h * *place;
@@ -351,7 +357,7 @@ void measure_vertices(const Scene& scene, const solid::SolidState& vertices, con
     const auto known = [&](std::size_t offset) { return state.valid[n + offset] != solid::kNoData; };
     if (!std::all_of(corner.begin(), corner.end(), known)) continue;
     const Vec3d u = sampler.vector(state.u, at.cast<Real>()).cast<double>();
-    const double gap = rest.distance.sample(x - u) - kSkin * scene.grid.h;
+    const double gap = rest.distance.sample(x - u) - kContactSkin * scene.grid.h;
     out.gap = std::min(out.gap, gap);
     const Vec3d out_of = rest.distance.gradient(x - u).normalized();
     const Vec3d v = sampler.vector(state.v, at.cast<Real>()).cast<double>(),

@@ -118,7 +118,7 @@ std::unique_ptr<sim::Simulation> block_on_slab(double friction, bool compressibl
   d[0].surface = block({0.5, 0.045, 0.2}, {0.44, 0.045, 0.15});
   d[0].youngs_modulus = 5e5;
   d[0].friction = 0.6;
-  d[1].surface = block({0.25, 0.14 + (std::getenv("EFSI_SKIN") ? std::atof(std::getenv("EFSI_SKIN")) : 1.75) * kCell, 0.2}, {0.1, 0.05, 0.1});
+  d[1].surface = block({0.25, 0.14 + sim::kContactSkin * kCell, 0.2}, {0.1, 0.05, 0.1});
   d[1].youngs_modulus = 2e5;
   d[1].friction = 2.0 * friction - d[0].friction;
   for (sim::SolidDesc& solid : d) {
@@ -223,7 +223,7 @@ TEST_CASE("Solids far from each other have no rows, and with the paper's preset 
   REQUIRE_FALSE(contacts.rows.empty());
   double least = 1.0;
   for (const sim::RowPlace& place : contacts.places) least = std::min(least, place.gap);
-  CHECK(least == Approx(0.04 - (std::getenv("EFSI_SKIN") ? std::atof(std::getenv("EFSI_SKIN")) : 1.75) * kCell).margin(0.25 * kCell));
+  CHECK(least == Approx(0.04 - sim::kContactSkin * kCell).margin(0.25 * kCell));
   for (const system::ContactRow& row : contacts.rows) {
     CHECK(row.normal[0] > 0.9);
     CHECK(row.push == 0.0);
