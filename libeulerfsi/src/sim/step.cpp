@@ -31,15 +31,6 @@ void remember_elements(const StepContext& step, const Hold& hold, const solid::S
     state.stiff.clear();
 }
 
-// Of the transport, per solid; at rest where nothing keeps momenta.
-std::vector<solid::RigidStep> transport_frames(const StepContext& step, const Holds& holds,
-                                               const TransportMomenta& momenta) {
-  std::vector<solid::RigidStep> frames(step.scene.solids.size());
-  for (std::size_t l = 0; l < momenta.solids.size(); ++l)
-    frames[l] = transport_frame(holds.of(l), momenta.first[l], momenta.solids[l], step.dt);
-  return frames;
-}
-
 // After the transport: lines 3 and 7 of the next step, of the solids where they are now, and what gives back what the
 // transport has not kept.
 void settle(const StepContext& step, const std::vector<VolumeTarget>& targets, State& state, Workspace& work,
@@ -141,7 +132,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   remember_rows(dt, elasticity.walls, states);
   remember_contacts(dt, elasticity.contacts, states);
   if (numerics.conserve_momentum) measure_momenta(step, states, solids, matter, velocity, momenta);
-  const std::vector<solid::RigidStep> frames = transport_frames(step, elasticity.holds, momenta);
+  const std::vector<solid::RigidStep> frames = transport_frames(elasticity.holds, momenta.first, momenta.solids, dt);
   const std::vector<VolumeTarget> targets = volume_targets(scene.solids, states, solids);
   ledger.meet(velocity, frames);
 
