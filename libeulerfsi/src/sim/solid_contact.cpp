@@ -17,7 +17,6 @@ using grid::Grid;
 
 namespace {
 
-constexpr double kSkin = 1.75;    // cells between solids at rest on each other: no node carries both
 constexpr double kReach = 1.0;    // cells: rows from this gap on
 constexpr double kDeepest = 1.0;  // cells: deeper than that counts as that
 constexpr double kOutside = 0.5;  // cells: rows act at most that far outside the cells that carry stiffness

@@ -8,6 +8,8 @@
 
 namespace efsi::sim {
 
+inline constexpr double kSkin = 1.75;  // cells between solids at rest on each other: no node carries both
+
 // All rows of the step, with the impulses of the last one; parts of rows name nodes of the common grid. velocity: of
 // the nodes with all forces but the solids' own. Empty where no two bands overlap.
 SolidContacts find_solid_contacts(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
