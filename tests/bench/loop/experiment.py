@@ -11,6 +11,7 @@ from eulerfsi import binding
 from eulerfsi.errors import LibraryError
 from eulerfsi.solver import Mesh, Simulation
 
+from .groups import GROUPS
 from .overlap import deepest_vertex
 from .shapes import RADIUS, SIZE, make_shape, rigid_misfit, vertex_areas
 from .symmetry import mirror_gaps
@@ -52,10 +53,11 @@ class Experiment:
     stretch: tuple[float, float, float] | None = None  # initial F = diag(stretch) about the centre
     compressible: bool = False
     damping: float = 0.0  # rayleigh_beta [s]
-    load: float = 0.0  # beta of the body force -beta (x - x_c) [N/m^4]
+    load: float = 0.0  # beta of the body force -beta (x - x_c) [N/m^4]; of the group "pressed": density of the slab
     settings: tuple[tuple[str, Any], ...] = ()  # fields of EfsiSimulationDef or EfsiSolidDef, the user's last word
     mirror: bool = False  # record how far the fields are from their mirror images
     halved: bool = False  # every step half as long as without this
+    group: str = ""  # of several solids, one of groups.GROUPS, instead of the shape
     limit: float = 600.0  # wall-clock seconds after which the run is given up
 
     @property
@@ -142,7 +144,7 @@ class Experiment:
 
     def bodies(self) -> list[tuple[Mesh, dict[str, Any]]]:
         """Surfaces and fields of EfsiSolidDef of all solids."""
-        return [(self.mesh(), self.solid())]
+        return GROUPS[self.group](self) if self.group else [(self.mesh(), self.solid())]
 
     def set_in(self, structure: type) -> dict[str, Any]:
         """The settings that are fields of a definition structure, tokens as their constants."""
@@ -177,12 +179,12 @@ def simulate(run: Experiment) -> dict[str, Any]:
         try:
             for end in ends:
                 while end - simulation.time > 1e-9 and not run.ends(last):
-                    if run.load:
+                    if run.load and not run.group:
                         push_inwards(simulation, run, end - simulation.time)
                     clock = time.perf_counter()
                     info = simulation.step(end - simulation.time)
                     seconds = time.perf_counter() - clock
-                    if run.load and abs(info["dt"] - run.dt) > 1e-6:
+                    if run.load and not run.group and abs(info["dt"] - run.dt) > 1e-6:
                         raise ValueError(f"the load was given for a step of {run.dt:g} s, it was {info['dt']:g} s")
                     last = observe(simulation)
                     columns.append(info | {"seconds": seconds} | record(simulation) | gaps(simulation) | last)
