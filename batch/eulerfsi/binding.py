@@ -203,6 +203,20 @@ class Repairs(Structure):
     ]
 
 
+class ContactPair(Structure):
+    _fields_ = [
+        ("solid", c_uint32 * 2),
+        ("steps", c_uint64),
+        ("rows", c_uint64),
+        ("pushing_rows", c_uint64),
+        ("sticking_rows", c_uint64),
+        ("row_overlap", c_double),
+        ("surface_overlap", c_double),
+        ("normal_impulse", c_double),
+        ("impulse", Vec3),
+    ]
+
+
 class TransportChange(Structure):
     _fields_ = [
         ("volume_mesh", c_double),
@@ -338,6 +352,7 @@ STRUCTURES = {
     "EfsiProfile": Profile,
     "EfsiSolidDiagnostics": SolidDiagnostics,
     "EfsiRepairs": Repairs,
+    "EfsiContactPair": ContactPair,
     "EfsiTransportChange": TransportChange,
     "EfsiEnergy": Energy,
     "EfsiEnergyLedger": EnergyLedger,
@@ -371,6 +386,7 @@ PROTOTYPES: dict[str, list] = {
     "efsi_simulation_get_profile": [_SIM, _P(Profile)],
     "efsi_simulation_reset_profile": [_SIM],
     "efsi_simulation_get_repairs": [_SIM, _P(Repairs)],
+    "efsi_simulation_get_contacts": [_SIM, _P(ContactPair), c_uint64, _P(c_uint64)],
     "efsi_simulation_get_energy_ledger": [_SIM, _P(EnergyLedger)],
     "efsi_simulation_get_fluid_diagnostics": [_SIM, _P(FluidDiagnostics)],
     "efsi_mesh_load": [c_char_p, _P(_MESH), _P(Error)],

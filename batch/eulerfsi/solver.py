@@ -297,6 +297,17 @@ class Simulation:
         self._check(self._lib.efsi_simulation_get_repairs(self._handle, byref(out)))
         return to_dict(out)
 
+    def contacts(self) -> list[dict[str, Any]]:
+        """Fields of EfsiContactPair for every two solids that have pushed each other in the last call of `step` or
+        `advance`, so far; [] where none did."""
+        count = c_uint64()
+        self._check(self._lib.efsi_simulation_get_contacts(self._handle, None, 0, byref(count)))
+        if count.value == 0:
+            return []
+        pairs = (binding.ContactPair * count.value)()
+        self._check(self._lib.efsi_simulation_get_contacts(self._handle, pairs, count.value, byref(count)))
+        return [to_dict(pair) for pair in pairs]
+
     def transport_change(self, solid: int) -> dict[str, Any]:
         """Fields of EfsiTransportChange, of the last step."""
         out = binding.TransportChange()

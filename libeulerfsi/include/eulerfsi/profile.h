@@ -88,6 +88,20 @@ typedef struct EfsiRepairs {
   double min_det_f_after, max_det_f_after;
 } EfsiRepairs;
 
+/* Two solids that have pushed each other. A row is a point where they may touch; rows are counted anew in every step.
+ * Overlaps are the largest at the starts of these steps, in edges of a cell; < 0: they were apart by so much. */
+typedef struct EfsiContactPair {
+  uint32_t solid[2];      /* ids, the smaller one first */
+  uint64_t steps;         /* in which they did */
+  uint64_t rows;          /* of these steps, summed */
+  uint64_t pushing_rows;  /* those with an impulse */
+  uint64_t sticking_rows; /* of these, those at which friction holds */
+  double row_overlap;     /* what the deepest row was beyond the skin that contact keeps between solids [cells] */
+  double surface_overlap; /* how deep a row or vertex of one was in the other, without that skin [cells] */
+  double normal_impulse;  /* magnitudes along the rows' normals, summed over rows and steps [N s] */
+  EfsiVec3 impulse;       /* of solid[0] on solid[1], friction included, summed over them [N s] */
+} EfsiContactPair;
+
 /* What the transport of the last step changed in a solid before anything restored it. Volumes over those at rest, less
  * what the pressure was asked to give, of an incompressible solid that is whole; 0 otherwise and in preset paper2016.
  */

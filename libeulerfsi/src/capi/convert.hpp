@@ -204,6 +204,21 @@ inline EfsiTransportChange to_c(const sim::TransportChange& t) {
   return c;
 }
 
+inline EfsiContactPair to_c(const sim::ContactPair& p) {
+  EfsiContactPair c{};
+  c.solid[0] = static_cast<std::uint32_t>(p.one + 1);
+  c.solid[1] = static_cast<std::uint32_t>(p.other + 1);
+  c.steps = p.steps;
+  c.rows = p.rows;
+  c.pushing_rows = p.pushing;
+  c.sticking_rows = p.sticking;
+  c.row_overlap = p.row_overlap;
+  c.surface_overlap = p.surface_overlap;
+  c.normal_impulse = p.push;
+  c.impulse = to_c(p.impulse);
+  return c;
+}
+
 inline EfsiEnergy to_c(const sim::Energy& e) { return {e.solid_kinetic, e.elastic, e.fluid_kinetic, e.potential}; }
 
 inline EfsiEnergyLedger to_c(const sim::EnergyRecord& r) {

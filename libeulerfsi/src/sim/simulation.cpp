@@ -249,6 +249,7 @@ void Simulation::prepare() {
 StepInfo Simulation::step(double max_dt) {
   if (!(max_dt > 0.0) || !std::isfinite(max_dt)) refuse("efsi_simulation_step: max_dt", max_dt, "a finite number > 0");
   prepare();
+  contacts_.clear();
   StepInfo info;
   parallel_.together([&] { info = checked_step(max_dt); });
   return info;
@@ -258,6 +259,7 @@ StepInfo Simulation::advance(double duration, const Progress& progress) {
   if (!(duration > 0.0) || !std::isfinite(duration))
     refuse("efsi_simulation_advance: duration", duration, "a finite number > 0");
   prepare();
+  contacts_.clear();
   const double start = state_.time, end = start + duration;
   StepInfo total;
   while (end - state_.time > 1e-9 * duration) {
@@ -328,6 +330,7 @@ StepInfo Simulation::checked_step(double remaining) {
       }
       info.retries = static_cast<std::uint64_t>(attempt);
       last_step_ = info;
+      add_contacts(info.contacts, contacts_);
       profile_.total_seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
       ++profile_.steps;
       double staged = 0.0;
@@ -543,6 +546,7 @@ void Simulation::set_state(State state) {
   prepare();
   if (fills_box()) state.window = state_.window;
   state_ = std::move(state);
+  contacts_.clear();
   work_.forget();
 }
 

@@ -80,6 +80,8 @@ class Simulation {
   const Profile& profile() const { return profile_; }
   // What the last good step reported; its initial value before there was one.
   const StepInfo& last_step() const { return last_step_; }
+  // Solids that have pushed each other in the last call of step or advance, so far.
+  const ContactPairs& contacts() const { return contacts_; }
   void reset_profile() { profile_ = Profile{}; }
 
   SolidDiagnostics diagnose_solid(std::size_t index);
@@ -124,6 +126,7 @@ class Simulation {
   } box_;  // what was asked for where the common grid is not the box
   Profile profile_;
   StepInfo last_step_;
+  ContactPairs contacts_;
   bool prepared_ = false;
 };
 

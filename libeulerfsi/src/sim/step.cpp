@@ -4,6 +4,7 @@
 
 #include "fluid/advect.hpp"
 #include "sim/carry_surface.hpp"
+#include "sim/contact_record.hpp"
 #include "sim/energy_ledger.hpp"
 #include "sim/fluid_transport.hpp"
 #include "sim/masses.hpp"
@@ -131,6 +132,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   keep_off(matter.mass, velocity, elasticity.walls);
   remember_rows(dt, elasticity.walls, states);
   remember_contacts(dt, elasticity.contacts, states);
+  info.contacts = record_contacts(scene, states, elasticity, pressure);
   if (numerics.conserve_momentum) measure_momenta(step, states, solids, matter, velocity, momenta);
   const std::vector<solid::RigidStep> frames = transport_frames(elasticity.holds, momenta.first, momenta.solids, dt);
   const std::vector<VolumeTarget> targets = volume_targets(scene.solids, states, solids);

@@ -71,6 +71,7 @@ class VelocitySystem {
   void fix(std::size_t unknown, int axis);
   // From now on apply() and solve() have these in G; the last ones go. After assemble() there are none.
   void set_penalties(std::vector<Penalty> penalties);
+  const std::vector<Penalty>& penalties() const { return penalties_; }
   // y += s B^T S B x of the penalties.
   void add_penalties(Real s, const std::vector<Real>& x, std::vector<Real>& y) const;
   // Below this the residual of x is noise.
