@@ -9,11 +9,12 @@ import numpy as np
 from . import groups
 from .experiment import FRAME, GRAVITY, RADIUS, Experiment, of
 from .laws import Line, Results, conditions, found
-from .measure import Result, slope
+from .measure import Result
 
 SINKS, CREEPS, GROWS = 0.25, 1e-3, 1e-4  # cells, cells a frame, M g R
 HERTZ = 0.05  # of the load
 RESOLVED = 18.0  # R / h from which on it is judged
+STILL = 0.05  # cells
 
 
 def stack_runs(tier: str) -> list[Experiment]:
@@ -115,16 +116,18 @@ def judge_hertz(results: Results, tier: str) -> list[Line]:
     lines = []
     for result in found(results, hertz_runs(tier)):
         run, h = result.run, result.run.spacing
-        height = result.with_start(of("center", 2))[:, 1]
-        load, approach = float(result.start[of("mass", 2)] * GRAVITY), float(height[0] - height[-1])
-        late = result.times >= 0.8 * run.duration
-        moving = float(np.abs(slope(result.times[late], height[late][:, None])[0])) * FRAME / h
-        result.numbers |= {"load [N]": load, "approach [R]": approach / RADIUS, "moves [h/frame]": moving}
-        at = conditions(result, f"R/h {RADIUS / h:g}, {load:.4g} N, approach {approach / RADIUS:.4f} R")
+        height, late = result.with_start(of("center", 2))[:, 1], result.times >= run.duration / 2
+        load, approach = float(result.start[of("mass", 2)] * GRAVITY), float(height[0] - np.median(height[late]))
+        rise = float((height[late] - np.minimum.accumulate(height[late])).max()) / h
+        result.numbers |= {"load [N]": load, "approach [R]": approach / RADIUS, "thrown up by [h]": rise}
+        near = f"approach {approach / RADIUS:.4f} R, median of the second half of the run"
+        at = conditions(result, f"R/h {RADIUS / h:g}, {load:.4g} N, {near}")
         wide = result.numbers["Hertz, half-space"] = float(hertz_load(approach) / load - 1)
         error = result.numbers["Hertz, block"] = float(hertz_load(approach, groups.BLOCK[1]) / load - 1)
         low, high = (-HERTZ, HERTZ) if RADIUS / h >= RESOLVED * (1 - 1e-9) else (None, None)
         bar = f"load by Hertz's law for a block as high as the radius, within {HERTZ:g}"
         lines.append(Line("hertz", bar, error, "", low, high, at))
         lines.append(Line("hertz", "load by Hertz's law for a half-space", wide, conditions=at))
+        bar = f"it lies still: highest rise of the sphere in the second half of the run <= {STILL:g} h"
+        lines.append(Line("hertz", bar, rise, "h", 0, STILL, at))
     return lines
