@@ -72,6 +72,7 @@ ENERGY_STAGES = (
     "remap",
     "repair",
     "momentum",
+    "plastic_flow",
 )
 LOG_INFO, LOG_WARNING = 0, 1
 
@@ -187,6 +188,7 @@ class SolidDiagnostics(Structure):
         ("memory_bytes", c_uint64),
         ("max_stretch", c_double),
         ("false_edges", c_uint64),
+        ("max_plastic_strain", c_double),
     ]
 
 
@@ -320,6 +322,9 @@ class SolidDef(Structure):
         ("compressible", c_int32),
         ("surface", c_void_p),
         ("friction", c_double),
+        ("plastic_yield_stress", c_double),
+        ("plastic_flow_rate", c_double),
+        ("plastic_hardening", c_double),
         ("reserved", c_uint64 * 2),
     ]
 

@@ -80,6 +80,7 @@ inline sim::SolidDesc to_solid(const EfsiSolidDef& def) {
   d.rayleigh_alpha = def.rayleigh_alpha;
   d.rayleigh_beta = def.rayleigh_beta;
   d.friction = def.friction;
+  d.plastic = {def.plastic_yield_stress, def.plastic_flow_rate, def.plastic_hardening};
   d.compressible = def.compressible != 0;
   d.law = static_cast<material::Law>(def.material);
   d.velocity = to_vector(def.velocity);
@@ -179,6 +180,7 @@ inline EfsiSolidDiagnostics to_c(const sim::SolidDiagnostics& d) {
   c.false_edges = d.false_edges;
   c.elements = d.elements;
   c.memory_bytes = d.memory_bytes;
+  c.max_plastic_strain = d.max_plastic_strain;
   return c;
 }
 

@@ -37,6 +37,7 @@ struct SolidDesc {
   double rayleigh_alpha = 0.0, rayleigh_beta = 0.0;
   double friction = 0.0;  // Coulomb's coefficient at walls
   bool compressible = false;
+  material::Plastic plastic;
   material::Law law = material::Law::kCorotational;
   Vec3d velocity = Vec3d::Zero();
   Vec3d angular_velocity = Vec3d::Zero();
@@ -49,6 +50,7 @@ struct SolidDiagnostics {
   Vec3d extent_min = Vec3d::Zero(), extent_max = Vec3d::Zero();
   double min_det_f = 1.0, max_det_f = 1.0, max_stretch = 1.0;
   std::uint64_t elements = 0, memory_bytes = 0, false_edges = 0;
+  double max_plastic_strain = 0.0;
 };
 
 struct FluidDiagnostics {

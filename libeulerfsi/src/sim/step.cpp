@@ -18,9 +18,23 @@
 #include "solid/displacement.hpp"
 #include "solid/mass.hpp"
 #include "solid/material_force.hpp"
+#include "solid/plasticity.hpp"
 
 namespace efsi::sim {
 namespace {
+
+// Plastic flow in the solids that can yield, before their forces.
+void flow(const StepContext& step, const SolidWorks& solids, SolidStates& states, EnergyLedger& ledger) {
+  ScopedTimer timer(step.profile, Stage::kComputeG);
+  bool any = false;
+  for (std::size_t l = 0; l < solids.size(); ++l) {
+    const solid::SolidRest& rest = step.scene.solids[l];
+    if (!rest.plastic.yields()) continue;
+    solid::flow(step.parallel, rest, step.dt, step.scene.params.numerics.points_per_element, solids[l], states[l]);
+    any = true;
+  }
+  if (any) ledger.book_solids(EnergyStage::kPlasticFlow);
+}
 
 // Which cells carry stiffness, for the next step's choice.
 void remember_elements(const StepContext& step, const Hold& hold, const solid::SolidWork& work,
@@ -115,6 +129,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   }
   EnergyLedger ledger(step, states, solids, matter, fluid.velocity);
   if (numerics.conserve_momentum) measure_first_momenta(step, states, solids, momenta);
+  flow(step, solids, states, ledger);
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {  // lines 2-6
     ScopedTimer timer(profile, Stage::kComputeG);
     solid::compute_material(parallel, scene.solids[l], states[l], numerics.points_per_element,  // Alg. 1 line 4
