@@ -31,7 +31,7 @@ ERROR_IO, ERROR_MEMORY, ERROR_CANCELLED, ERROR_CHECKPOINT = 5, 6, 7, 8
 
 PRESETS = {"production": 0, "paper2016": 1}
 WALLS = {"slip": 0, "noSlip": 1, "open": 2, "periodic": 3}
-MATERIALS = {"corotational": 0, "stableNeoHookean": 1}
+MATERIALS = {"corotational": 0, "stableNeoHookean": 1, "stVenantKirchhoff": 2}
 EMITTER_SHAPES = {"box": 0, "sphere": 1}
 EMITTER_MODES = {"initial": 0, "continuous": 1}
 FIELDS = {

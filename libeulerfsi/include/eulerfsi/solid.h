@@ -75,6 +75,7 @@ EFSI_API void efsi_surface_destroy(EfsiSurface* surface);
 
 #define EFSI_MATERIAL_COROTATIONAL 0
 #define EFSI_MATERIAL_STABLE_NEO_HOOKEAN 1
+#define EFSI_MATERIAL_ST_VENANT_KIRCHHOFF 2
 
 /* An elastic solid; fields and limits as in libeulerfsi/parameters.toml, scope "solid". */
 typedef struct EfsiSolidDef {

@@ -127,7 +127,7 @@ TEST_CASE("Values outside their limits are refused with field, value and limit")
       {[](auto& d) { d.plastic_hardening = kNan; }, "EfsiSolidDef.plastic_hardening = nan"},
       {[](auto& d) { d.velocity.y = kNan; }, "EfsiSolidDef.velocity.y = nan"},
       {[](auto& d) { d.angular_velocity.x = kNan; }, "EfsiSolidDef.angular_velocity.x = nan"},
-      {[](auto& d) { d.material = 2; }, "EfsiSolidDef.material = 2"},
+      {[](auto& d) { d.material = 3; }, "EfsiSolidDef.material = 3"},
       {[](auto& d) { d.mesh.points = nullptr; }, "EfsiSolidDef.mesh.points is NULL"},
       {[](auto& d) { d.mesh.face_vertex_indices = nullptr; }, "EfsiSolidDef.mesh.face_vertex_indices is NULL"},
       {[](auto& d) { d.mesh.point_count = 0; }, "EfsiSolidDef.mesh.point_count = 0"},

@@ -9,7 +9,7 @@ using namespace efsi::material;
 
 namespace {
 
-constexpr Law kLaws[] = {Law::kCorotational, Law::kStableNeoHookean};
+constexpr Law kLaws[] = {Law::kCorotational, Law::kStableNeoHookean, Law::kStVenantKirchhoff};
 constexpr double kFast = 1e9;
 
 // A bar that is pulled or pressed along x at constant volume.
@@ -19,6 +19,7 @@ Vec3d pulled(double along) { return {along, 1.0 / std::sqrt(along), 1.0 / std::s
 double bar_stress(Law law, double mu, double s) {
   const double across = 1.0 / std::sqrt(s);
   if (law == Law::kCorotational) return 2.0 * mu * (s * s - s - across * across + across);
+  if (law == Law::kStVenantKirchhoff) return mu * (s * s * (s * s - 1.0) - across * across * (across * across - 1.0));
   const double m = 4.0 / 3.0 * mu, squares = s * s + 2.0 / s;
   return m * (1.0 - 1.0 / (squares + 1.0)) * (s * s - 1.0 / s);
 }
