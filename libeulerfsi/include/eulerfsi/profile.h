@@ -100,7 +100,7 @@ typedef struct EfsiTransportChange {
 
 #define EFSI_ENERGY_WEIGHT 0          /* weight less buoyancy acts on the velocities */
 #define EFSI_ENERGY_MIXING 1          /* one velocity at nodes that solids and fluid share */
-#define EFSI_ENERGY_OUTSIDE 2         /* emitters, smoke and heat, vorticity confinement */
+#define EFSI_ENERGY_OUTSIDE 2         /* forces, emitters, smoke and heat, vorticity confinement */
 #define EFSI_ENERGY_WALLS 3           /* walls; one normal velocity where the fluid slips */
 #define EFSI_ENERGY_VELOCITY 4        /* velocity solve */
 #define EFSI_ENERGY_PRESSURE 5        /* coupling step, pressure, projection */

@@ -24,6 +24,8 @@ static_assert(EFSI_MATERIAL_ST_VENANT_KIRCHHOFF == static_cast<int>(material::La
 static_assert(EFSI_STAGE_VELOCITY_SOLVE == static_cast<int>(sim::Stage::kVelocitySolve));
 static_assert(EFSI_STAGE_OTHER == static_cast<int>(sim::Stage::kOther));
 static_assert(EFSI_STAGE_COUNT == static_cast<int>(sim::Stage::kCount));
+static_assert(EFSI_FORCE_WIND == static_cast<int>(sim::ForceField::Kind::kWind));
+static_assert(EFSI_ACTS_ON_SOLIDS == static_cast<int>(sim::ForceField::ActsOn::kSolids));
 static_assert(EFSI_ENERGY_VELOCITY == static_cast<int>(sim::EnergyStage::kVelocity));
 static_assert(EFSI_ENERGY_REMAP == static_cast<int>(sim::EnergyStage::kRemap));
 static_assert(EFSI_ENERGY_STAGE_COUNT == static_cast<int>(sim::EnergyStage::kCount));
@@ -101,6 +103,24 @@ inline fluid::Emitter to_emitter(const EfsiEmitterDef& def) {
   e.start_time = def.start_time;
   e.end_time = def.end_time;
   return e;
+}
+
+inline sim::ForceField to_force(const EfsiForceDef& def) {
+  sim::ForceField f;
+  f.shape = static_cast<fluid::Region::Shape>(def.shape);
+  f.from_world = to_matrix(def.transform).inverse();
+  f.kind = static_cast<sim::ForceField::Kind>(def.kind);
+  f.acts_on = static_cast<sim::ForceField::ActsOn>(def.acts_on);
+  f.acceleration = to_vector(def.acceleration);
+  f.radial_acceleration = def.radial_acceleration;
+  f.wind_velocity = to_vector(def.wind_velocity);
+  f.wind_drag = def.wind_drag;
+  f.noise_speed = def.noise_speed;
+  f.noise_size = def.noise_size;
+  f.noise_frequency = def.noise_frequency;
+  f.start_time = def.start_time;
+  f.end_time = def.end_time;
+  return f;
 }
 
 inline EfsiMeshReport to_c(const geometry::MeshReport& r) {

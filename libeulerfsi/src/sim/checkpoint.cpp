@@ -132,6 +132,16 @@ std::uint64_t Simulation::scene_hash() const {
     for (int v : {static_cast<int>(e.shape), static_cast<int>(e.mode), static_cast<int>(e.has_velocity)})
       hash.add_value(static_cast<std::int64_t>(v));
   }
+  for (const ForceField& f : forces_) {
+    hash.add(f.from_world.data(), 16 * sizeof(double));
+    vector(f.acceleration);
+    vector(f.wind_velocity);
+    for (double v :
+         {f.radial_acceleration, f.wind_drag, f.noise_speed, f.noise_size, f.noise_frequency, f.start_time, f.end_time})
+      hash.add_value(v);
+    for (int v : {static_cast<int>(f.shape), static_cast<int>(f.kind), static_cast<int>(f.acts_on)})
+      hash.add_value(static_cast<std::int64_t>(v));
+  }
   return hash.value();
 }
 

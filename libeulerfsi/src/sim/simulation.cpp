@@ -231,6 +231,14 @@ std::size_t Simulation::add_emitter(const fluid::Emitter& emitter) {
   return emitters_.size() - 1;
 }
 
+std::size_t Simulation::add_force(const ForceField& force) {
+  if (state_.steps > 0) throw Error(ErrorCode::kArgument, "efsi_force_add: forces are added before the first step");
+  if (force.end_time < force.start_time)
+    refuse("EfsiForceDef.end_time", force.end_time, "at least start_time, " + number(force.start_time));
+  forces_.push_back(force);
+  return forces_.size() - 1;
+}
+
 void Simulation::prepare() {
   if (prepared_) return;
   prepared_ = true;
@@ -304,7 +312,7 @@ StepInfo Simulation::checked_step(double remaining) {
     ScopedTimer timer(profile_, Stage::kCheck);
     keep_backup();
   }
-  const Scene scene{params_, grid_, solids_, emitters_};
+  const Scene scene{params_, grid_, solids_, emitters_, forces_};
   double shrink = 1.0;
   std::string reason;
   for (int attempt = 0; attempt <= kMaxRetries; ++attempt) {

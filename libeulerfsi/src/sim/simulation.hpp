@@ -10,6 +10,7 @@
 #include "base/log.hpp"
 #include "base/parallel.hpp"
 #include "geometry/mesh_sdf.hpp"
+#include "sim/force_field.hpp"
 #include "sim/params.hpp"
 #include "sim/profile.hpp"
 #include "sim/state.hpp"
@@ -68,6 +69,7 @@ class Simulation {
   // Before the first step. Returns the solid's index from 0.
   std::size_t add_solid(const SolidDesc& desc, geometry::MeshReport& report);
   std::size_t add_emitter(const fluid::Emitter& emitter);
+  std::size_t add_force(const ForceField& force);
 
   StepInfo step(double max_dt);
   StepInfo advance(double duration, const Progress& progress);
@@ -118,6 +120,7 @@ class Simulation {
   grid::Grid grid_;
   std::vector<solid::SolidRest> solids_;
   std::vector<fluid::Emitter> emitters_;
+  std::vector<ForceField> forces_;
   State state_;
   Workspace work_;
   struct {

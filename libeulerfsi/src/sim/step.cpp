@@ -6,6 +6,7 @@
 #include "sim/carry_surface.hpp"
 #include "sim/energy_ledger.hpp"
 #include "sim/fluid_transport.hpp"
+#include "sim/force_field.hpp"
 #include "sim/masses.hpp"
 #include "sim/momentum_balance.hpp"
 #include "sim/node_velocity.hpp"
@@ -22,6 +23,15 @@
 
 namespace efsi::sim {
 namespace {
+
+// The forces of the scene.
+void push(const StepContext& step, const SolidWorks& solids, const Matter& matter, SolidStates& states,
+          grid::VectorField& fluid_velocity, EnergyLedger& ledger) {
+  if (step.scene.forces.empty()) return;
+  ScopedTimer timer(step.profile, Stage::kFluidForces);
+  apply_forces(step, matter.common.grid, solids, states, fluid_velocity);
+  ledger.book_forces(matter, fluid_velocity);
+}
 
 // Plastic flow in the solids that can yield, before their forces.
 void flow(const StepContext& step, const SolidWorks& solids, SolidStates& states, EnergyLedger& ledger) {
@@ -136,6 +146,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
                             solids[l]);
     timer.visited(solids[l].element_cell.size(), sizeof(solid::ElementPoint));
   }
+  push(step, solids, matter, states, fluid.velocity, ledger);
   ledger.book_weight(weight_in_step(scene, dt, solids), fluid.velocity);
   combine_velocities(step, states, solids, matter, fluid.velocity, velocity);
   ledger.book_nodes(EnergyStage::kMixing, velocity);

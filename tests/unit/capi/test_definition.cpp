@@ -140,6 +140,23 @@ TEST_CASE("Values outside their limits are refused with field, value and limit")
     CHECK(efsi_solid_add(sim.get(), &def, nullptr, nullptr) == EFSI_ERROR_ARGUMENT);
     CHECK_THAT(last_error(sim), Contains(refusal.text));
   }
+  const Refusal<EfsiForceDef> force[] = {
+      {[](auto& d) { d.kind = 3; }, "EfsiForceDef.kind = 3"},
+      {[](auto& d) { d.acts_on = -1; }, "EfsiForceDef.acts_on = -1"},
+      {[](auto& d) { d.wind_drag = -1.0; }, "EfsiForceDef.wind_drag = -1: must be >= 0"},
+      {[](auto& d) { d.noise_size = 0.0; }, "EfsiForceDef.noise_size = 0: must be > 0"},
+      {[](auto& d) { d.acceleration.z = kNan; }, "EfsiForceDef.acceleration.z = nan"},
+      {[](auto& d) { d.transform[0] = 0.0; }, "EfsiForceDef.transform: its determinant is 0"},
+      {[](auto& d) { d.end_time = 0.5, d.start_time = 1.0; },
+       "EfsiForceDef.end_time = 0.5: must be at least start_time"},
+  };
+  for (const auto& refusal : force) {
+    EfsiForceDef def;
+    REQUIRE(efsi_force_def_init(&def) == EFSI_OK);
+    refusal.change(def);
+    CHECK(efsi_force_add(sim.get(), &def, nullptr) == EFSI_ERROR_ARGUMENT);
+    CHECK_THAT(last_error(sim), Contains(refusal.text));
+  }
   uint32_t count = 9;
   CHECK(efsi_solid_get_count(sim.get(), &count) == EFSI_OK);
   CHECK(count == 0);
