@@ -11,8 +11,13 @@ ROOT = Path(__file__).resolve().parent.parent
 TABLE = ROOT / "libeulerfsi" / "parameters.toml"
 HEADERS = ROOT / "libeulerfsi" / "include" / "eulerfsi"
 
-SCOPES = ("domain", "solid", "emitter")
-STRUCTS = {"domain": "EfsiSimulationDef", "solid": "EfsiSolidDef", "emitter": "EfsiEmitterDef"}
+SCOPES = ("domain", "solid", "emitter", "force")
+STRUCTS = {
+    "domain": "EfsiSimulationDef",
+    "solid": "EfsiSolidDef",
+    "emitter": "EfsiEmitterDef",
+    "force": "EfsiForceDef",
+}
 C_TYPES = {"double": "double", "int": "int32_t", "bool": "int32_t", "token": "int32_t", "vector": "EfsiVec3"}
 TYPES = {*C_TYPES, "asset"}
 REQUIRED_KEYS = {"name", "field", "symbol", "type", "default", "doc"}

@@ -81,7 +81,7 @@ def load_scene(path: Path, options: Options, log: Log, memory_limit: int) -> tup
 
 
 def build_simulation(scene: Scene, threads: int, memory_limit: int, log: Log) -> tuple[Simulation, list[int]]:
-    """A simulation at time 0 with the scene's solids and emitters. Returns it with the solids' ids."""
+    """A simulation at time 0 with the scene's solids, emitters and forces. Returns it with the solids' ids."""
     place = [""]  # prim that the library is working on, for its messages
 
     def forward(level: int, text: str) -> None:
@@ -98,6 +98,9 @@ def build_simulation(scene: Scene, threads: int, memory_limit: int, log: Log) ->
         for emitter in scene.emitters:
             place[0] = f"{emitter.path}: "
             simulation.add_emitter(**emitter.values)
+        for force in scene.forces:
+            place[0] = f"{force.path}: "
+            simulation.add_force(**force.values)
     except LibraryError as error:
         simulation.close()
         raise LibraryError(error.status, place[0] + mesh_reason("", error)) from error

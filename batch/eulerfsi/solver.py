@@ -216,6 +216,14 @@ class Simulation:
         self._check(self._lib.efsi_emitter_add(self._handle, byref(definition), byref(identifier)))
         return identifier.value
 
+    def add_force(self, **values: Any) -> int:
+        """Adds a force before the first step. values: fields of EfsiForceDef (SI). Returns its id."""
+        definition, identifier = binding.ForceDef(), c_uint32()
+        self._lib.efsi_force_def_init(byref(definition))
+        _fill(definition, values)
+        self._check(self._lib.efsi_force_add(self._handle, byref(definition), byref(identifier)))
+        return identifier.value
+
     def step(self, max_dt: float) -> dict[str, Any]:
         """One step of at most max_dt seconds; returns the fields of EfsiStepInfo."""
         info = binding.StepInfo()

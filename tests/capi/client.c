@@ -93,6 +93,16 @@ static EfsiSim* make_scene(uint32_t* id) {
   carpet.density = 1.0;
   CHECK_OK(sim, efsi_emitter_add(sim, &carpet, &emitter));
   CHECK(emitter == 1);
+
+  EfsiForceDef breeze;
+  uint32_t force = 0;
+  CHECK_OK(NULL, efsi_force_def_init(&breeze));
+  memcpy(breeze.transform, carpet.transform, sizeof breeze.transform);
+  breeze.kind = EFSI_FORCE_WIND;
+  breeze.acts_on = EFSI_ACTS_ON_FLUID;
+  breeze.wind_drag = 0.0;
+  CHECK_OK(sim, efsi_force_add(sim, &breeze, &force));
+  CHECK(force == 1);
   return sim;
 }
 

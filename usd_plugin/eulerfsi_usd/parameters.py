@@ -9,8 +9,13 @@ from functools import cache
 from pathlib import Path
 
 NAMESPACE = "eulerfsi:"
-SCOPES = ("domain", "solid", "emitter")
-API_SCHEMAS = {"domain": "EulerFsiDomainAPI", "solid": "EulerFsiSolidAPI", "emitter": "EulerFsiEmitterAPI"}
+SCOPES = ("domain", "solid", "emitter", "force")
+API_SCHEMAS = {
+    "domain": "EulerFsiDomainAPI",
+    "solid": "EulerFsiSolidAPI",
+    "emitter": "EulerFsiEmitterAPI",
+    "force": "EulerFsiForceAPI",
+}
 
 Value = bool | float | str | tuple[float, float, float]
 

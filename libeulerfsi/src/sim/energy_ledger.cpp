@@ -133,6 +133,14 @@ Energy EnergyLedger::with_solids(Energy now) const {
   return now;
 }
 
+void EnergyLedger::book_forces(const Matter& matter, const grid::VectorField& fluid_velocity) {
+  if (!on()) return;
+  book_solids(EnergyStage::kOutside);
+  if (scene_.params.fluid.present) book_fluid(EnergyStage::kOutside, matter, fluid_velocity);
+  for (std::size_t l = 0; l < states_.size(); ++l)
+    first_[l] = solid::measure_momenta(parallel_, states_[l].band, solids_[l], states_[l].band.grid, states_[l].v);
+}
+
 void EnergyLedger::book_weight(const StepWeight& weight, const grid::VectorField& fluid_velocity) {
   if (!on()) return;
   Energy now = record_->end;

@@ -1,4 +1,4 @@
-// Purpose: what a step does not change: parameters, grid of the box, solids at rest, emitters.
+// Purpose: what a step does not change: parameters, grid of the box, solids at rest, emitters, forces.
 #pragma once
 
 #include <vector>
@@ -10,11 +10,14 @@
 
 namespace efsi::sim {
 
+struct ForceField;
+
 struct Scene {
   const Params& params;
   const grid::Grid& grid;
   const std::vector<solid::SolidRest>& solids;
   const std::vector<fluid::Emitter>& emitters;
+  const std::vector<ForceField>& forces;
 };
 
 // Per solid, in the scene's order: what survives a step, and what does not.

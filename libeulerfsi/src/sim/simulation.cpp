@@ -18,6 +18,7 @@
 #include "solid/mass.hpp"
 #include "solid/material_force.hpp"
 #include "solid/momentum.hpp"
+#include "solid/plasticity.hpp"
 #include "solid/surface.hpp"
 
 namespace efsi::sim {
@@ -57,6 +58,9 @@ void validate(const SolidDesc& d) {
   not_negative("rayleigh_alpha", d.rayleigh_alpha);
   not_negative("rayleigh_beta", d.rayleigh_beta);
   not_negative("friction", d.friction);
+  not_negative("plastic_yield_stress", d.plastic.yield_stress);
+  positive("plastic_flow_rate", d.plastic.flow_rate);
+  not_negative("plastic_hardening", d.plastic.hardening);
   for (int a = 0; a < 3; ++a) {
     if (!std::isfinite(d.velocity[a])) refuse("EfsiSolidDef.velocity", d.velocity[a], "finite");
     if (!std::isfinite(d.angular_velocity[a])) refuse("EfsiSolidDef.angular_velocity", d.angular_velocity[a], "finite");
@@ -136,6 +140,7 @@ std::size_t Simulation::add_solid(const SolidDesc& desc, geometry::MeshReport& r
   rest.rayleigh_beta = desc.rayleigh_beta;
   rest.friction = desc.friction;
   rest.compressible = desc.compressible;
+  rest.plastic = desc.plastic;
   const double spacing = kRestSpacing * grid_.h;
   const auto surface = desc.examined ? desc.examined : geometry::examine(desc.surface, spacing, parallel_);
   if (surface->distance.spacing != spacing)
@@ -194,6 +199,10 @@ std::size_t Simulation::add_solid(const SolidDesc& desc, geometry::MeshReport& r
         state.v.set(g.node(i, j, k), v.cast<Real>());
       }
   state.surface = rest.surface.points;
+  if (rest.plastic.yields()) {
+    rest.plastic_lattice = solid::make_plastic_lattice(report.extent_min, report.extent_max, grid_.h);
+    state.plastic.resize(rest.plastic_lattice.node_count());
+  }
   double speed = 0.0;
   for (const Vec3d& x : state.surface)
     speed = std::max(speed, (desc.velocity + desc.angular_velocity.cross(x - center)).cwiseAbs().maxCoeff());
@@ -220,6 +229,14 @@ std::size_t Simulation::add_emitter(const fluid::Emitter& emitter) {
   emitters_.push_back(emitter);
   prepared_ = false;  // the first frame shows it, also when the fields were looked at before
   return emitters_.size() - 1;
+}
+
+std::size_t Simulation::add_force(const ForceField& force) {
+  if (state_.steps > 0) throw Error(ErrorCode::kArgument, "efsi_force_add: forces are added before the first step");
+  if (force.end_time < force.start_time)
+    refuse("EfsiForceDef.end_time", force.end_time, "at least start_time, " + number(force.start_time));
+  forces_.push_back(force);
+  return forces_.size() - 1;
 }
 
 void Simulation::prepare() {
@@ -297,7 +314,7 @@ StepInfo Simulation::checked_step(double remaining) {
     ScopedTimer timer(profile_, Stage::kCheck);
     keep_backup();
   }
-  const Scene scene{params_, grid_, solids_, emitters_};
+  const Scene scene{params_, grid_, solids_, emitters_, forces_};
   double shrink = 1.0;
   std::string reason;
   for (int attempt = 0; attempt <= kMaxRetries; ++attempt) {
@@ -407,6 +424,7 @@ SolidDiagnostics Simulation::diagnose_solid(std::size_t index) {
   d.false_edges = solid::count_false_edges(rest, state, work.max_stretch);
   d.elements = work.element_cell.size();
   d.memory_bytes = work.bytes() + solid::state_bytes(state);
+  d.max_plastic_strain = solid::largest_plastic_strain(state);
   return d;
 }
 

@@ -10,6 +10,7 @@
 #include "base/log.hpp"
 #include "base/parallel.hpp"
 #include "geometry/mesh_sdf.hpp"
+#include "sim/force_field.hpp"
 #include "sim/params.hpp"
 #include "sim/profile.hpp"
 #include "sim/state.hpp"
@@ -37,6 +38,7 @@ struct SolidDesc {
   double rayleigh_alpha = 0.0, rayleigh_beta = 0.0;
   double friction = 0.0;  // Coulomb's coefficient at walls
   bool compressible = false;
+  material::Plastic plastic;
   material::Law law = material::Law::kCorotational;
   Vec3d velocity = Vec3d::Zero();
   Vec3d angular_velocity = Vec3d::Zero();
@@ -49,6 +51,7 @@ struct SolidDiagnostics {
   Vec3d extent_min = Vec3d::Zero(), extent_max = Vec3d::Zero();
   double min_det_f = 1.0, max_det_f = 1.0, max_stretch = 1.0;
   std::uint64_t elements = 0, memory_bytes = 0, false_edges = 0;
+  double max_plastic_strain = 0.0;
 };
 
 struct FluidDiagnostics {
@@ -66,6 +69,7 @@ class Simulation {
   // Before the first step. Returns the solid's index from 0.
   std::size_t add_solid(const SolidDesc& desc, geometry::MeshReport& report);
   std::size_t add_emitter(const fluid::Emitter& emitter);
+  std::size_t add_force(const ForceField& force);
 
   StepInfo step(double max_dt);
   StepInfo advance(double duration, const Progress& progress);
@@ -118,6 +122,7 @@ class Simulation {
   grid::Grid grid_;
   std::vector<solid::SolidRest> solids_;
   std::vector<fluid::Emitter> emitters_;
+  std::vector<ForceField> forces_;
   State state_;
   Workspace work_;
   struct {

@@ -7,6 +7,7 @@
 #include "sim/contact_record.hpp"
 #include "sim/energy_ledger.hpp"
 #include "sim/fluid_transport.hpp"
+#include "sim/force_field.hpp"
 #include "sim/masses.hpp"
 #include "sim/momentum_balance.hpp"
 #include "sim/node_velocity.hpp"
@@ -19,9 +20,32 @@
 #include "solid/displacement.hpp"
 #include "solid/mass.hpp"
 #include "solid/material_force.hpp"
+#include "solid/plasticity.hpp"
 
 namespace efsi::sim {
 namespace {
+
+// The forces of the scene.
+void push(const StepContext& step, const SolidWorks& solids, const Matter& matter, SolidStates& states,
+          grid::VectorField& fluid_velocity, EnergyLedger& ledger) {
+  if (step.scene.forces.empty()) return;
+  ScopedTimer timer(step.profile, Stage::kFluidForces);
+  apply_forces(step, matter.common.grid, solids, states, fluid_velocity);
+  ledger.book_forces(matter, fluid_velocity);
+}
+
+// Plastic flow in the solids that can yield, before their forces.
+void flow(const StepContext& step, const SolidWorks& solids, SolidStates& states, EnergyLedger& ledger) {
+  ScopedTimer timer(step.profile, Stage::kComputeG);
+  bool any = false;
+  for (std::size_t l = 0; l < solids.size(); ++l) {
+    const solid::SolidRest& rest = step.scene.solids[l];
+    if (!rest.plastic.yields()) continue;
+    solid::flow(step.parallel, rest, step.dt, step.scene.params.numerics.points_per_element, solids[l], states[l]);
+    any = true;
+  }
+  if (any) ledger.book_solids(EnergyStage::kPlasticFlow);
+}
 
 // Which cells carry stiffness, for the next step's choice.
 void remember_elements(const StepContext& step, const Hold& hold, const solid::SolidWork& work,
@@ -107,12 +131,14 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   }
   EnergyLedger ledger(step, states, solids, matter, fluid.velocity);
   if (numerics.conserve_momentum) measure_first_momenta(step, states, solids, momenta);
+  flow(step, solids, states, ledger);
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {  // lines 2-6
     ScopedTimer timer(profile, Stage::kComputeG);
     solid::compute_material(parallel, scene.solids[l], states[l], numerics.points_per_element,  // Alg. 1 line 4
                             solids[l]);
     timer.visited(solids[l].element_cell.size(), sizeof(solid::ElementPoint));
   }
+  push(step, solids, matter, states, fluid.velocity, ledger);
   ledger.book_weight(weight_in_step(scene, dt, solids), fluid.velocity);
   combine_velocities(step, states, solids, matter, fluid.velocity, velocity);
   ledger.book_nodes(EnergyStage::kMixing, velocity);

@@ -23,9 +23,10 @@ struct StagedScene {
   grid::Grid g;
   std::vector<solid::SolidRest> rest;
   std::vector<fluid::Emitter> emitters;
+  std::vector<sim::ForceField> forces;
   sim::State state;
   sim::Workspace work;
-  sim::Scene as_scene{params, g, rest, emitters};
+  sim::Scene as_scene{params, g, rest, emitters, forces};
   Parallel parallel{2};
   sim::Profile profile;
   sim::StepInfo info;
