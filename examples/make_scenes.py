@@ -310,6 +310,7 @@ def make_heap() -> Usd.Stage:
     add_carpet(stage, lower, size)
     add_camera(stage, (0.35, 0.45, 1.3), (0.0, 0.2, 0.0))
     return stage
+    return stage
 
 
 def make_struck() -> Usd.Stage:
@@ -351,6 +352,35 @@ def make_struck() -> Usd.Stage:
     bind_material(stage, ball.GetPrim(), (0.3, 0.32, 0.36))
     add_carpet(stage, lower, size)
     add_camera(stage, (0.35, 0.4, 1.5), (0.0, 0.22, 0.0))
+
+
+def make_clay_and_rubber() -> Usd.Stage:
+    """A ball of clay and one of rubber, alike but for a yield stress, are thrown onto the floor in vacuum."""
+    stage = new_stage(
+        "A ball of clay, which keeps its dent, and one of rubber hit the floor. No fluid around them.", 36
+    )
+    lower, size = (-0.3, 0.0, -0.21), (0.6, 0.45, 0.42)
+    add_domain(stage, lower, size, "slip", voxelSize=0.01, ambientFluid=False)
+    for name, x, color, plastic in (
+        ("Clay", -0.13, (0.55, 0.35, 0.2), {"plasticYieldStress": 5000.0, "plasticHardening": 2000.0}),
+        ("Rubber", 0.13, (0.8, 0.15, 0.1), {}),
+    ):
+        ball = add_mesh(stage, f"/World/{name}", box_mesh(16, on_sphere(0.09)), color)
+        ball.AddTranslateOp().Set(Gf.Vec3d(x, 0.25, 0.0))
+        solid = ball.GetPrim()
+        velocity = Gf.Vec3d(0.0, -2.5, 0.0)
+        apply_schema(
+            solid,
+            "solid",
+            youngsModulus=6e4,
+            poissonsRatio=0.3,
+            rayleighBeta=0.001,
+            friction=0.5,
+            velocity=velocity,
+            **plastic,
+        )
+        set_density(solid, 1000.0)
+    add_camera(stage, (0.25, 0.3, 1.25), (0.0, 0.14, 0.0))
     return stage
 
 
@@ -361,6 +391,7 @@ MAKERS: dict[str, Callable[[], Usd.Stage]] = {
     "jelly_drop_no_fluid.usda": make_jelly_drop_no_fluid,
     "heap.usda": make_heap,
     "struck.usda": make_struck,
+    "clay_and_rubber.usda": make_clay_and_rubber,
 }
 
 

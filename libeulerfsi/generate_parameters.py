@@ -27,6 +27,7 @@ PRIM_TYPES = {
     "domain": ("Cube", "Xform"),
     "solid": ("Mesh", "Xform"),
     "emitter": ("Cube", "Sphere"),
+    "force": ("Cube", "Sphere"),
     "collider": ("Mesh", "Sphere", "Cube", "Cylinder", "Cone", "Capsule", "Plane"),
 }
 

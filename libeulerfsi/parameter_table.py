@@ -11,11 +11,12 @@ ROOT = Path(__file__).resolve().parent.parent
 TABLE = ROOT / "libeulerfsi" / "parameters.toml"
 HEADERS = ROOT / "libeulerfsi" / "include" / "eulerfsi"
 
-SCOPES = ("domain", "solid", "emitter", "collider")
+SCOPES = ("domain", "solid", "emitter", "force", "collider")
 STRUCTS = {
     "domain": "EfsiSimulationDef",
     "solid": "EfsiSolidDef",
     "emitter": "EfsiEmitterDef",
+    "force": "EfsiForceDef",
     "collider": "EfsiSolidDef",
 }
 C_TYPES = {"double": "double", "int": "int32_t", "bool": "int32_t", "token": "int32_t", "vector": "EfsiVec3"}

@@ -31,9 +31,11 @@ ERROR_IO, ERROR_MEMORY, ERROR_CANCELLED, ERROR_CHECKPOINT = 5, 6, 7, 8
 
 PRESETS = {"production": 0, "paper2016": 1}
 WALLS = {"slip": 0, "noSlip": 1, "open": 2, "periodic": 3}
-MATERIALS = {"corotational": 0, "stableNeoHookean": 1}
+MATERIALS = {"corotational": 0, "stableNeoHookean": 1, "stVenantKirchhoff": 2}
 EMITTER_SHAPES = {"box": 0, "sphere": 1}
 EMITTER_MODES = {"initial": 0, "continuous": 1}
+FORCE_KINDS = {"constant": 0, "radial": 1, "wind": 2}
+ACTS_ON = {"both": 0, "fluid": 1, "solids": 2}
 FIELDS = {
     "velocity": 0,
     "pressure": 1,
@@ -72,6 +74,7 @@ ENERGY_STAGES = (
     "remap",
     "repair",
     "momentum",
+    "plastic_flow",
 )
 LOG_INFO, LOG_WARNING = 0, 1
 
@@ -116,6 +119,28 @@ class EmitterDef(Structure):
         ("end_time", c_double),
         ("has_velocity", c_int32),
         ("reserved", c_uint32 * 3),
+    ]
+
+
+class ForceDef(Structure):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("magic", c_uint32),
+        ("shape", c_int32),
+        ("kind", c_int32),
+        ("acts_on", c_int32),
+        ("reserved0", c_int32),
+        ("transform", c_double * 16),
+        ("acceleration", Vec3),
+        ("radial_acceleration", c_double),
+        ("wind_velocity", Vec3),
+        ("wind_drag", c_double),
+        ("noise_speed", c_double),
+        ("noise_size", c_double),
+        ("noise_frequency", c_double),
+        ("start_time", c_double),
+        ("end_time", c_double),
+        ("reserved", c_uint64 * 2),
     ]
 
 
@@ -187,6 +212,7 @@ class SolidDiagnostics(Structure):
         ("memory_bytes", c_uint64),
         ("max_stretch", c_double),
         ("false_edges", c_uint64),
+        ("max_plastic_strain", c_double),
     ]
 
 
@@ -200,6 +226,20 @@ class Repairs(Structure):
         ("max_det_f_before", c_double),
         ("min_det_f_after", c_double),
         ("max_det_f_after", c_double),
+    ]
+
+
+class ContactPair(Structure):
+    _fields_ = [
+        ("solid", c_uint32 * 2),
+        ("steps", c_uint64),
+        ("rows", c_uint64),
+        ("pushing_rows", c_uint64),
+        ("sticking_rows", c_uint64),
+        ("row_overlap", c_double),
+        ("surface_overlap", c_double),
+        ("normal_impulse", c_double),
+        ("impulse", Vec3),
     ]
 
 
@@ -320,6 +360,9 @@ class SolidDef(Structure):
         ("compressible", c_int32),
         ("surface", c_void_p),
         ("friction", c_double),
+        ("plastic_yield_stress", c_double),
+        ("plastic_flow_rate", c_double),
+        ("plastic_hardening", c_double),
         ("reserved", c_uint64 * 2),
     ]
 
@@ -333,11 +376,13 @@ STRUCTURES = {
     "EfsiVec3": Vec3,
     "EfsiFieldView": FieldView,
     "EfsiEmitterDef": EmitterDef,
+    "EfsiForceDef": ForceDef,
     "EfsiVdbDef": VdbDef,
     "EfsiStepInfo": StepInfo,
     "EfsiProfile": Profile,
     "EfsiSolidDiagnostics": SolidDiagnostics,
     "EfsiRepairs": Repairs,
+    "EfsiContactPair": ContactPair,
     "EfsiTransportChange": TransportChange,
     "EfsiEnergy": Energy,
     "EfsiEnergyLedger": EnergyLedger,
@@ -371,6 +416,7 @@ PROTOTYPES: dict[str, list] = {
     "efsi_simulation_get_profile": [_SIM, _P(Profile)],
     "efsi_simulation_reset_profile": [_SIM],
     "efsi_simulation_get_repairs": [_SIM, _P(Repairs)],
+    "efsi_simulation_get_contacts": [_SIM, _P(ContactPair), c_uint64, _P(c_uint64)],
     "efsi_simulation_get_energy_ledger": [_SIM, _P(EnergyLedger)],
     "efsi_simulation_get_fluid_diagnostics": [_SIM, _P(FluidDiagnostics)],
     "efsi_mesh_load": [c_char_p, _P(_MESH), _P(Error)],
@@ -396,6 +442,8 @@ PROTOTYPES: dict[str, list] = {
     "efsi_passenger_get_points": [_SIM, c_uint32, c_void_p, c_void_p, c_uint64],
     "efsi_emitter_def_init": [_P(EmitterDef)],
     "efsi_emitter_add": [_SIM, _P(EmitterDef), _P(c_uint32)],
+    "efsi_force_def_init": [_P(ForceDef)],
+    "efsi_force_add": [_SIM, _P(ForceDef), _P(c_uint32)],
     "efsi_field_get_view": [_SIM, c_int32, c_uint32, _P(FieldView)],
     "efsi_field_set": [_SIM, c_int32, c_uint32, c_void_p, c_uint64],
     "efsi_vdb_def_init": [_P(VdbDef)],

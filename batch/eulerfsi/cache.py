@@ -159,6 +159,12 @@ class Cache:
         """Adds a line to stats.jsonl; it reaches the file with the frame."""
         self._stats.append(line)
 
+    def stopped_in(self, frame: int) -> list[dict[str, Any]]:
+        """The last line that a run left which was stopped inside the frame; [] where none was."""
+        path = self.folder / STATS
+        lines = map(json.loads, path.read_text(encoding="utf-8").splitlines()) if path.is_file() else ()
+        return [line for line in lines if line["event"] == "stopped" and line["frame"] == frame][-1:]
+
     def _flush_stats(self) -> None:
         if self._stats:
             try:

@@ -146,6 +146,10 @@ def plan_of(scene: Scene) -> Plan:
         lift = max(lift, push, abs(domain["smoke_buoyancy"] * values["density"]))
         if values["has_velocity"]:
             jet = max(jet, float(np.linalg.norm(values["velocity"])))
+    for force in scene.forces:
+        values = force.values
+        if values["kind"] == binding.FORCE_KINDS["wind"]:
+            jet = max(jet, float(np.linalg.norm(values["wind_velocity"])) + values["noise_speed"])
     return Plan(
         voxel=domain["voxel_size"],
         frame=1 / scene.fps,

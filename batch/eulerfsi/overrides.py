@@ -69,7 +69,7 @@ def _find_prim(prims: list[Usd.Prim], name: str, where: str) -> Usd.Prim:
         )
     if not found:
         options = [str(p.GetPath()) if name.startswith("/") else p.GetName() for p in prims]
-        raise UsageError(f"{where}: no domain, solid or emitter is named {name}{_suggest(name, options)}")
+        raise UsageError(f"{where}: no domain, solid, emitter or force is named {name}{_suggest(name, options)}")
     return found[0]
 
 

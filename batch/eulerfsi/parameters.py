@@ -48,7 +48,7 @@ class Parameter:
 
 @functools.cache
 def table() -> dict[str, dict[str, Parameter]]:
-    """{"domain" | "solid" | "emitter": {name: Parameter}}, in the order of the file."""
+    """{"domain" | "solid" | "emitter" | "force": {name: Parameter}}, in the order of the file."""
     with open(paths.parameter_table(), "rb") as file:
         data = tomllib.load(file)
     result: dict[str, dict[str, Parameter]] = {}

@@ -40,7 +40,7 @@ def validate(
 
 
 def describe_scene(scene: Scene) -> list[str]:
-    """Domain, solids and emitters, one a line, in SI."""
+    """Domain, solids, emitters and forces, one a line, in SI."""
     cells = np.ceil(np.array(scene.domain["domain_size"]) / scene.domain["voxel_size"] - 1e-6).astype(int)
     size = " x ".join(f"{edge:.4g}" for edge in scene.domain["domain_size"])
     gravity = ", ".join(f"{g + 0.0:.4g}" for g in scene.domain["gravity"])
@@ -62,6 +62,13 @@ def describe_scene(scene: Scene) -> list[str]:
     for emitter in scene.emitters:
         mode = next(name for name, number in binding.EMITTER_MODES.items() if number == emitter.values["mode"])
         lines.append(f"{emitter.path}: {mode} emitter, smoke density {emitter.values['density']:g}")
+    for force in scene.forces:
+        kind, on = (
+            next(name for name, number in names.items() if number == force.values[field])
+            for names, field in ((binding.FORCE_KINDS, "kind"), (binding.ACTS_ON, "acts_on"))
+        )
+        times = f"from {force.values['start_time']:g} to {force.values['end_time']:g} s"
+        lines.append(f"{force.path}: {kind} force on {'fluid and solids' if on == 'both' else on}, {times}")
     return lines
 
 
@@ -129,6 +136,7 @@ def describe_parameters(path: str, values: dict[str, Any]) -> list[str]:
     named by its field.
     """
     scope = "domain" if "voxel_size" in values else "solid" if "youngs_modulus" in values else "emitter"
+    scope = "force" if "acts_on" in values else scope
     rows = {row.field: row for row in table()[scope].values() if row.field}
     lines = [f"{path}: {scope}"]
     for field, value in values.items():

@@ -29,12 +29,20 @@ from .signals import Signals
 from .space import SimulationSpace, determinant, domain_space, orthonormal_rows, transform_points, transform_vectors
 from .system import available_threads
 
-DOMAIN_API, SOLID_API, EMITTER_API = (API_SCHEMAS[scope] for scope in ("domain", "solid", "emitter"))
+DOMAIN_API, SOLID_API, EMITTER_API, FORCE_API = (
+    API_SCHEMAS[scope] for scope in ("domain", "solid", "emitter", "force")
+)
 APIS = {api: scope for scope, api in API_SCHEMAS.items()}
 EARTH_GRAVITY = 9.81  # m/s^2
 DEFAULT_DENSITY = 1000.0  # kg/m^3
 _VOXEL_SIZES = (1e-6, 1e6)  # m: what single precision and OpenVDB's transforms can hold, and a continuum is
-_TOKENS = {"preset": binding.PRESETS, "material": binding.MATERIALS, "mode": binding.EMITTER_MODES}
+_TOKENS = {
+    "preset": binding.PRESETS,
+    "material": binding.MATERIALS,
+    "mode": binding.EMITTER_MODES,
+    "kind": binding.FORCE_KINDS,
+    "actsOn": binding.ACTS_ON,
+}
 
 
 @dataclasses.dataclass
@@ -141,6 +149,14 @@ class Emitter:
 
 
 @dataclasses.dataclass
+class Force:
+    """One force while it is on. values: fields of EfsiForceDef. path: with a number from the second time on."""
+
+    path: str
+    values: dict[str, Any]
+
+
+@dataclasses.dataclass
 class Scene:
     """Everything that a simulation needs. domain: fields of EfsiSimulationDef."""
 
@@ -154,6 +170,7 @@ class Scene:
     domain: dict[str, Any]
     solids: list[Solid]
     emitters: list[Emitter]
+    forces: list[Force]
     warnings: list[str]
     passengers: list[Passenger] = dataclasses.field(default_factory=list)
     pins: list[Pin] = dataclasses.field(default_factory=list)
@@ -177,7 +194,7 @@ class Scene:
     def parameters(self) -> dict[str, dict[str, Any]]:
         """{prim path: {field of the C definition: SI value}}: all that was used."""
         result = {self.domain_path: self.domain}
-        for item in [*self.solids, *self.emitters, *self.colliders]:
+        for item in [*self.solids, *self.emitters, *self.forces, *self.colliders]:
             result[item.path] = item.values
         for passenger in self.passengers:
             result[passenger.path] = {"carried_by": passenger.solid}
@@ -204,7 +221,7 @@ class Scene:
 
 
 def applied_scopes(prim: Usd.Prim) -> list[str]:
-    """Scopes of the parameter table ("domain", "solid", "emitter") whose API is applied to the prim."""
+    """Scopes of the parameter table ("domain", "solid", "emitter", "force") whose API is applied to the prim."""
     schemas = prim.GetAppliedSchemas()
     return [scope for api, scope in APIS.items() if api in schemas]
 
@@ -349,9 +366,24 @@ def read_scene(stage: Usd.Stage, path: Path, memory_limit: int = 0, threads: int
     emitters = [_emitter(reader, space, p) for p in find_prims(stage, "emitter") if reader.value(p, enabled)]
     if not domain["ambient_fluid"]:
         emitters = []  # nothing carries the smoke; check_stage warns
+    forces = [force for prim in find_prims(stage, "force") for force in _forces(reader, space, prim, frames)]
     fps = stage.GetTimeCodesPerSecond()
     return Scene(
-        path, stage, units, space, frames, fps, where, domain, solids, emitters, warnings, passengers, pins, colliders
+        path,
+        stage,
+        units,
+        space,
+        frames,
+        fps,
+        where,
+        domain,
+        solids,
+        emitters,
+        forces,
+        warnings,
+        passengers,
+        pins,
+        colliders,
     )
 
 
@@ -655,18 +687,55 @@ def _describe_start(
     return text
 
 
-def _emitter(reader: _Reader, space: SimulationSpace, prim: Usd.Prim) -> Emitter:
-    values = reader.fields(prim, "emitter")
+def _region(reader: _Reader, space: SimulationSpace, prim: Usd.Prim, api: str) -> dict[str, Any]:
+    """Fields shape and transform of a Cube or a Sphere."""
+    what = api.removeprefix("EulerFsi").removesuffix("API").lower()
     if prim.IsA(UsdGeom.Cube):
         shape, width = "box", UsdGeom.Cube(prim).GetSizeAttr().Get(reader.time)
     elif prim.IsA(UsdGeom.Sphere):
         shape, width = "sphere", 2 * UsdGeom.Sphere(prim).GetRadiusAttr().Get(reader.time)
     else:
-        raise SceneError(f"{prim.GetPath()}: {EMITTER_API} on a {prim.GetTypeName()}: must be a Cube or a Sphere")
+        raise SceneError(f"{prim.GetPath()}: {api} on a {prim.GetTypeName()}: must be a Cube or a Sphere")
     to_sim = space.from_local(reader.local_to_world(prim) * np.array([[width], [width], [width], [1.0]]))
     if determinant(to_sim) == 0:
-        raise SceneError(f"{prim.GetPath()}: the transform of the emitter has a zero scale")
-    values["shape"] = binding.EMITTER_SHAPES[shape]
-    values["transform"] = to_sim.T.ravel().tolist()
+        raise SceneError(f"{prim.GetPath()}: the transform of the {what} has a zero scale")
+    return {"shape": binding.EMITTER_SHAPES[shape], "transform": to_sim.T.ravel().tolist()}
+
+
+def _emitter(reader: _Reader, space: SimulationSpace, prim: Usd.Prim) -> Emitter:
+    values = reader.fields(prim, "emitter")
+    values |= _region(reader, space, prim, EMITTER_API)
     values["velocity"] = space.vector_to_sim(values["velocity"]).tolist()
     return Emitter(str(prim.GetPath()), values)
+
+
+def _forces(reader: _Reader, space: SimulationSpace, prim: Usd.Prim, frames: FrameRange) -> list[Force]:
+    """A force for each time in which the prim is on, between its startTime and endTime."""
+    values = reader.fields(prim, "force")
+    values |= _region(reader, space, prim, FORCE_API)
+    for name in ("acceleration", "wind_velocity"):
+        values[name] = space.vector_to_sim(values[name]).tolist()
+    forces: list[Force] = []
+    for start, end in _times_on(reader, prim, frames):
+        start, end = max(start, values["start_time"]), min(end, values["end_time"])
+        if start < end:
+            path = f"{prim.GetPath()}{f' ({len(forces) + 1})' if forces else ''}"
+            forces.append(Force(path, {**values, "start_time": start, "end_time": end}))
+    return forces
+
+
+def _times_on(reader: _Reader, prim: Usd.Prim, frames: FrameRange) -> list[tuple[float, float]]:
+    """Intervals in which eulerfsi:enabled is on, seconds after the first frame; its time samples are steps."""
+    attribute = prim.GetAttribute("eulerfsi:enabled")
+    fps = prim.GetStage().GetTimeCodesPerSecond()
+    changes = [time for time in attribute.GetTimeSamples() if time > frames.first] if attribute else []
+    edges = [frames.first, *changes]
+    intervals: list[tuple[float, float]] = []
+    for begin, end in zip(edges, [*edges[1:], math.inf], strict=True):
+        if not _Reader(reader.units, Usd.TimeCode(begin)).value(prim, table()["force"]["enabled"]):
+            continue
+        start, stop = (begin - frames.first) / fps, (end - frames.first) / fps
+        if intervals and intervals[-1][1] == start:
+            start = intervals.pop()[0]
+        intervals.append((start, stop))
+    return intervals

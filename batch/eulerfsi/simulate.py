@@ -13,6 +13,7 @@ import numpy as np
 from . import binding, checks, preview
 from . import cache as cache_module
 from .cache import STATS, Cache, FolderLock
+from .contacts import FrameContacts
 from .errors import Cancelled, DivergedError, LibraryError
 from .frames import demand_start, parse_frames
 from .log import Log
@@ -118,6 +119,9 @@ def build_simulation(scene: Scene, threads: int, memory_limit: int, log: Log) ->
         for emitter in scene.emitters:
             place[0] = f"{emitter.path}: "
             simulation.add_emitter(**emitter.values)
+        for force in scene.forces:
+            place[0] = f"{force.path}: "
+            simulation.add_force(**force.values)
     except LibraryError as error:
         simulation.close()
         raise LibraryError(error.status, place[0] + mesh_reason("", error)) from error
@@ -174,6 +178,7 @@ class _Run:
         self.threads = threads
         self.surfaces: list[tuple[np.ndarray, np.ndarray]] = []
         self.warned: set[str] = set()  # solids whose mesh was warned of
+        self.contacts = FrameContacts()
 
     def execute(self, resumed: bool) -> Result:
         """Runs to the last frame."""
@@ -204,6 +209,8 @@ class _Run:
         if self.cache.checkpoint:
             simulation.restore_checkpoint(self.cache.folder / self.cache.checkpoint["file"])
             done = self.cache.checkpoint["frame"]
+            for part in self.cache.stopped_in(done + 1):
+                self.contacts.add(**part["contacts"])
         what = f"frames {frames} of {self.scene.path.name}, {self.threads} threads"
         self.log.info(f"simulate {what}" + (f", from frame {done}" if done >= frames.first else ""))
         self.progress.start(done - frames.first + 1, threads=self.threads)
@@ -247,12 +254,14 @@ class _Run:
             info = simulation.advance(target - start, between)
         except LibraryError as error:
             if error.status == binding.ERROR_CANCELLED:
+                self.contacts.add(simulation.contacts(), sums["velocity_iterations"])
                 self._checkpoint_inside(frame, start, target)
                 raise Cancelled(self.signals.number, _RESUME) from error
             if error.status == binding.ERROR_DIVERGED:
                 raise DivergedError(f"frame {frame}: {error}") from error
             raise
         record(info)
+        self.contacts.add(simulation.contacts(), info["velocity_iterations"])
         if info["unconverged"] or info["degenerate_cells"]:
             self.log.info(
                 f"frame {frame}: {info['unconverged']} solves at their iteration limit, "
@@ -296,6 +305,8 @@ class _Run:
         """A checkpoint between two frames, where continuing from it lands on the same instant to the last bit."""
         now = self.simulation.time
         if now == start or now + (target - now) == start + (target - start):
+            part = self.contacts.part()
+            self.cache.add_stats({"event": "stopped", "frame": frame, "time": now, "contacts": part})
             self.cache.save_checkpoint(frame - 1, self.simulation)
         else:
             self.log.info(f"frame {frame}: stopped in its first steps; a resumed run takes up an earlier checkpoint")
@@ -309,6 +320,9 @@ class _Run:
         self._look_at_meshes(frame, solids)
         line = {"event": "frame", "frame": frame, "time": self.simulation.time, "seconds": round(seconds, 4)}
         line |= {"steps": self.simulation.steps, "solids": solids, "fluid": self.simulation.fluid_diagnostics()}
+        names = {identifier: solid.path for solid, identifier in zip(self.scene.solids, self.solids, strict=True)}
+        line |= self.contacts.columns(names)
+        self.contacts = FrameContacts()
         self.cache.add_stats({**line, "profile": self.simulation.profile()})
         self.progress.frame_done(
             frame, time=self.simulation.time, seconds=round(seconds, 4), steps=self.simulation.steps

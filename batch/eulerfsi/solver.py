@@ -273,6 +273,14 @@ class Simulation:
         )
         return points, velocities
 
+    def add_force(self, **values: Any) -> int:
+        """Adds a force before the first step. values: fields of EfsiForceDef (SI). Returns its id."""
+        definition, identifier = binding.ForceDef(), c_uint32()
+        self._lib.efsi_force_def_init(byref(definition))
+        _fill(definition, values)
+        self._check(self._lib.efsi_force_add(self._handle, byref(definition), byref(identifier)))
+        return identifier.value
+
     def step(self, max_dt: float) -> dict[str, Any]:
         """One step of at most max_dt seconds; returns the fields of EfsiStepInfo."""
         info = binding.StepInfo()
@@ -353,6 +361,17 @@ class Simulation:
         out = binding.Repairs()
         self._check(self._lib.efsi_simulation_get_repairs(self._handle, byref(out)))
         return to_dict(out)
+
+    def contacts(self) -> list[dict[str, Any]]:
+        """Fields of EfsiContactPair for every two solids that have pushed each other in the last call of `step` or
+        `advance`, so far; [] where none did."""
+        count = c_uint64()
+        self._check(self._lib.efsi_simulation_get_contacts(self._handle, None, 0, byref(count)))
+        if count.value == 0:
+            return []
+        pairs = (binding.ContactPair * count.value)()
+        self._check(self._lib.efsi_simulation_get_contacts(self._handle, pairs, count.value, byref(count)))
+        return [to_dict(pair) for pair in pairs]
 
     def transport_change(self, solid: int) -> dict[str, Any]:
         """Fields of EfsiTransportChange, of the last step."""

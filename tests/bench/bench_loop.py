@@ -27,7 +27,7 @@ for folder in (ROOT / "batch", ROOT / "usd_plugin", Path(__file__).resolve().par
     if str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
 
-from loop import elastic_laws, energy_laws, laws, mirror_law, survival, table  # noqa: E402
+from loop import contact_laws, elastic_laws, energy_laws, laws, mirror_law, survival, table  # noqa: E402
 from loop.experiment import TOKENS, Experiment, field_of, simulate  # noqa: E402
 from loop.laws import Law, Line, Results  # noqa: E402
 from loop.measure import Result, run_process  # noqa: E402
@@ -49,6 +49,8 @@ LAWS = (
     Law("mirror", mirror_law.mirror_runs, mirror_law.judge_mirror),
     Law("energy", energy_laws.energy_runs, energy_laws.judge_energy),
     Law("repairs", energy_laws.energy_runs, energy_laws.judge_repairs),
+    Law("stack", contact_laws.stack_runs, contact_laws.judge_stack),
+    Law("hertz", contact_laws.hertz_runs, contact_laws.judge_hertz),
     Law("transport", energy_laws.energy_runs, energy_laws.judge_transport),
 )
 Settings = tuple[tuple[str, Any], ...]

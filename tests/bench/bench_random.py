@@ -1,10 +1,10 @@
 """Random scenes and the laws that hold for all of them: `./eulerfsi bench random --seed N --minutes M`.
 
-Scene 0, 1, 2, ... of a seed, one solid each, drawn from tests/bench/random_scenes/ranges.toml; each in a process of its
-own with one thread, --jobs at a time, until the minutes are over. Every record is judged by laws that need no
-reference. A missed law prints the command that repeats its scene alone. --seeds-file runs a fixed list of scenes; a law
-that the list says a scene misses, with the cause, is expected. Exit code 1 if an unexpected bar is missed, unless
-CI=true; with --seeds-file in any case.
+Scene 0, c0, 1, c1, ... of a seed, drawn from tests/bench/random_scenes/ranges.toml: one solid each, and two or three
+with contact (c); each in a process of its own with one thread, --jobs at a time, until the minutes are over. Every
+record is judged by laws that need no reference. A missed law prints the command that repeats its scene alone.
+--seeds-file runs a fixed list of scenes; a law that the list says a scene misses, with the cause, is expected. Exit
+code 1 if an unexpected bar is missed, unless CI=true; with --seeds-file in any case.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import argparse
 import concurrent.futures
 import dataclasses
 import datetime
+import itertools
 import json
 import os
 import signal
@@ -33,7 +34,8 @@ from loop.experiment import simulate  # noqa: E402
 from loop.laws import Line  # noqa: E402
 from loop.measure import Result, run_process  # noqa: E402
 from random_scenes import judge  # noqa: E402
-from random_scenes.scenes import make_scene  # noqa: E402
+from random_scenes.contact import make_contact_scene  # noqa: E402
+from random_scenes.scenes import Scene, make_scene  # noqa: E402
 from random_scenes.solids import Absent  # noqa: E402
 
 ONE_SCENE = 600.0  # wall-clock seconds that a scene may take
@@ -45,7 +47,7 @@ class Job:
     """A scene to run. known: laws that it misses today, each with the cause."""
 
     seed: int
-    scene: int
+    scene: int | str
     known: dict[str, str] = dataclasses.field(default_factory=dict, compare=False)
 
     @property
@@ -90,10 +92,15 @@ def read_list(path: Path) -> list[Job]:
     return jobs
 
 
+def drawn(seed: int, number: int | str) -> Scene:
+    """A scene of a seed: 0, 1, ... with one solid, "c0", "c1", ... with contact. Raises solids.Absent."""
+    return make_contact_scene(seed, number) if isinstance(number, str) else make_scene(seed, number)
+
+
 def run_job(job: Job, ends: float) -> Outcome:
     """Runs a scene in a process of its own, until `ends` at most (time.monotonic)."""
     try:
-        scene = make_scene(job.seed, job.scene)
+        scene = drawn(job.seed, job.scene)
     except Absent as reason:
         return Outcome(job, skipped=str(reason))
     limit = min(ONE_SCENE, max(LEAST, ends - time.monotonic()))
@@ -105,7 +112,7 @@ def run_job(job: Job, ends: float) -> Outcome:
 
 def child(options: argparse.Namespace) -> int:
     """Runs one scene and writes what it measured to standard output."""
-    scene = dataclasses.replace(make_scene(options.seed, options.scene), limit=options.limit)
+    scene = dataclasses.replace(drawn(options.seed, options.scene), limit=options.limit)
     json.dump(simulate(scene), sys.stdout)
     return 0
 
@@ -129,7 +136,7 @@ def run_all(jobs: Iterator[Job], minutes: float, at_once: int) -> list[Outcome]:
         except KeyboardInterrupt:
             pool.shutdown(wait=False, cancel_futures=True)
             print("interrupted", file=sys.stderr)
-    return sorted(outcomes, key=lambda outcome: (outcome.job.seed, outcome.job.scene))
+    return sorted(outcomes, key=lambda outcome: (outcome.job.seed, number_of(outcome.job.scene)))
 
 
 def say_outcome(outcome: Outcome) -> None:
@@ -224,12 +231,23 @@ def whole(text: str) -> int:
     return int(f"{datetime.date.today():%Y%m%d}") if text == "today" else int(text)
 
 
+def scene_name(text: str) -> int | str:
+    """A scene of a seed: a number, or c and a number."""
+    return f"c{int(text[1:])}" if text.startswith("c") else int(text)
+
+
+def number_of(scene: int | str) -> tuple[int, bool]:
+    """What sorts the scenes of a seed: 0, c0, 1, c1, ..."""
+    return (int(scene[1:]), True) if isinstance(scene, str) else (scene, False)
+
+
 def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="eulerfsi bench random", description=__doc__.splitlines()[0])
     parser.add_argument("--seed", type=whole, default="today", metavar="N", help='default "today": 20261231 and so on')
     parser.add_argument("--minutes", type=float, metavar="M", help="no scene goes on after that (default 10)")
-    parser.add_argument("--scene", type=int, metavar="K", help="this scene of the seed alone, with all its laws")
-    parser.add_argument("--first", type=int, default=0, metavar="K", help="start with this scene")
+    parser.add_argument("--scene", type=scene_name, metavar="K", help="this scene of the seed alone, with all its laws")
+    parser.add_argument("--first", type=int, default=0, metavar="K", help="start with scenes K and cK")
+    parser.add_argument("--only", choices=("single", "contact"), help="scenes with one solid, or with contact, alone")
     parser.add_argument("--count", type=int, metavar="N", help="at most so many scenes")
     parser.add_argument("--seeds-file", type=Path, metavar="FILE", help="the scenes of a list (fixed.toml)")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="scenes at a time")
@@ -254,8 +272,9 @@ def chosen(options: argparse.Namespace) -> Iterable[Job]:
         return read_list(options.seeds_file)
     if options.scene is not None:
         return [Job(options.seed, options.scene)]
-    last = options.first + (options.count if options.count is not None else 10**6)
-    return (Job(options.seed, number) for number in range(options.first, last))
+    kinds = [kind for kind in ("single", "contact") if options.only in (None, kind)]
+    names = (f"c{k}" if kind == "contact" else k for k in itertools.count(options.first) for kind in kinds)
+    return (Job(options.seed, name) for name in itertools.islice(names, options.count))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

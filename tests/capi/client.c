@@ -93,6 +93,16 @@ static EfsiSim* make_scene(uint32_t* id) {
   carpet.density = 1.0;
   CHECK_OK(sim, efsi_emitter_add(sim, &carpet, &emitter));
   CHECK(emitter == 1);
+
+  EfsiForceDef breeze;
+  uint32_t force = 0;
+  CHECK_OK(NULL, efsi_force_def_init(&breeze));
+  memcpy(breeze.transform, carpet.transform, sizeof breeze.transform);
+  breeze.kind = EFSI_FORCE_WIND;
+  breeze.acts_on = EFSI_ACTS_ON_FLUID;
+  breeze.wind_drag = 0.0;
+  CHECK_OK(sim, efsi_force_add(sim, &breeze, &force));
+  CHECK(force == 1);
   return sim;
 }
 
@@ -392,6 +402,48 @@ static void check_given_motion(void) {
   efsi_simulation_destroy(sim);
 }
 
+/* The cube lies on another one on the floor: one pair, whose impulse is the upper one's weight. */
+static void check_contacts(void) {
+  EfsiSimulationDef def = box_def();
+  def.ambient_fluid = 0;
+  EfsiSim* sim = NULL;
+  CHECK_OK(NULL, efsi_simulation_create(&def, &sim, NULL));
+  if (!sim) exit(100);
+  EfsiSolidDef solid;
+  CHECK_OK(NULL, efsi_solid_def_init(&solid));
+  solid.youngs_modulus = 2e5;
+  solid.rayleigh_beta = 2e-3;
+  solid.friction = 0.5;
+  uint32_t ids[2] = {0, 0};
+  float points[8][3];
+  for (int l = 0; l < 2; ++l) {
+    memcpy(points, kPoints, sizeof points);
+    for (int i = 0; i < 8; ++i) points[i][1] += (float)l * (0.2f + 0.25f * 0.04f) - 0.25f; /* the gap that they keep */
+    solid.mesh = cube_view();
+    solid.mesh.points = &points[0][0];
+    CHECK_OK(sim, efsi_solid_add(sim, &solid, &ids[l], NULL));
+  }
+  uint64_t count = 7;
+  CHECK_OK(sim, efsi_simulation_get_contacts(sim, NULL, 0, &count));
+  CHECK(count == 0);
+  CHECK_OK(sim, efsi_simulation_advance(sim, 0.3, NULL, NULL, NULL));
+  CHECK_OK(sim, efsi_simulation_advance(sim, 0.05, NULL, NULL, NULL));
+  EfsiContactPair pairs[2];
+  memset(pairs, 0, sizeof pairs);
+  CHECK_OK(sim, efsi_simulation_get_contacts(sim, pairs, 2, &count));
+  CHECK(count == 1 && pairs[0].solid[0] == ids[0] && pairs[0].solid[1] == ids[1] && pairs[1].solid[0] == 0);
+  EfsiSolidDiagnostics upper;
+  CHECK_OK(sim, efsi_solid_get_diagnostics(sim, ids[1], &upper));
+  CHECK(fabs(pairs[0].impulse.y / (upper.mass * 9.8 * 0.05) - 1.0) < 0.1);
+  CHECK(pairs[0].steps >= 10 && pairs[0].rows >= pairs[0].pushing_rows && pairs[0].pushing_rows >= pairs[0].steps);
+  CHECK(pairs[0].sticking_rows <= pairs[0].pushing_rows && pairs[0].normal_impulse > 0.9 * pairs[0].impulse.y);
+  CHECK(fabs(pairs[0].row_overlap) < 0.5 && pairs[0].surface_overlap < 0.0);
+  CHECK(efsi_simulation_get_contacts(sim, NULL, 1, &count) == EFSI_ERROR_ARGUMENT);
+  CHECK(strstr(efsi_simulation_last_error(sim), "pairs"));
+  CHECK(efsi_simulation_get_contacts(sim, pairs, 2, NULL) == EFSI_ERROR_ARGUMENT);
+  efsi_simulation_destroy(sim);
+}
+
 int main(int argc, char** argv) {
   if (argc != 2) {
     fprintf(stderr, "usage: client FOLDER\n");
@@ -402,6 +454,7 @@ int main(int argc, char** argv) {
   check_refusals();
   check_fall(argv[1]);
   check_given_motion();
+  check_contacts();
   if (failures) fprintf(stderr, "%d checks failed\n", failures);
   return failures > 100 ? 100 : failures;
 }

@@ -17,8 +17,10 @@ from eulerfsi import binding  # noqa: E402
 from eulerfsi.solver import Simulation, Surface  # noqa: E402
 from loop.experiment import OUT_OF_TIME  # noqa: E402
 from loop.measure import Result  # noqa: E402
-from loop.shapes import rigid_misfit  # noqa: E402
+from loop.overlap import deepest_vertex  # noqa: E402
+from loop.shapes import blocks, rigid_misfit  # noqa: E402
 from random_scenes import judge, solids  # noqa: E402
+from random_scenes.contact import Body, ContactScene, make_contact_scene  # noqa: E402
 from random_scenes.draw import Draw, constant, ranges  # noqa: E402
 from random_scenes.record import Record  # noqa: E402
 from random_scenes.scenes import DRIFT_GAP, Scene, make_scene  # noqa: E402
@@ -130,6 +132,56 @@ def test_a_scene_whose_mesh_is_absent_is_skipped(monkeypatch, tmp_path) -> None:
     assert outcome.result is None and "no such file" in outcome.skipped
 
 
+# --- with contact ----------------------------------------------------------------------------------------------------
+
+
+def contact_scenes(count: int) -> list[ContactScene]:
+    """The first scenes of a seed with contact; those whose mesh file is not here are left out."""
+    made = []
+    for number in range(count):
+        try:
+            made.append(make_contact_scene(SEED, f"c{number}"))
+        except solids.Absent:
+            continue
+    return made
+
+
+def test_half_of_a_seeds_scenes_have_contact_and_the_others_are_what_they_were() -> None:
+    options = bench_random.parse(["--seed", str(SEED), "--first", "2", "--count", "5"])
+    assert [job.scene for job in bench_random.chosen(options)] == [2, "c2", 3, "c3", 4]
+    options = bench_random.parse(["--seed", str(SEED), "--count", "2", "--only", "contact"])
+    assert [job.command[-3:].strip() for job in bench_random.chosen(options)] == ["c0", "c1"]
+    scene = make_scene(7, 16)  # of the list of fixed scenes
+    assert scene.words.startswith("sphere, 8.2 cells of 0.0612 m, box 32x37x15, faces noSlip noSlip periodic periodic")
+    assert not isinstance(bench_random.drawn(SEED, 0), ContactScene)
+    assert isinstance(bench_random.drawn(SEED, f"c{contact_scenes(9)[0].number[1:]}"), ContactScene)
+
+
+def test_scenes_with_contact_lie_within_their_ranges(library) -> None:
+    made = contact_scenes(60)
+    assert {len(scene.parts) for scene in made} == {2, 3} and {scene.pile for scene in made} == {False, True}
+    for scene in made[:25]:
+        assert scene == make_contact_scene(SEED, scene.number)
+        assert np.prod(scene.cells) <= constant("contact_most_cells") and within("contact_across", scene.across)
+        surfaces = [(mesh.points.astype(float), mesh.triangles()) for mesh, _ in scene.bodies()]
+        assert deepest_vertex(surfaces) == 0
+        for points, _ in surfaces:
+            cells = points / scene.spacing
+            assert cells.min() > constant("gap") - 1e-3 and (cells.max(axis=0) < np.array(scene.cells) - 0.499).all()
+        with Simulation(scene.simulation()) as simulation:
+            for mesh, values in scene.bodies():
+                simulation.add_solid(mesh, **values)
+        assert scene.pile or np.linalg.norm(np.subtract(scene.parts[1].velocity, scene.parts[0].velocity)) > 0
+
+
+def test_depth_of_one_block_in_another() -> None:
+    points, triangles = blocks(np.ones((10, 10, 10), bool), (0.1, 0.1, 0.1))
+    other = points + [0.93, 0.02, 0.03]
+    assert deepest_vertex([(points, triangles), (other, triangles)]) == pytest.approx(0.07, abs=1e-6)
+    assert deepest_vertex([(points, triangles), (points + [1.01, 0, 0], triangles)]) == 0
+    assert deepest_vertex([(0.1 * points + 0.45, triangles), (points, triangles)]) == pytest.approx(0.45)
+
+
 # --- the laws --------------------------------------------------------------------------------------------------------
 
 RADIUS, FALL, G, DT = 0.1, 0.2, 9.8, 0.005
@@ -198,12 +250,91 @@ def verdicts(result: Result) -> dict[str, str]:
 
 def test_a_bounce_in_vacuum_keeps_every_law() -> None:
     judged = verdicts(bounce())
-    assert {law for law, verdict in judged.items() if verdict != "pass"} == {"depth at rest"}
+    assert {law for law, verdict in judged.items() if verdict != "pass"} == {
+        "depth at rest",
+        "overlap",
+        "overlap at rest",
+    }
     assert verdicts(lying())["depth at rest"] == "pass"
     assert list(judged) == list(judge.LAWS)
     rebound = Record(bounce()).rebounds[0]
     assert rebound.face == FLOOR and rebound.is_clear
     assert rebound.expected == pytest.approx(10, rel=0.05) and rebound.gap == pytest.approx(10, rel=0.05)
+
+
+PAIR = ContactScene(
+    **{field.name: getattr(BALL, field.name) for field in dataclasses.fields(Scene)},
+    parts=tuple(
+        Body(
+            shape="sphere",
+            size=2 * RADIUS,
+            place=(0.2, 0.2, 0.2),
+            density=1000.0,
+            youngs_modulus=1e5,
+            poissons_ratio=0.3,
+            compressible=compressible,
+            material="corotational",
+            friction=0.0,
+            velocity=(0.0, 0.0, 0.0),
+            spin=(0.0, 1.0, 0.0),
+            impact_pressure=0.02,
+            reach=RADIUS,
+            surface=(np.zeros((0, 3)), np.zeros((0, 3), int)),
+        )
+        for compressible in (False, True)
+    ),
+)
+
+
+def two(first: Result, second: Result) -> Result:
+    """The record of two balls that lie, or fly, beside each other."""
+    result = Result(PAIR, "", dict(first.start), dict(first.columns))
+    result.start |= {f"{name}@2": value for name, value in second.start.items()}
+    result.columns |= {f"{name}@2": value.copy() for name, value in second.columns.items()}
+    steps = len(first.columns["time"])
+    result.columns |= {"overlap": np.zeros(steps), "contact": np.zeros(steps), "pushing_rows": np.ones(steps, int)}
+    return with_ledger(result)
+
+
+def test_two_solids_keep_every_law_that_is_judged() -> None:
+    judged = verdicts(two(lying(), lying()))
+    moot = {law for law, verdict in judged.items() if verdict == "not judged"}
+    assert moot == {"energy", "rebound", "clear", "momentum", "spin"}
+    assert {verdict for law, verdict in judged.items() if law not in moot} == {"pass"}
+
+
+@pytest.mark.parametrize(
+    ("name", "steps", "value", "law"),
+    [
+        ("overlap", 9, 1.1, "overlap"),
+        ("overlap", -1, 0.3, "overlap at rest"),
+        ("volume_cells", 9, 1.04, "volume by cells"),
+        ("misfit@2", -1, 0.1, "shape"),
+        ("false_edges@2", 7, 1, "mesh"),
+        ("extent_min@2", (45, 1), -0.6, "depth"),
+    ],
+)
+def test_a_law_that_one_of_two_solids_breaks_is_missed(name: str, steps: object, value: float, law: str) -> None:
+    result = two(lying(), lying())
+    result.columns[name] = result.columns[name].copy()
+    cell = PAIR.spacing if name.startswith(("overlap", "extent")) else 1.0
+    change(name, steps, value * cell)(result)
+    assert [name for name, verdict in verdicts(result).items() if verdict == "MISSED"] == [law]
+    result = two(lying(), lying())
+    change("volume_cells@2", 9, 1.04)(result)  # the second one is compressible
+    assert verdicts(result)["volume by cells"] == "pass"
+
+
+def test_the_sum_of_momenta_counts_where_solids_push_each_other_in_vacuum() -> None:
+    times = np.arange(0, 0.3, DT)
+    speed = np.where(times < 0.15, 1.0, -1.0)
+    one, other = (made_up(BALL, times, 0.4 + 0 * times, sign * speed) for sign in (1, -1))
+    result = two(one, other)
+    result.run = dataclasses.replace(PAIR, pull=(0.0, 0.0, 0.0))
+    assert verdicts(result)["momentum"] == "pass"
+    result.columns["momentum@2"] = result.columns["momentum@2"].copy()
+    change("momentum@2", (40, 0), 0.02)(result)
+    assert verdicts(result)["momentum"] == "MISSED"
 
 
 def change(name: str, steps: object, value: Callable | float) -> Callable[[Result], None]:
@@ -318,6 +449,7 @@ def test_det_f_before_the_repair_counts() -> None:
     [
         ({"density_ratio": 50.0}, {"energy", "rebound", "clear", "momentum", "spin"}),
         ({"faces": ("open",) * 6}, {"depth", "depth at rest", "rebound", "clear"}),
+        ({"density_ratio": 50.0, "faces": ("slip", "slip", "slip", "open", "slip", "slip")}, {"energy"}),
         ({"compressible": True, "impact_pressure": 0.5}, {"det F", "volume by mesh", "volume by cells"}),
         ({"folds_nowhere": False}, {"repairs"}),
         ({"spin": (0.0, 0.0, 0.0)}, {"spin"}),

@@ -79,6 +79,8 @@ def test_constants_equal_the_headers():
         "MATERIAL": binding.MATERIALS,
         "EMITTER": binding.EMITTER_SHAPES,
         "EMIT": binding.EMITTER_MODES,
+        "FORCE": binding.FORCE_KINDS,
+        "ACTS_ON": binding.ACTS_ON,
         "FIELD": binding.FIELDS,
         "STAGE": {name: number for number, name in enumerate(binding.STAGES)},
     }

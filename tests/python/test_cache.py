@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import resource
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -14,8 +16,9 @@ import numpy as np
 import pytest
 from conftest import author, content_hashes, environment, make_scene, write_obj
 from eulerfsi import __version__, binding, files
-from eulerfsi.errors import CacheIOError
+from eulerfsi.errors import CacheIOError, Cancelled
 from eulerfsi.log import Log
+from eulerfsi.progress import Progress
 from eulerfsi.simulate import Options, simulate
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdValidation, UsdVol, Vt
 
@@ -178,6 +181,71 @@ def test_the_energy_ledger_adds_columns_and_changes_nothing(cache, tmp_path):
     for before, step in zip(steps[:-1], steps[1:], strict=True):  # a step begins with what the one before it left
         changes = sum(sum(column.values()) for column in step["change"].values())
         assert sum(step["end"].values()) - changes == pytest.approx(sum(before["end"].values()), rel=1e-6)
+
+
+def two_balls(path: Path, frames: tuple[int, int]) -> Path:
+    """The small scene without smoke, a second ball under the first one, which falls on it."""
+    stage = make_scene(path, frames=frames, smoke=False)
+    layer = stage.GetRootLayer()
+    Sdf.CopySpec(layer, "/World/Ball", layer, "/World/Under")
+    under = UsdGeom.Mesh(stage.GetPrimAtPath("/World/Under"))
+    points = np.array(under.GetPointsAttr().Get())
+    points[:, 1] = 0.5 * points[:, 1] - 0.4
+    under.GetPointsAttr().Set(points)
+    under.GetExtentAttr().Set(UsdGeom.Mesh.ComputeExtent(under.GetPointsAttr().Get()))
+    author(under.GetPrim(), velocity=(0.0, 0.0, 0.0))
+    layer.Save()
+    return path
+
+
+def frame_lines(folder: Path) -> list[dict]:
+    lines = [json.loads(line) for line in (folder / "stats.jsonl").read_text().splitlines()]
+    return [line for line in lines if line["event"] == "frame"]
+
+
+def test_statistics_list_solids_that_push_each_other(tmp_path):
+    lines = frame_lines(run(two_balls(tmp_path / "two.usda", (1, 6))))
+    touched = [line for line in lines if "contacts" in line]
+    assert touched and "contacts" not in lines[0]  # nothing where nothing touches
+    for line in touched:
+        (pair,) = line["contacts"]["pairs"]
+        assert line["contacts"]["velocity_iterations"] > 0
+        assert pair["solids"] == ["/World/Ball", "/World/Under"] and pair["pushing_rows"] <= pair["rows"]
+        assert 0 <= pair["sticking_share"] <= 1 and pair["surface_overlap"] < pair["row_overlap"] < 1
+    # The ball above is pushed up, the other one down, by about what the first one loses.
+    down = sum(line["contacts"]["pairs"][0]["impulse"][1] for line in touched)
+    first, last = (line["solids"]["/World/Ball"] for line in (lines[0], lines[-1]))
+    lost = first["momentum"][1] - last["momentum"][1] - 9.8 * first["mass"] * lines[-1]["time"]
+    assert down == pytest.approx(lost, rel=0.1) and down < 0
+
+
+def test_a_frame_that_was_stopped_inside_counts_all_of_its_contacts(tmp_path, monkeypatch):
+    scene = two_balls(tmp_path / "two.usda", (1, 5))
+    whole = frame_lines(run(scene))
+    before = Progress.between_steps
+
+    def stop(self: Progress, frame: int, fraction: float) -> None:
+        before(self, frame, fraction)
+        if frame == 4:
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Progress, "between_steps", stop)
+        with pytest.raises(Cancelled):
+            simulate(scene, Options(output=tmp_path / "stopped", progress="none"), Log())
+    assert '"stopped"' in (tmp_path / "stopped" / "stats.jsonl").read_text()
+    simulate(scene, Options(output=tmp_path / "stopped", progress="none", resume=True), Log())
+    lines = frame_lines(tmp_path / "stopped")
+    assert whole[3]["contacts"]["pairs"][0]["steps"] > 1  # the frame that is stopped has contact in several steps
+    for line, other in zip(lines, whole, strict=True):
+        assert ("contacts" in line) == ("contacts" in other)
+        if "contacts" not in line:
+            continue
+        (pair,), (expected,) = line["contacts"]["pairs"], other["contacts"]["pairs"]
+        assert line["contacts"]["velocity_iterations"] == other["contacts"]["velocity_iterations"]
+        assert pair.pop("impulse") == pytest.approx(expected.pop("impulse"))
+        assert pair.pop("normal_impulse") == pytest.approx(expected.pop("normal_impulse"))
+        assert pair == expected
 
 
 def test_moved_folder_opens_without_its_scene(cache, tmp_path):

@@ -22,7 +22,7 @@ FOLDER = ROOT / "houdini_hda"
 ASSET = FOLDER / "otls" / "eulerfsi_bake.hda"
 OPERATOR = "eulerfsi::Driver/bake::1.0"
 PYTHON_SECTIONS = ("PythonModule", "OnCreated")
-SCOPE_PREFIX = {"domain": "", "solid": "solid#_", "emitter": "emitter#_"}
+SCOPE_PREFIX = {"domain": "", "solid": "solid#_", "emitter": "emitter#_", "force": "force#_"}
 
 # ------------------------------------------------------------------------------------------------- dialog script parser
 
@@ -201,7 +201,7 @@ def test_defaults_and_limits_equal_the_table() -> None:
         for row in rows.values():
             multiparm, parm = PARMS[SCOPE_PREFIX[scope] + row.name]
             seen.add(SCOPE_PREFIX[scope] + row.name)
-            assert multiparm == {"domain": None, "solid": "solids", "emitter": "emitters"}[scope]
+            assert multiparm == {"domain": None, "solid": "solids", "emitter": "emitters", "force": "forces"}[scope]
             assert parm["tags"]["eulerfsi"] == f"{scope}.{row.name}" and parm["label"] == [row.label]
             default = parm["default"]
             if row.type == "token":
@@ -314,8 +314,8 @@ def module(monkeypatch) -> types.ModuleType:
 
 @pytest.fixture
 def node(tmp_path: Path) -> Node:
-    """A new node with one solid and one emitter, after OnCreated."""
-    result = Node({"/obj/geo1/OUT": Sop()}, {"solids": 1, "emitters": 1})
+    """A new node with one solid, one emitter and one force, after OnCreated."""
+    result = Node({"/obj/geo1/OUT": Sop()}, {"solids": 1, "emitters": 1, "forces": 1})
     exec(compile(section("OnCreated"), "OnCreated", "exec"), {"kwargs": {"node": result}})
     result.parms["solid1_path"].set(("/obj/geo1/OUT",))
     result.parms["scene"].set((str(tmp_path / "sub" / "scene.usda"),))
@@ -328,8 +328,9 @@ def test_a_new_node_makes_a_valid_scene_with_every_parameter(module, node: Node)
     node.parms["solid1_density"].set((700.0,))
     stage = Usd.Stage.Open(module.save_scene({"node": node}))
     assert checks.check_stage(stage) == []
-    domain, solid, emitter = (stage.GetPrimAtPath(f"/World/{name}") for name in ("Domain", "Solid1", "Emitter1"))
-    for scope, prim in (("domain", domain), ("solid", solid), ("emitter", emitter)):
+    names = ("Domain", "Solid1", "Emitter1", "Force1")
+    domain, solid, emitter, force = (stage.GetPrimAtPath(f"/World/{name}") for name in names)
+    for scope, prim in (("domain", domain), ("solid", solid), ("emitter", emitter), ("force", force)):
         for row in load()[scope].values():
             assert prim.GetAttribute(row.attribute).HasAuthoredValue() == (row.type != "asset"), row.name
     assert solid.GetAttribute("eulerfsi:velocity").Get() == Gf.Vec3d(1, -2, 3)

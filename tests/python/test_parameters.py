@@ -72,7 +72,7 @@ def test_faulty_table_is_refused_with_a_message(tmp_path: Path, old: str, new: s
 def test_token_order_equals_the_constants_of_the_c_headers() -> None:
     text = "".join(path.read_text(encoding="utf-8") for path in parameter_table.HEADERS.glob("*.h"))
     constants = dict(re.findall(r"#define (EFSI_[A-Z0-9_]+) (\d+)", text))
-    families = {"preset": "PRESET", "material": "MATERIAL", "mode": "EMIT"}
+    families = {"preset": "PRESET", "material": "MATERIAL", "mode": "EMIT", "kind": "FORCE", "actsOn": "ACTS_ON"}
     compared = 0
     for section in parameter_table.load_table().values():
         for row in section["parameter"]:
@@ -99,6 +99,7 @@ int main() {
   { EfsiSimulationDef def{}; EFSI_DOMAIN_PARAMETERS(ROW) }
   { EfsiSolidDef def{}; EFSI_SOLID_PARAMETERS(ROW) }
   { EfsiEmitterDef def{}; EFSI_EMITTER_PARAMETERS(ROW) }
+  { EfsiForceDef def{}; EFSI_FORCE_PARAMETERS(ROW) }
   { EfsiSolidDef def{}; EFSI_COLLIDER_PARAMETERS(ROW) }
 }
 """

@@ -213,6 +213,32 @@ def test_emitter_regions_are_the_image_of_unit_box_and_ball(tmp_path):
     assert scene.emitters[1].values["has_velocity"] == 1
 
 
+def test_a_force_is_on_while_its_samples_are_and_in_world_axes(tmp_path):
+    stage = make_scene(tmp_path / "a.usda", meters_per_unit=0.01, up="Z")
+    region = UsdGeom.Sphere.Define(stage, "/World/Gust")
+    region.CreateRadiusAttr(20.0)
+    region.GetPrim().ApplyAPI("EulerFsiForceAPI")
+    author(region.GetPrim(), kind="wind", actsOn="solids", windVelocity=Gf.Vec3d(0, 0, 150), noiseSize=5.0, endTime=0.3)
+    enabled = region.GetPrim().GetAttribute("eulerfsi:enabled")
+    for time, on in ((0, True), (3, False), (6, True), (7, True), (20, False)):
+        enabled.Set(on, time)
+    scene = read(stage, tmp_path / "a.usda")
+    first, second = scene.forces
+    assert (first.path, second.path) == ("/World/Gust", "/World/Gust (2)")
+    times = [(f.values["start_time"], f.values["end_time"]) for f in scene.forces]
+    assert times == [(0.0, pytest.approx(2 / 24)), (pytest.approx(5 / 24), pytest.approx(0.3))]
+    assert first.values["kind"] == binding.FORCE_KINDS["wind"]
+    assert first.values["acts_on"] == binding.ACTS_ON["solids"]
+    np.testing.assert_allclose(np.linalg.norm(first.values["wind_velocity"]), 1.5)
+    np.testing.assert_allclose(first.values["wind_velocity"], scene.space.vector_to_sim((0, 0, 1.5)))
+    assert first.values["noise_size"] == pytest.approx(0.05)
+    matrix = np.reshape(first.values["transform"], (4, 4))
+    assert np.linalg.norm(matrix[:3, 0]) == pytest.approx(0.4)
+    assert scene.parameters().keys() >= {"/World/Gust", "/World/Gust (2)"}
+    enabled.Set(False, 0)
+    assert len(read(stage, tmp_path / "a.usda").forces) == 1
+
+
 def test_disabled_prims_take_no_part(tmp_path):
     stage = make_scene(tmp_path / "a.usda")
     for path in ("/World/Ball", "/World/Carpet"):

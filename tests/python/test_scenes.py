@@ -176,6 +176,31 @@ def test_struck_pillar_holds_its_foot_gives_way_and_returns(tmp_path: Path) -> N
     assert given[0] > 0.1  # kg m/s
 
 
+@pytest.mark.slow
+def test_clay_keeps_its_dent_and_rubber_does_not(tmp_path: Path) -> None:
+    """Sixteen frames of coarse voxels: heights over the diameter, volumes, and what the clay has yielded."""
+    options = Options(
+        output=tmp_path / "cache", frames="1-16", settings=("/World/Domain.voxelSize=0.015",), progress="none"
+    )
+    folder = simulate(SCENES / "clay_and_rubber.usda", options).folder
+    events = [json.loads(line) for line in (folder / "stats.jsonl").read_text().splitlines()]
+    frames = {event["frame"]: event["solids"] for event in events if "solids" in event}
+
+    def height(name: str, frame: int) -> float:
+        solid = frames[frame][f"/World/{name}"]
+        return (solid["extent_max"][1] - solid["extent_min"][1]) / 0.18
+
+    assert height("Rubber", 3) < 0.8, "it has not been pressed"
+    assert height("Rubber", 9) == pytest.approx(1.0, abs=0.03)
+    assert height("Clay", 9) < 0.75
+    assert height("Clay", 16) == pytest.approx(height("Clay", 9), abs=0.01), "something pulls it back"
+    assert frames[16]["/World/Rubber"]["max_plastic_strain"] == 0.0
+    assert frames[16]["/World/Clay"]["max_plastic_strain"] > 0.3
+    for solids in frames.values():
+        for solid in solids.values():
+            assert solid["volume_mesh"] == pytest.approx(solid["rest_volume"], rel=0.01)
+
+
 def test_ball_has_the_published_set_up() -> None:
     stage = Usd.Stage.Open(str(SCENES / "ball.usda"))
     domain, ball, carpet = (stage.GetPrimAtPath(f"/World/{name}") for name in ("Domain", "Ball", "Carpet"))

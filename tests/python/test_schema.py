@@ -20,7 +20,7 @@ PACKAGE = ROOT / "usd_plugin" / "eulerfsi_usd"
 
 
 def small_scene() -> Usd.Stage:
-    """Valid scene: a domain of 2 x 2 x 2, a tetrahedron, an emitter."""
+    """Valid scene: a domain of 2 x 2 x 2, a tetrahedron, an emitter, a force."""
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     UsdGeom.SetStageUpAxis(stage, "Y")
@@ -33,6 +33,7 @@ def small_scene() -> Usd.Stage:
     solid.CreateFaceVertexIndicesAttr([0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3])
     emitter = UsdGeom.Sphere.Define(stage, "/Emitter").GetPrim()
     emitter.AddAppliedSchema("EulerFsiEmitterAPI")
+    UsdGeom.Cube.Define(stage, "/Force").GetPrim().AddAppliedSchema("EulerFsiForceAPI")
     return stage
 
 
@@ -166,6 +167,11 @@ def test_message_names_prim_field_value_and_limit() -> None:
         ("/Emitter", "eulerfsi:smokeDensity", -1.0, "OutOfRange"),
         ("/Emitter", "radius", 0.0, "EmptyEmitter"),
         ("/Emitter", "eulerfsi:endTime", 0.5, None),
+        ("/Force", "eulerfsi:kind", "storm", "BadToken"),
+        ("/Force", "eulerfsi:windDrag", -1.0, "OutOfRange"),
+        ("/Force", "size", 0.0, "EmptyForce"),
+        ("/Solid", "eulerfsi:plasticYieldStress", -1.0, "OutOfRange"),
+        ("/Solid", "eulerfsi:plasticFlowRate", 0.0, "OutOfRange"),
     ],
 )
 def test_bad_value_is_one_issue_at_its_place(path: str, name: str, value: object, code: str | None) -> None:
@@ -350,9 +356,9 @@ def validate(stage: Usd.Stage) -> set[tuple[str, str]]:
     """(error name, site) of our validators."""
     validation = pytest.importorskip("pxr.UsdValidation")
     registry = validation.ValidationRegistry()
-    names = [f"eulerfsi_usd.validators:{name}Checker" for name in ("Scene", "Domain", "Solid", "Emitter")]
+    names = [f"eulerfsi_usd.validators:{name}Checker" for name in ("Scene", "Domain", "Solid", "Emitter", "Force")]
     validators = registry.GetOrLoadValidatorsByName(names)
-    if len(validators) < 4:
+    if len(validators) < 5:
         pytest.skip("this USD has no validators in Python")
     errors = validation.ValidationContext(validators).Validate(stage)
     sites = [(error, error.GetSites()[0]) for error in errors]

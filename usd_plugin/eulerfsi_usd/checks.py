@@ -1,4 +1,4 @@
-"""Checks of a scene: units, schemas, values, domain, solids, emitters.
+"""Checks of a scene: units, schemas, values, domain, solids, emitters, forces.
 
 `check_stage` is what the batch tool calls; `eulerfsi_usd.validators` offers the same checks to UsdValidation. Every
 fault is an `Issue` that names prim, field, value and limit.
@@ -19,12 +19,19 @@ from .passengers import check_passengers
 from .surface import check_animation, check_density, check_inside, check_surface
 
 AXES = ("X", "Y", "Z")
+MAY_CHANGE = {("force", "enabled")}  # attributes whose time samples count
 
 
 def check_stage(stage: Usd.Stage) -> list[Issue]:
     """All issues of a scene: first those of the stage, then prim by prim in traversal order."""
     issues = check_scene(stage)
-    checks = {"domain": check_domain, "solid": check_solid, "emitter": check_emitter, "collider": check_collider}
+    checks = {
+        "domain": check_domain,
+        "solid": check_solid,
+        "emitter": check_emitter,
+        "force": check_force,
+        "collider": check_collider,
+    }
     for prim in stage.Traverse():
         for scope in scopes_of(prim):
             issues += checks[scope](prim)
@@ -143,7 +150,7 @@ def check_values(prim: Usd.Prim, scope: str) -> list[Issue]:
         if fault:
             limit, code = fault
             issues.append(make_issue(prim, name, attribute.Get(first_time(prim.GetStage())), limit, code))
-        if attribute.GetNumTimeSamples() > 1:
+        if attribute.GetNumTimeSamples() > 1 and (scope, row.name) not in MAY_CHANGE:
             hint = "only the value at the first time code counts"
             number = f"{attribute.GetNumTimeSamples()} time samples"
             issues.append(make_issue(prim, name, number, "constant", "Animated", hint, severity="warning"))
@@ -228,11 +235,21 @@ def check_collider(prim: Usd.Prim) -> list[Issue]:
 
 def check_emitter(prim: Usd.Prim) -> list[Issue]:
     """Values, region and times of a prim with EulerFsiEmitterAPI."""
-    issues = check_values(prim, "emitter") + check_animation(prim, "emitter")
+    return check_values(prim, "emitter") + check_animation(prim, "emitter") + _check_region(prim, "EmptyEmitter")
+
+
+def check_force(prim: Usd.Prim) -> list[Issue]:
+    """Values, region and times of a prim with EulerFsiForceAPI."""
+    return check_values(prim, "force") + check_animation(prim, "force") + _check_region(prim, "EmptyForce")
+
+
+def _check_region(prim: Usd.Prim, code: str) -> list[Issue]:
+    """Size and times of a prim whose Cube or Sphere is a region."""
+    issues = []
     for prim_type, field in ((UsdGeom.Cube, "size"), (UsdGeom.Sphere, "radius")):
         extent = read(prim, field) if prim.IsA(prim_type) else 1.0
         if not (math.isfinite(extent) and extent > 0.0):
-            issues.append(make_issue(prim, field, extent, "> 0", "EmptyEmitter"))
+            issues.append(make_issue(prim, field, extent, "> 0", code))
     start, end = (read(prim, f"eulerfsi:{name}") for name in ("startTime", "endTime"))
     if isinstance(start, float) and isinstance(end, float) and end < start:
         limit = f">= eulerfsi:startTime = {start:g}"

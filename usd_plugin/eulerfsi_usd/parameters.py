@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 
 NAMESPACE = "eulerfsi:"
-SCOPES = ("domain", "solid", "emitter", "collider")
+SCOPES = ("domain", "solid", "emitter", "force", "collider")
 API_SCHEMAS = {scope: f"EulerFsi{scope.title()}API" for scope in SCOPES}
 
 Value = bool | float | str | tuple[float, float, float]

@@ -5,6 +5,7 @@
 #include "eulerfsi/base.h"
 #include "eulerfsi/fields.h"
 #include "eulerfsi/fluid.h"
+#include "eulerfsi/force.h"
 #include "eulerfsi/io.h"
 #include "eulerfsi/passenger.h"
 #include "eulerfsi/pin.h"

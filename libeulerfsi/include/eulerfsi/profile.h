@@ -71,10 +71,11 @@ typedef struct EfsiSolidDiagnostics {
   EfsiVec3 extent_min;       /* of the embedded surface [m] */
   EfsiVec3 extent_max;
   double min_det_f, max_det_f;
-  uint64_t elements;     /* cells that carry stiffness */
-  uint64_t memory_bytes; /* of this solid's band */
-  double max_stretch;    /* largest principal stretch of a sound element, at least 1 */
-  uint64_t false_edges;  /* edges of the embedded surface longer than 4 times what max_stretch explains */
+  uint64_t elements;         /* cells that carry stiffness */
+  uint64_t memory_bytes;     /* of this solid's band */
+  double max_stretch;        /* largest principal stretch of a sound element, at least 1 */
+  uint64_t false_edges;      /* edges of the embedded surface longer than 4 times what max_stretch explains */
+  double max_plastic_strain; /* largest accumulated equivalent plastic strain; 0 where it cannot yield */
 } EfsiSolidDiagnostics;
 
 /* Cells whose map could not be, in the last step, and det F of full cells (1 where there is none; within 0.1 to 10,
@@ -88,6 +89,20 @@ typedef struct EfsiRepairs {
   double min_det_f_after, max_det_f_after;
 } EfsiRepairs;
 
+/* Two solids that have pushed each other. A row is a point where they may touch; rows are counted anew in every step.
+ * Overlaps are the largest at the starts of these steps, in edges of a cell; < 0: they were apart by so much. */
+typedef struct EfsiContactPair {
+  uint32_t solid[2];      /* ids, the smaller one first */
+  uint64_t steps;         /* in which they did */
+  uint64_t rows;          /* of these steps, summed */
+  uint64_t pushing_rows;  /* those with an impulse */
+  uint64_t sticking_rows; /* of these, those at which friction holds */
+  double row_overlap;     /* what the deepest row was beyond the skin that contact keeps between solids [cells] */
+  double surface_overlap; /* how deep a row or vertex of one was in the other, without that skin [cells] */
+  double normal_impulse;  /* magnitudes along the rows' normals, summed over rows and steps [N s] */
+  EfsiVec3 impulse;       /* of solid[0] on solid[1], friction included, summed over them [N s] */
+} EfsiContactPair;
+
 /* What the transport of the last step changed in a solid before anything restored it. Volumes over those at rest, less
  * what the pressure was asked to give, of an incompressible solid that is whole; 0 otherwise and in preset paper2016.
  */
@@ -99,7 +114,7 @@ typedef struct EfsiTransportChange {
 
 #define EFSI_ENERGY_WEIGHT 0          /* weight less buoyancy acts on the velocities */
 #define EFSI_ENERGY_MIXING 1          /* one velocity at nodes that solids and fluid share */
-#define EFSI_ENERGY_OUTSIDE 2         /* emitters, smoke and heat, vorticity confinement */
+#define EFSI_ENERGY_OUTSIDE 2         /* forces, emitters, smoke and heat, vorticity confinement */
 #define EFSI_ENERGY_WALLS 3           /* walls; one normal velocity where the fluid slips */
 #define EFSI_ENERGY_VELOCITY 4        /* velocity solve */
 #define EFSI_ENERGY_PRESSURE 5        /* coupling step, pressure, projection */
@@ -107,8 +122,9 @@ typedef struct EfsiTransportChange {
 #define EFSI_ENERGY_FLUID_TRANSPORT 7 /* the fluid's velocity moves */
 #define EFSI_ENERGY_REMAP 8           /* which cells carry stiffness, how much fluid the nodes hold */
 #define EFSI_ENERGY_REPAIR 9
-#define EFSI_ENERGY_MOMENTUM 10 /* what restores the momenta */
-#define EFSI_ENERGY_STAGE_COUNT 11
+#define EFSI_ENERGY_MOMENTUM 10     /* what restores the momenta */
+#define EFSI_ENERGY_PLASTIC_FLOW 11 /* what plastic flow dissipates */
+#define EFSI_ENERGY_STAGE_COUNT 12
 
 typedef struct EfsiEnergy {
   double solid_kinetic, elastic, fluid_kinetic, potential; /* [J] */

@@ -84,6 +84,11 @@ EFSI_API EfsiStatus efsi_simulation_restore_checkpoint(EfsiSim* sim, const char*
 EFSI_API EfsiStatus efsi_simulation_get_profile(const EfsiSim* sim, EfsiProfile* profile);
 EFSI_API EfsiStatus efsi_simulation_reset_profile(EfsiSim* sim);
 EFSI_API EfsiStatus efsi_simulation_get_repairs(const EfsiSim* sim, EfsiRepairs* out);
+/* Solids that have pushed each other in the last call of efsi_simulation_step or efsi_simulation_advance, so far; in
+ * the order of their ids. count: out, how many pairs there are. pairs: out, the first `capacity` of them; may be NULL
+ * where that is 0. */
+EFSI_API EfsiStatus efsi_simulation_get_contacts(const EfsiSim* sim, EfsiContactPair* pairs, uint64_t capacity,
+                                                 uint64_t* count);
 /* EFSI_ERROR_ARGUMENT where EfsiSimulationDef.energy_ledger is 0; zeros before the first step. */
 EFSI_API EfsiStatus efsi_simulation_get_energy_ledger(const EfsiSim* sim, EfsiEnergyLedger* out);
 EFSI_API EfsiStatus efsi_simulation_get_fluid_diagnostics(EfsiSim* sim, EfsiFluidDiagnostics* out);

@@ -75,23 +75,27 @@ EFSI_API void efsi_surface_destroy(EfsiSurface* surface);
 
 #define EFSI_MATERIAL_COROTATIONAL 0
 #define EFSI_MATERIAL_STABLE_NEO_HOOKEAN 1
+#define EFSI_MATERIAL_ST_VENANT_KIRCHHOFF 2
 
 /* An elastic solid; fields and limits as in libeulerfsi/parameters.toml, scope "solid". */
 typedef struct EfsiSolidDef {
   uint32_t struct_size;
   uint32_t magic;
-  EfsiMeshView mesh;          /* rest shape, placed where it starts, simulation space [m]; copied */
-  double density;             /* rho [kg/m^3] */
-  double youngs_modulus;      /* E [Pa] */
-  double poissons_ratio;      /* nu */
-  double rayleigh_alpha;      /* C = alpha M + beta K, Eq. 8 [1/s] */
-  double rayleigh_beta;       /* [s] */
-  EfsiVec3 velocity;          /* initial [m/s] */
-  EfsiVec3 angular_velocity;  /* initial, about the centre of volume [rad/s] */
-  int32_t material;           /* EFSI_MATERIAL_* */
-  int32_t compressible;       /* 1: the pressure does not keep its volume */
-  const EfsiSurface* surface; /* stands in for `mesh` where it is not NULL; made for the simulation's voxel size */
-  double friction;            /* Coulomb's coefficient at walls; of two solids the mean */
+  EfsiMeshView mesh;           /* rest shape, placed where it starts, simulation space [m]; copied */
+  double density;              /* rho [kg/m^3] */
+  double youngs_modulus;       /* E [Pa] */
+  double poissons_ratio;       /* nu */
+  double rayleigh_alpha;       /* C = alpha M + beta K, Eq. 8 [1/s] */
+  double rayleigh_beta;        /* [s] */
+  EfsiVec3 velocity;           /* initial [m/s] */
+  EfsiVec3 angular_velocity;   /* initial, about the centre of volume [rad/s] */
+  int32_t material;            /* EFSI_MATERIAL_* */
+  int32_t compressible;        /* 1: the pressure does not keep its volume */
+  const EfsiSurface* surface;  /* stands in for `mesh` where it is not NULL; made for the simulation's voxel size */
+  double friction;             /* Coulomb's coefficient at walls; of two solids the mean */
+  double plastic_yield_stress; /* von Mises' equivalent Kirchhoff stress at which it yields [Pa]; 0: never */
+  double plastic_flow_rate;    /* at which stress above the yield stress relaxes [1/s] */
+  double plastic_hardening;    /* growth of the yield stress per accumulated plastic strain [Pa] */
   uint64_t reserved[2];
 } EfsiSolidDef;
 

@@ -20,9 +20,12 @@ static_assert(EFSI_WALL_PERIODIC == static_cast<int>(grid::Wall::kPeriodic));
 static_assert(EFSI_EMITTER_SPHERE == static_cast<int>(fluid::Emitter::Shape::kSphere));
 static_assert(EFSI_EMIT_CONTINUOUS == static_cast<int>(fluid::Emitter::Mode::kContinuous));
 static_assert(EFSI_MATERIAL_STABLE_NEO_HOOKEAN == static_cast<int>(material::Law::kStableNeoHookean));
+static_assert(EFSI_MATERIAL_ST_VENANT_KIRCHHOFF == static_cast<int>(material::Law::kStVenantKirchhoff));
 static_assert(EFSI_STAGE_VELOCITY_SOLVE == static_cast<int>(sim::Stage::kVelocitySolve));
 static_assert(EFSI_STAGE_OTHER == static_cast<int>(sim::Stage::kOther));
 static_assert(EFSI_STAGE_COUNT == static_cast<int>(sim::Stage::kCount));
+static_assert(EFSI_FORCE_WIND == static_cast<int>(sim::ForceField::Kind::kWind));
+static_assert(EFSI_ACTS_ON_SOLIDS == static_cast<int>(sim::ForceField::ActsOn::kSolids));
 static_assert(EFSI_ENERGY_VELOCITY == static_cast<int>(sim::EnergyStage::kVelocity));
 static_assert(EFSI_ENERGY_REMAP == static_cast<int>(sim::EnergyStage::kRemap));
 static_assert(EFSI_ENERGY_STAGE_COUNT == static_cast<int>(sim::EnergyStage::kCount));
@@ -80,6 +83,7 @@ inline sim::SolidDesc to_solid(const EfsiSolidDef& def) {
   d.rayleigh_alpha = def.rayleigh_alpha;
   d.rayleigh_beta = def.rayleigh_beta;
   d.friction = def.friction;
+  d.plastic = {def.plastic_yield_stress, def.plastic_flow_rate, def.plastic_hardening};
   d.compressible = def.compressible != 0;
   d.law = static_cast<material::Law>(def.material);
   d.velocity = to_vector(def.velocity);
@@ -99,6 +103,24 @@ inline fluid::Emitter to_emitter(const EfsiEmitterDef& def) {
   e.start_time = def.start_time;
   e.end_time = def.end_time;
   return e;
+}
+
+inline sim::ForceField to_force(const EfsiForceDef& def) {
+  sim::ForceField f;
+  f.shape = static_cast<fluid::Region::Shape>(def.shape);
+  f.from_world = to_matrix(def.transform).inverse();
+  f.kind = static_cast<sim::ForceField::Kind>(def.kind);
+  f.acts_on = static_cast<sim::ForceField::ActsOn>(def.acts_on);
+  f.acceleration = to_vector(def.acceleration);
+  f.radial_acceleration = def.radial_acceleration;
+  f.wind_velocity = to_vector(def.wind_velocity);
+  f.wind_drag = def.wind_drag;
+  f.noise_speed = def.noise_speed;
+  f.noise_size = def.noise_size;
+  f.noise_frequency = def.noise_frequency;
+  f.start_time = def.start_time;
+  f.end_time = def.end_time;
+  return f;
 }
 
 inline EfsiMeshReport to_c(const geometry::MeshReport& r) {
@@ -179,6 +201,7 @@ inline EfsiSolidDiagnostics to_c(const sim::SolidDiagnostics& d) {
   c.false_edges = d.false_edges;
   c.elements = d.elements;
   c.memory_bytes = d.memory_bytes;
+  c.max_plastic_strain = d.max_plastic_strain;
   return c;
 }
 
@@ -201,6 +224,21 @@ inline EfsiTransportChange to_c(const sim::TransportChange& t) {
   c.volume_cells = t.volume_cells;
   c.momentum = to_c(t.momentum);
   c.angular_momentum = to_c(t.angular_momentum);
+  return c;
+}
+
+inline EfsiContactPair to_c(const sim::ContactPair& p) {
+  EfsiContactPair c{};
+  c.solid[0] = static_cast<std::uint32_t>(p.one + 1);
+  c.solid[1] = static_cast<std::uint32_t>(p.other + 1);
+  c.steps = p.steps;
+  c.rows = p.rows;
+  c.pushing_rows = p.pushing;
+  c.sticking_rows = p.sticking;
+  c.row_overlap = p.row_overlap;
+  c.surface_overlap = p.surface_overlap;
+  c.normal_impulse = p.push;
+  c.impulse = to_c(p.impulse);
   return c;
 }
 

@@ -113,6 +113,16 @@ void check_definition(const EfsiEmitterDef& def) {
   check_transform("EfsiEmitterDef.transform", def.transform);
 }
 
+void check_definition(const EfsiForceDef& def) {
+  check_header("EfsiForceDef", "efsi_force_def_init", def.struct_size, sizeof(def), def.magic);
+#define EFSI_CHECK(name, field, kind, initial, min, max, exclusive, unit) \
+  EFSI_CHECK_PARAMETER(EfsiForceDef, field, min, max, exclusive)
+  EFSI_FORCE_PARAMETERS(EFSI_CHECK)
+#undef EFSI_CHECK
+  check("EfsiForceDef.shape", def.shape, {0.0, 1.0, false});
+  check_transform("EfsiForceDef.transform", def.transform);
+}
+
 void check_definition(const EfsiVdbDef& def) {
   check_header("EfsiVdbDef", "efsi_vdb_def_init", def.struct_size, sizeof(def), def.magic);
   check_transform("EfsiVdbDef.transform", def.transform);

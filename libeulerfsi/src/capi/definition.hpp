@@ -39,6 +39,7 @@ void start_definition(Def& def) {
 void check_definition(const EfsiSimulationDef& def);
 void check_definition(const EfsiSolidDef& def);
 void check_definition(const EfsiEmitterDef& def);
+void check_definition(const EfsiForceDef& def);
 void check_definition(const EfsiVdbDef& def);
 
 }  // namespace efsi::capi

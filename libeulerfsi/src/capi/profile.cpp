@@ -40,6 +40,18 @@ EfsiStatus efsi_simulation_get_repairs(const EfsiSim* sim, EfsiRepairs* out) {
   });
 }
 
+EfsiStatus efsi_simulation_get_contacts(const EfsiSim* sim, EfsiContactPair* pairs, uint64_t capacity,
+                                        uint64_t* count) {
+  return guarded(sim, [&] {
+    demand(count, "efsi_simulation_get_contacts: count");
+    const auto& contacts = sim->simulation.contacts();
+    *count = contacts.size();
+    if (capacity == 0) return;
+    demand(pairs, "efsi_simulation_get_contacts: pairs");
+    for (std::size_t p = 0; p < contacts.size() && p < capacity; ++p) pairs[p] = to_c(contacts[p]);
+  });
+}
+
 EfsiStatus efsi_simulation_get_energy_ledger(const EfsiSim* sim, EfsiEnergyLedger* out) {
   return guarded(sim, [&] {
     demand(out, "efsi_simulation_get_energy_ledger: out");

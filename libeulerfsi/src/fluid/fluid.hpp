@@ -27,23 +27,28 @@ struct FluidState {
   std::vector<Real> temperature;  // cells, above ambient [K]; empty where unused
 };
 
-// A region that carries smoke into the fluid.
-struct Emitter {
+// A box or a ball.
+struct Region {
   enum class Shape : std::int32_t { kBox = 0, kSphere = 1 };
-  enum class Mode : std::int32_t { kInitial = 0, kContinuous = 1 };
   Shape shape = Shape::kBox;
-  Mode mode = Mode::kInitial;
   Eigen::Matrix4d from_world = Eigen::Matrix4d::Identity();  // world [m] to the unit box or ball
-  double density = 1.0;
-  double temperature = 0.0;
-  Vec3d velocity = Vec3d::Zero();
-  bool has_velocity = false;
-  double start_time = 0.0, end_time = 0.0;
 
   bool contains(const Vec3d& x) const {
     const Vec3d p = (from_world * x.homogeneous()).head<3>();
     return shape == Shape::kBox ? p.cwiseAbs().maxCoeff() <= 0.5 : p.squaredNorm() <= 0.25;
   }
+  Vec3d middle() const { return -from_world.topLeftCorner<3, 3>().inverse() * from_world.topRightCorner<3, 1>(); }
+};
+
+// A region that carries smoke into the fluid.
+struct Emitter : Region {
+  enum class Mode : std::int32_t { kInitial = 0, kContinuous = 1 };
+  Mode mode = Mode::kInitial;
+  double density = 1.0;
+  double temperature = 0.0;
+  Vec3d velocity = Vec3d::Zero();
+  bool has_velocity = false;
+  double start_time = 0.0, end_time = 0.0;
 };
 
 }  // namespace efsi::fluid

@@ -60,11 +60,38 @@ PrincipalResponse stable_neo_hookean(double mu, double lambda, const Vec3d& s) {
   return r;
 }
 
+// psi = mu sum e_i^2 + lambda/2 (sum e_i)^2, e_i = (s_i^2 - 1) / 2: Green's strain. Pressed below 1/sqrt(3) it softens,
+// and a cell pressed flat costs 3/8 mu at most.
+PrincipalResponse st_venant_kirchhoff(double mu, double lambda, const Vec3d& s) {
+  const Vec3d strain = 0.5 * (s.cwiseProduct(s) - Vec3d::Ones());
+  const double trace = strain.sum();
+  const Vec3d second = 2.0 * mu * strain + Vec3d::Constant(lambda * trace);  // second Piola-Kirchhoff stress
+  PrincipalResponse r;
+  r.energy = mu * strain.squaredNorm() + 0.5 * lambda * trace * trace;
+  r.stress = second.cwiseProduct(s);
+  r.hessian = lambda * s * s.transpose();
+  for (int p = 0; p < 3; ++p) {
+    const int i = (p + 1) % 3, j = (p + 2) % 3;
+    r.hessian(p, p) += second[p] + 2.0 * mu * s[p] * s[p];
+    const double squares = s[i] * s[i] + s[j] * s[j] - 1.0, product = s[i] * s[j];
+    r.symmetric[p] = lambda * trace + mu * (squares + product);
+    r.skew[p] = lambda * trace + mu * (squares - product);
+  }
+  return r;
+}
+
 }  // namespace
 
 PrincipalResponse principal_response(const Elastic& material, const Vec3d& stretch) {
-  return material.law == Law::kCorotational ? corotational(material.mu, material.lambda, stretch)
-                                            : stable_neo_hookean(material.mu, material.lambda, stretch);
+  switch (material.law) {
+    case Law::kStableNeoHookean:
+      return stable_neo_hookean(material.mu, material.lambda, stretch);
+    case Law::kStVenantKirchhoff:
+      return st_venant_kirchhoff(material.mu, material.lambda, stretch);
+    case Law::kCorotational:
+      break;
+  }
+  return corotational(material.mu, material.lambda, stretch);
 }
 
 PrincipalResponse make_definite(PrincipalResponse response) {

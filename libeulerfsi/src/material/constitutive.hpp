@@ -7,7 +7,8 @@
 
 namespace efsi::material {
 
-enum class Law : std::int32_t { kCorotational = 0, kStableNeoHookean = 1 };
+// Values equal EFSI_MATERIAL_*.
+enum class Law : std::int32_t { kCorotational = 0, kStableNeoHookean = 1, kStVenantKirchhoff = 2 };
 
 struct Elastic {
   Law law = Law::kCorotational;

@@ -11,7 +11,7 @@
 namespace efsi::sim {
 namespace {
 
-constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', '9'};
+constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', 'A'};
 
 struct HashArchive {
   Hash hash;
@@ -23,8 +23,11 @@ struct HashArchive {
   void array(const std::vector<T>& v) {
     hash.add_array(v);
   }
-  // Where solids are apart the hash is that of the other fields.
+  // Where solids are apart, or cannot yield, the hash is that of the other fields.
   void array(const std::vector<solid::SolidPress>& v) {
+    if (!v.empty()) hash.add_array(v);
+  }
+  void array(const std::vector<solid::PlasticNode>& v) {
     if (!v.empty()) hash.add_array(v);
   }
 };
@@ -114,6 +117,8 @@ std::uint64_t Simulation::scene_hash() const {
   for (const auto& s : solids_) {
     for (double v : {s.density, s.rayleigh_alpha, s.rayleigh_beta, s.friction, s.elastic.mu, s.elastic.lambda})
       hash.add_value(v);
+    if (s.plastic.yields())
+      for (double v : {s.plastic.yield_stress, s.plastic.flow_rate, s.plastic.hardening}) hash.add_value(v);
     hash.add_value(static_cast<std::int64_t>(s.elastic.law));
     hash.add_value(static_cast<std::int64_t>(s.compressible));
     hash.add_array(s.distance.values);
@@ -131,6 +136,16 @@ std::uint64_t Simulation::scene_hash() const {
     for (double v : {e.density, e.temperature, e.start_time, e.end_time, e.velocity[0], e.velocity[1], e.velocity[2]})
       hash.add_value(v);
     for (int v : {static_cast<int>(e.shape), static_cast<int>(e.mode), static_cast<int>(e.has_velocity)})
+      hash.add_value(static_cast<std::int64_t>(v));
+  }
+  for (const ForceField& f : forces_) {
+    hash.add(f.from_world.data(), 16 * sizeof(double));
+    vector(f.acceleration);
+    vector(f.wind_velocity);
+    for (double v :
+         {f.radial_acceleration, f.wind_drag, f.noise_speed, f.noise_size, f.noise_frequency, f.start_time, f.end_time})
+      hash.add_value(v);
+    for (int v : {static_cast<int>(f.shape), static_cast<int>(f.kind), static_cast<int>(f.acts_on)})
       hash.add_value(static_cast<std::int64_t>(v));
   }
   return hash.value();

@@ -133,6 +133,14 @@ Energy EnergyLedger::with_solids(Energy now) const {
   return now;
 }
 
+void EnergyLedger::book_forces(const Matter& matter, const grid::VectorField& fluid_velocity) {
+  if (!on()) return;
+  book_solids(EnergyStage::kOutside);
+  if (scene_.params.fluid.present) book_fluid(EnergyStage::kOutside, matter, fluid_velocity);
+  for (std::size_t l = 0; l < states_.size(); ++l)
+    first_[l] = solid::measure_momenta(parallel_, states_[l].band, solids_[l], states_[l].band.grid, states_[l].v);
+}
+
 void EnergyLedger::book_weight(const StepWeight& weight, const grid::VectorField& fluid_velocity) {
   if (!on()) return;
   Energy now = record_->end;
@@ -148,10 +156,11 @@ void EnergyLedger::book_nodes(EnergyStage stage, NodeVelocity& velocity) {
   Energy now = record_->end;
   now.fluid_kinetic = fluid_energy(fluid_mass_, velocity.field);
   now.solid_kinetic = 0.0;
-  const system::SolidView view(parallel_, velocity.slip, velocity.field);
-  for (std::size_t l = 0; l < states_.size(); ++l)
+  for (std::size_t l = 0; l < states_.size(); ++l) {
+    const system::SolidView view(parallel_, velocity.slip, l, velocity.field);
     now.solid_kinetic +=
         solid::measure_momenta(parallel_, states_[l].band, solids_[l], common_, velocity.field).kinetic_energy;
+  }
   book(stage, now);
 }
 
@@ -168,8 +177,8 @@ void EnergyLedger::meet(NodeVelocity& velocity, std::span<const solid::RigidStep
     record_->at_start.fluid_kinetic = fluid_energy(fluid_mass_, fluid_velocity_);
   }
   record_->at_start.solid_kinetic = 0.0;
-  const system::SolidView view(parallel_, velocity.slip, velocity.field);
   for (std::size_t l = 0; l < states_.size(); ++l) {
+    const system::SolidView view(parallel_, velocity.slip, l, velocity.field);
     const solid::RigidStep& f = frames[l];
     const solid::RigidMotion back{f.velocity.center, f.shift / dt_ - f.velocity.linear,
                                   f.turn / dt_ - f.velocity.angular};

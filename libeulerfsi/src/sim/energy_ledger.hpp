@@ -30,6 +30,8 @@ class EnergyLedger {
                const grid::VectorField& fluid_velocity);
   bool on() const { return record_ != nullptr; }
 
+  // What forces have added to the velocities of solids and fluid.
+  void book_forces(const Matter& matter, const grid::VectorField& fluid_velocity);
   // What weight adds, before it does.
   void book_weight(const StepWeight& weight, const grid::VectorField& fluid_velocity);
   // What has changed the velocity of the nodes, which is left as it was.

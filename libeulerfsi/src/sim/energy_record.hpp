@@ -19,7 +19,8 @@ enum class EnergyStage : std::int32_t {
   kFluidTransport,  // the fluid's velocity moves, the masses of the nodes stand still
   kRemap,           // which cells carry stiffness, how much fluid the nodes hold
   kRepair,
-  kMomentum,  // what restores the momenta
+  kMomentum,     // what restores the momenta
+  kPlasticFlow,  // what plastic flow dissipates
   kCount
 };
 inline constexpr std::size_t kEnergyStages = static_cast<std::size_t>(EnergyStage::kCount);

@@ -34,6 +34,7 @@ Holds find_holds(std::size_t solids, const system::VelocitySystem& system, const
     Cluster& cluster = holds.clusters[holds.cluster_of[l]];
     cluster.solids.push_back(l);
     cluster.hold.axes |= system.held_axes(l);
+    cluster.walls |= system.held_axes(l);
     if (cluster.solids.size() > 1) cluster.hold.axes = kAllAxes;
   }
   return holds;
@@ -46,6 +47,26 @@ system::StiffnessShares shares_while(bool touches, double pace, double strain, d
 solid::RigidStep transport_frame(const Hold& hold, const solid::Momenta& before, const solid::Momenta& after,
                                  double dt) {
   return hold.touches() ? solid::held_step(before, after, hold.axes, dt) : solid::free_step(before, after, dt);
+}
+
+std::vector<solid::RigidStep> transport_frames(const Holds& holds, const std::vector<solid::Momenta>& before,
+                                               const std::vector<solid::Momenta>& after, double dt) {
+  std::vector<solid::RigidStep> frames(holds.cluster_of.size());
+  if (after.empty()) return frames;
+  for (const Cluster& cluster : holds.clusters) {
+    const auto whole = [&](const std::vector<solid::Momenta>& momenta) {
+      std::vector<solid::Momenta> parts;
+      for (const std::size_t l : cluster.solids) parts.push_back(momenta[l]);
+      return solid::joined(parts);
+    };
+    if (cluster.floats()) {
+      const solid::RigidStep frame = solid::free_step(whole(before), whole(after), dt);
+      for (const std::size_t l : cluster.solids) frames[l] = frame;
+    } else {
+      for (const std::size_t l : cluster.solids) frames[l] = transport_frame(cluster.hold, before[l], after[l], dt);
+    }
+  }
+  return frames;
 }
 
 bool choice_lags(const Hold& hold, double cells) { return cells < kSlow || !hold.touches(); }

@@ -24,7 +24,10 @@ struct Hold {
 // too.
 struct Cluster {
   std::vector<std::size_t> solids;
-  Hold hold;  // of each of them
+  Hold hold;           // of each of them
+  unsigned walls = 0;  // bit a: walls hold one of them along axis a
+  // Solids that only hold each other move on together.
+  bool floats() const { return solids.size() > 1 && walls == 0; }
 };
 
 struct Holds {
@@ -43,6 +46,10 @@ system::StiffnessShares shares_while(bool touches, double pace, double strain, d
 // and the mean moves it along them only.
 solid::RigidStep transport_frame(const Hold& hold, const solid::Momenta& before, const solid::Momenta& after,
                                  double dt);
+// Of each solid; those that only hold each other have that of the rigid body with the momenta of all of them. Momenta:
+// per solid; empty: at rest.
+std::vector<solid::RigidStep> transport_frames(const Holds& holds, const std::vector<solid::Momenta>& before,
+                                               const std::vector<solid::Momenta>& after, double dt);
 
 // Whether the cells that carry stiffness are remembered for the next step's choice. In an impact cells fill and empty
 // faster than the choice may lag. cells: that the solid moves in the step.

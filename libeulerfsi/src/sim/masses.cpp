@@ -1,6 +1,7 @@
 #include "sim/masses.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "grid/boundary.hpp"
@@ -115,11 +116,56 @@ void find_specific_volume(const Parallel& parallel, const fluid::FluidParams& fl
     });
 }
 
+// Where solids overlap a cell belongs to the one that fills more of it.
 void find_owned_cells(const Parallel& parallel, const SolidStates& states, const SolidWorks& solids, Matter& matter) {
   const Grid& g = matter.common.grid;
   matter.owned.assign(states.empty() ? 0 : g.padded_count(), 0);
+  const auto fraction = [&](std::size_t l, int i, int j, int k) {
+    const Vec3i lo = grid::offset(states[l].band.grid, g);
+    return solids[l].fraction[states[l].band.grid.cell(i - lo[0], j - lo[1], k - lo[2])];
+  };
   for (std::size_t l = 0; l < states.size(); ++l)
-    for_owned_cells(parallel, g, states[l], solids[l], [&](std::size_t c) { matter.owned[c] = 1; });
+    for_band_cells(parallel, g, states[l].band, [&](std::size_t c, int i, int j, int k) {
+      if (solids[l].element[c] < 0) return;
+      std::uint8_t& owner = matter.owned[g.padded(i, j, k)];
+      if (owner == 0 || solids[l].fraction[c] > fraction(owner - 1u, i, j, k)) owner = static_cast<std::uint8_t>(l + 1);
+    });
+}
+
+// Cells of the box around a node that no solid owns, bits as in system::SlipNode.
+std::uint8_t free_cells_of(const Matter& matter, int i, int j, int k) {
+  const Grid& g = matter.common.grid;
+  std::uint8_t cells = 0;
+  for (std::size_t a = 0; a < 8; ++a) {
+    const auto& c = grid::kCorner[a];
+    const Vec3i q{i - c[0], j - c[1], k - c[2]};
+    bool inside = true;
+    for (std::size_t x = 0; x < 3; ++x) inside = inside && q[x] >= 0 && q[x] < g.cells[x];
+    if (inside && !matter.owned[g.padded(q[0], q[1], q[2])]) cells = static_cast<std::uint8_t>(cells | (1u << a));
+  }
+  return cells;
+}
+
+// The film between solids that touch: what they leave of cells that none owns may be nothing, and weighs a little.
+void leave_film(const Parallel& parallel, double fluid_density, const SolidStates& states, const SolidWorks& solids,
+                Matter& matter) {
+  if (states.size() < 2 || !(fluid_density > 0.0)) return;
+  constexpr double kFilmMass = 0.25;  // of full cells
+  const Grid& g = matter.common.grid;
+  const double eighth = fluid_density * (g.h * g.h * g.h) / 8.0;
+  std::vector<std::uint8_t> bands(g.node_count(), 0);
+  for (const solid::SolidState& state : states)
+    for_band_nodes(parallel, g, state.band, [&](std::size_t, int i, int j, int k) { ++bands[g.node(i, j, k)]; });
+  for (std::size_t l = 0; l < states.size(); ++l)
+    for_band_nodes(parallel, g, states[l].band, [&](std::size_t local, int i, int j, int k) {
+      const std::size_t n = g.node(i, j, k);
+      if (bands[n] < 2 || !solids[l].carries[local]) return;
+      const Real least =
+          static_cast<Real>(kFilmMass * eighth * std::popcount(static_cast<unsigned>(free_cells_of(matter, i, j, k))));
+      if (!(matter.fluid_mass[n] < least)) return;
+      matter.mass[n] += least - matter.fluid_mass[n];
+      matter.fluid_mass[n] = least;
+    });
 }
 
 }  // namespace
@@ -141,13 +187,15 @@ void combine_masses(const StepContext& step, const SolidStates& states, const So
   follow_solids(scene, states, solids, window, pressure, matter);
   if (scene.solids.empty() && !matter.specific_volume.empty()) return;  // nothing has moved
   find_fixed_components(parallel, scene, states, solids, matter);
+  find_owned_cells(parallel, states, solids, matter);
   if (!scene.solids.empty()) {
+    const double density = fluid.present ? fluid.density : 0.0;
     add_fractions(parallel, states, solids, matter);
-    weigh(parallel, fluid.present ? fluid.density : 0.0, states, solids, matter);
+    weigh(parallel, density, states, solids, matter);
+    if (scene.params.numerics.walls_push_only) leave_film(parallel, density, states, solids, matter);
     timer.visited(matter.mass.size(), 2 * sizeof(Real));
   }
   find_specific_volume(parallel, fluid, states, matter);
-  find_owned_cells(parallel, states, solids, matter);
   slip = find_slip_nodes(parallel, scene, states, solids, matter);
 }
 

@@ -59,10 +59,9 @@ void measure_momenta(const StepContext& step, const SolidStates& states, const S
   const auto& [parallel, scene, time, dt, profile, info] = step;
   const Grid& g = matter.common.grid;
   momenta.solids.clear();
-  {
-    const system::SolidView view(parallel, velocity.slip, velocity.field);
-    for (std::size_t l = 0; l < states.size(); ++l)
-      momenta.solids.push_back(solid::measure_momenta(parallel, states[l].band, solids[l], g, velocity.field));
+  for (std::size_t l = 0; l < states.size(); ++l) {
+    const system::SolidView view(parallel, velocity.slip, l, velocity.field);
+    momenta.solids.push_back(solid::measure_momenta(parallel, states[l].band, solids[l], g, velocity.field));
   }
   if (states.empty() || conserved_axes(scene).isZero()) return;
   const NodeSums all = sum_nodes(parallel, g, matter.mass, velocity.field);

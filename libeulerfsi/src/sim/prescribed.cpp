@@ -3,7 +3,6 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <set>
 
 #include "sim/grid_loops.hpp"
@@ -16,6 +15,7 @@ using grid::Grid;
 
 namespace {
 
+constexpr std::uint8_t kAllAxes = 7;
 constexpr double kFreePart = 0.5;  // of a contact's weights on one of its sides: less than that cannot give way
 
 // Largest component of a pin's velocity, over the box around it [m/s].
@@ -67,31 +67,23 @@ solid::Band band_around(const Grid& box, const std::vector<Vec3d>& surface) {
   return solid::make_band(box, lo, hi);
 }
 
-// Node -> its place among the slip nodes.
-std::map<std::size_t, std::size_t> slip_indices(const system::SlipNodes& slip) {
-  std::map<std::size_t, std::size_t> indices;
-  for (std::size_t t = 0; t < slip.nodes().size(); ++t) indices[slip.nodes()[t].node] = t;
-  return indices;
-}
-
 // Returns per node the fluid's velocity before, or that of all there, and the solid's.
 std::vector<Vec3> set_velocities(const std::vector<GivenNode>& given, NodeVelocity& velocity) {
-  const auto slips = slip_indices(velocity.slip);
   std::vector<Vec3> before;
   for (const GivenNode& g : given) {
     const Vec3 fluid = velocity.field.at(g.node);
     before.push_back(fluid);
-    const auto found = slips.find(g.node);
-    if (found == slips.end()) {
+    const std::size_t t = velocity.slip.find(g.solid, g.node);
+    if (t == system::SlipNodes::kNone) {
       before.push_back(fluid);
       velocity.field.set(g.node, g.velocity);
       continue;
     }
-    const Vec3& n = velocity.slip.nodes()[found->second].normal;
-    Vec3& solid = velocity.slip.solid_velocity()[found->second];
+    const system::SlipNode& slip = velocity.slip.nodes()[t];
+    Vec3& solid = velocity.slip.solid_velocity()[t];
     before.push_back(solid);
     solid = g.velocity;
-    velocity.field.set(g.node, fluid + n.dot(g.velocity - fluid) * n);
+    if (!slip.shared()) velocity.field.set(g.node, fluid + slip.normal.dot(g.velocity - fluid) * slip.normal);
   }
   return before;
 }
@@ -138,6 +130,10 @@ std::vector<GivenNode> find_given(const StepContext& step, const SolidStates& st
   }
   for (const GivenNode& node : given) matter.specific_volume[node.node] = 0;
   slip.hold(parallel, matter.specific_volume);
+  for (const GivenNode& node : given) {
+    const std::size_t t = slip.find(node.solid, node.node);
+    if (t != system::SlipNodes::kNone && slip.nodes()[t].shared()) slip.prescribe(t, kAllAxes, kAllAxes);
+  }
   return given;
 }
 
@@ -146,16 +142,19 @@ void give_velocity(const StepContext& step, const SolidWorks& solids, const Matt
   if (given.empty()) return;
   const StepWeight weight = weight_in_step(step.scene, step.dt, solids);
   const std::vector<Vec3> before = set_velocities(given, velocity);
-  const auto slips = slip_indices(velocity.slip);
   for (std::size_t i = 0; i < given.size(); ++i) {
     GivenNode& g = given[i];
-    const auto found = slips.find(g.node);
-    const Real fluid_mass = matter.fluid_mass[g.node], own_mass = matter.mass[g.node] - fluid_mass;
+    const std::size_t t = velocity.slip.find(g.solid, g.node);
+    const bool slips = t != system::SlipNodes::kNone, shared = slips && velocity.slip.nodes()[t].shared();
+    const Real fluid_mass = matter.fluid_mass[g.node],
+               own_mass = shared ? velocity.slip.nodes()[t].solid_mass : matter.mass[g.node] - fluid_mass;
     Vec3 impulse;
-    if (found == slips.end()) {
+    if (shared) {
+      impulse = own_mass * (g.velocity - before[2 * i + 1]);
+    } else if (!slips) {
       impulse = matter.mass[g.node] * (g.velocity - before[2 * i]);
     } else {
-      const Vec3& n = velocity.slip.nodes()[found->second].normal;
+      const Vec3& n = velocity.slip.nodes()[t].normal;
       impulse = own_mass * (g.velocity - before[2 * i + 1]) + fluid_mass * n.dot(g.velocity - before[2 * i]) * n;
     }
     if (step.scene.pins[g.pin].whole) impulse += own_mass * weight.solids[g.solid];
@@ -165,15 +164,17 @@ void give_velocity(const StepContext& step, const SolidWorks& solids, const Matt
 
 void keep_given(const std::vector<GivenNode>& given, std::vector<WallRow>& walls, NodeVelocity& velocity) {
   if (given.empty()) return;
-  std::set<std::size_t> nodes;
-  for (const GivenNode& g : given) nodes.insert(g.node);
-  std::erase_if(walls, [&](const WallRow& row) { return nodes.contains(row.node) || nodes.contains(row.above); });
+  std::set<std::pair<std::size_t, std::size_t>> nodes;
+  for (const GivenNode& g : given) nodes.insert({g.solid, g.node});
+  std::erase_if(walls, [&](const WallRow& row) {
+    return nodes.contains({row.solid, row.node}) || nodes.contains({row.solid, row.above});
+  });
   set_velocities(given, velocity);
 }
 
 void fix_given(const std::vector<GivenNode>& given, system::VelocitySystem& system) {
   for (const GivenNode& g : given)
-    for (int axis = 0; axis < 3; ++axis) system.fix(system.unknown_of(g.node), axis);
+    for (int axis = 0; axis < 3; ++axis) system.fix(system.unknown_of(g.solid, g.node), axis);
 }
 
 void drop_blocked_rows(const std::vector<GivenNode>& given, const system::VelocitySystem& system,
@@ -216,9 +217,12 @@ void close_given_cells(const StepContext& step, const SolidStates& states, const
   for (const solid::SolidState& state : states)
     for_band_cells(parallel, g, state.band, [&](std::size_t, int i, int j, int k) {
       const std::size_t n = g.node(i, j, k), c = g.padded(i, j, k);
-      const bool fluid = matter.owned[c] == 0;
+      const std::uint8_t owner = matter.owned[c];
       const bool moves = std::any_of(corner.begin(), corner.end(), [&](std::size_t o) {
-        return matter.specific_volume[n + o] > 0 || (fluid && slips[n + o]);
+        if (matter.specific_volume[n + o] > 0) return true;
+        if (owner == 0) return slips[n + o] != 0;
+        const std::size_t t = slips[n + o] ? slip.find(owner - 1u, n + o) : system::SlipNodes::kNone;
+        return t != system::SlipNodes::kNone && slip.nodes()[t].shared() && slip.nodes()[t].fixed != kAllAxes;
       });
       if (!moves) active[c] = 0;
     });
@@ -236,7 +240,7 @@ void add_given_reactions(const Parallel& parallel, VelocityEquation& elasticity)
   std::vector<Real> moved;
   elasticity.system.multiply(parallel, elasticity.v_star, moved);
   for (GivenNode& g : elasticity.given) {
-    const std::size_t u = elasticity.system.unknown_of(g.node);
+    const std::size_t u = elasticity.system.unknown_of(g.solid, g.node);
     g.impulse += (entries(moved, u) - entries(elasticity.f_star, u)).cast<double>();
   }
 }
@@ -251,13 +255,11 @@ void add_given_reactions(const Parallel& parallel, const Grid& grid, const std::
     elasticity.system.add_penalties(1, correction, stiff, true);  // what contact answers
   }
   const std::vector<Vec3> slides = slip.sliding_impulse(parallel, q);
-  std::map<std::size_t, Vec3> sliding;
-  for (std::size_t t = 0; t < slides.size(); ++t) sliding[slip.nodes()[t].node] = slides[t];
   for (GivenNode& g : elasticity.given) {
     const auto [i, j, k] = grid.node_place(g.node);
     Vec3 impulse = system::pressure_impulse(grid, q, i, j, k);
-    if (const auto found = sliding.find(g.node); found != sliding.end()) impulse -= found->second;
-    if (coupled != 0) impulse -= coupled * entries(stiff, elasticity.system.unknown_of(g.node));
+    if (const std::size_t t = slip.find(g.solid, g.node); t != system::SlipNodes::kNone) impulse -= slides[t];
+    if (coupled != 0) impulse -= coupled * entries(stiff, elasticity.system.unknown_of(g.solid, g.node));
     g.impulse += impulse.cast<double>();
   }
 }

@@ -93,7 +93,7 @@ void compute_impulses(const Parallel& parallel, const Grid& grid, const system::
     }
   });
   for (std::size_t t = 0; t < slides.size(); ++t) {
-    const std::size_t u = system.unknown_of(slip.nodes()[t].node);
+    const std::size_t u = system.unknown_of(slip.nodes()[t].solid, slip.nodes()[t].node);
     for (std::size_t a = 0; a < 3; ++a) impulse[3 * u + a] -= slides[t][static_cast<Eigen::Index>(a)];
   }
 }
@@ -274,7 +274,7 @@ void solve_pressure(const StepContext& step, const SolidStates& states, const So
   double inflow = 0.0;  // through the walls, that the source allows for
   {
     ScopedTimer timer(profile, Stage::kPressureSolve);
-    balance_inflow(step, solids, matter, velocity.field, elasticity.walls, inflow, pressure.source);
+    balance_inflow(step, solids, matter, velocity, elasticity.walls, inflow, pressure.source);
     before = pressure.system.set_right_side(parallel, velocity.field, pressure.source);
     info.divergence_before = before.all;
     info.divergence_before_solid = before.solid;
@@ -285,7 +285,7 @@ void solve_pressure(const StepContext& step, const SolidStates& states, const So
   if (couples) couple_pressure(step, states, solids, g, elasticity, pressure, velocity);
   ScopedTimer timer(profile, Stage::kPressureSolve);
   if (couples) {
-    balance_inflow(step, solids, matter, velocity.field, elasticity.walls, inflow, pressure.source);
+    balance_inflow(step, solids, matter, velocity, elasticity.walls, inflow, pressure.source);
     pressure.system.set_right_side(parallel, velocity.field, pressure.source);
   }
   // The solve starts from the last pressure, less what acts already.
@@ -317,7 +317,8 @@ void project_velocity(const StepContext& step, const Grid& g, VelocityEquation& 
   if (!elasticity.walls.empty() || !elasticity.given.empty()) {
     grid::fill_ghosts(g, pressure.q, Real(0));
     add_given_reactions(parallel, g, pressure.q, pressure.coupled, pressure.correction, velocity.slip, elasticity);
-    add_reactions(parallel, g, pressure.q, pressure.coupled, pressure.correction, elasticity.system, elasticity.walls);
+    add_reactions(parallel, g, pressure.q, pressure.coupled, pressure.correction, velocity.slip, elasticity.system,
+                  elasticity.walls);
   }
   std::swap(pressure.q, next);
   linalg::scale(parallel, next, -1.0 / dt);

@@ -1,4 +1,4 @@
-// Purpose: what a step does not change: parameters, grid of the box, solids at rest, emitters, pins.
+// Purpose: what a step does not change: parameters, grid of the box, solids at rest, emitters, forces, pins.
 #pragma once
 
 #include <vector>
@@ -11,11 +11,14 @@
 
 namespace efsi::sim {
 
+struct ForceField;
+
 struct Scene {
   const Params& params;
   const grid::Grid& grid;
   const std::vector<solid::SolidRest>& solids;
   const std::vector<fluid::Emitter>& emitters;
+  const std::vector<ForceField>& forces;
   const std::vector<Pin>& pins;
 };
 

@@ -18,6 +18,7 @@
 #include "solid/mass.hpp"
 #include "solid/material_force.hpp"
 #include "solid/momentum.hpp"
+#include "solid/plasticity.hpp"
 #include "solid/surface.hpp"
 
 namespace efsi::sim {
@@ -57,6 +58,9 @@ void validate(const SolidDesc& d) {
   not_negative("rayleigh_alpha", d.rayleigh_alpha);
   not_negative("rayleigh_beta", d.rayleigh_beta);
   not_negative("friction", d.friction);
+  not_negative("plastic_yield_stress", d.plastic.yield_stress);
+  positive("plastic_flow_rate", d.plastic.flow_rate);
+  not_negative("plastic_hardening", d.plastic.hardening);
   for (int a = 0; a < 3; ++a) {
     if (!std::isfinite(d.velocity[a])) refuse("EfsiSolidDef.velocity", d.velocity[a], "finite");
     if (!std::isfinite(d.angular_velocity[a])) refuse("EfsiSolidDef.angular_velocity", d.angular_velocity[a], "finite");
@@ -184,6 +188,7 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
   rest.rayleigh_beta = desc.rayleigh_beta;
   rest.friction = desc.friction;
   rest.compressible = desc.compressible;
+  rest.plastic = desc.plastic;
   const double spacing = kRestSpacing * grid_.h;
   const auto surface = desc.examined ? desc.examined : geometry::examine(desc.surface, spacing, parallel_);
   if (surface->distance.spacing != spacing)
@@ -226,6 +231,10 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
         state.v.set(g.node(i, j, k), v.cast<Real>());
       }
   state.surface = rest.surface.points;
+  if (rest.plastic.yields()) {
+    rest.plastic_lattice = solid::make_plastic_lattice(report.extent_min, report.extent_max, grid_.h);
+    state.plastic.resize(rest.plastic_lattice.node_count());
+  }
   double speed = 0.0;
   for (const Vec3d& x : state.surface)
     speed = std::max(speed, (desc.velocity + desc.angular_velocity.cross(x - center)).cwiseAbs().maxCoeff());
@@ -307,6 +316,14 @@ std::size_t Simulation::add_passenger(std::size_t solid, std::vector<Vec3d> poin
   return passengers_.size() - 1;
 }
 
+std::size_t Simulation::add_force(const ForceField& force) {
+  if (state_.steps > 0) throw Error(ErrorCode::kArgument, "efsi_force_add: forces are added before the first step");
+  if (force.end_time < force.start_time)
+    refuse("EfsiForceDef.end_time", force.end_time, "at least start_time, " + number(force.start_time));
+  forces_.push_back(force);
+  return forces_.size() - 1;
+}
+
 void Simulation::prepare() {
   if (prepared_) return;
   prepared_ = true;
@@ -334,6 +351,7 @@ void Simulation::prepare() {
 StepInfo Simulation::step(double max_dt) {
   if (!(max_dt > 0.0) || !std::isfinite(max_dt)) refuse("efsi_simulation_step: max_dt", max_dt, "a finite number > 0");
   prepare();
+  contacts_.clear();
   StepInfo info;
   parallel_.together([&] { info = checked_step(max_dt); });
   return info;
@@ -343,6 +361,7 @@ StepInfo Simulation::advance(double duration, const Progress& progress) {
   if (!(duration > 0.0) || !std::isfinite(duration))
     refuse("efsi_simulation_advance: duration", duration, "a finite number > 0");
   prepare();
+  contacts_.clear();
   const double start = state_.time, end = start + duration;
   StepInfo total;
   while (end - state_.time > 1e-9 * duration) {
@@ -380,7 +399,7 @@ StepInfo Simulation::checked_step(double remaining) {
     ScopedTimer timer(profile_, Stage::kCheck);
     keep_backup();
   }
-  const Scene scene{params_, grid_, solids_, emitters_, pins_};
+  const Scene scene{params_, grid_, solids_, emitters_, forces_, pins_};
   double shrink = 1.0;
   std::string reason;
   for (int attempt = 0; attempt <= kMaxRetries; ++attempt) {
@@ -414,6 +433,7 @@ StepInfo Simulation::checked_step(double remaining) {
       }
       info.retries = static_cast<std::uint64_t>(attempt);
       last_step_ = info;
+      add_contacts(info.contacts, contacts_);
       profile_.total_seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
       ++profile_.steps;
       double staged = 0.0;
@@ -490,6 +510,7 @@ SolidDiagnostics Simulation::diagnose_solid(std::size_t index) {
   d.false_edges = solid::count_false_edges(rest, state, work.max_stretch);
   d.elements = work.element_cell.size();
   d.memory_bytes = work.bytes() + solid::state_bytes(state);
+  d.max_plastic_strain = solid::largest_plastic_strain(state);
   return d;
 }
 
@@ -634,6 +655,7 @@ void Simulation::set_state(State state) {
   prepare();
   if (fills_box()) state.window = state_.window;
   state_ = std::move(state);
+  contacts_.clear();
   work_.forget();
 }
 

@@ -10,6 +10,7 @@
 #include "base/log.hpp"
 #include "base/parallel.hpp"
 #include "geometry/mesh_sdf.hpp"
+#include "sim/force_field.hpp"
 #include "sim/params.hpp"
 #include "sim/profile.hpp"
 #include "sim/state.hpp"
@@ -38,6 +39,7 @@ struct SolidDesc {
   double rayleigh_alpha = 0.0, rayleigh_beta = 0.0;
   double friction = 0.0;  // Coulomb's coefficient at walls
   bool compressible = false;
+  material::Plastic plastic;
   material::Law law = material::Law::kCorotational;
   Vec3d velocity = Vec3d::Zero();
   Vec3d angular_velocity = Vec3d::Zero();
@@ -50,6 +52,7 @@ struct SolidDiagnostics {
   Vec3d extent_min = Vec3d::Zero(), extent_max = Vec3d::Zero();
   double min_det_f = 1.0, max_det_f = 1.0, max_stretch = 1.0;
   std::uint64_t elements = 0, memory_bytes = 0, false_edges = 0;
+  double max_plastic_strain = 0.0;
 };
 
 struct FluidDiagnostics {
@@ -78,6 +81,7 @@ class Simulation {
   const std::vector<Pin>& pins() const { return pins_; }
   // Points that ride along with a solid, at rest in its rest shape [m]. At any time. Returns their index from 0.
   std::size_t add_passenger(std::size_t solid, std::vector<Vec3d> points);
+  std::size_t add_force(const ForceField& force);
 
   StepInfo step(double max_dt);
   StepInfo advance(double duration, const Progress& progress);
@@ -92,6 +96,8 @@ class Simulation {
   const Profile& profile() const { return profile_; }
   // What the last good step reported; its initial value before there was one.
   const StepInfo& last_step() const { return last_step_; }
+  // Solids that have pushed each other in the last call of step or advance, so far.
+  const ContactPairs& contacts() const { return contacts_; }
   void reset_profile() { profile_ = Profile{}; }
 
   SolidDiagnostics diagnose_solid(std::size_t index);
@@ -138,6 +144,7 @@ class Simulation {
   std::vector<fluid::Emitter> emitters_;
   std::vector<Pin> pins_;
   std::vector<std::pair<std::size_t, solid::Passenger>> passengers_;  // with their solids
+  std::vector<ForceField> forces_;
   State state_;
   Workspace work_;
   struct {
@@ -146,6 +153,7 @@ class Simulation {
   } box_;  // what was asked for where the common grid is not the box
   Profile profile_;
   StepInfo last_step_;
+  ContactPairs contacts_;
   bool prepared_ = false;
 };
 

@@ -1,54 +1,156 @@
 #include "sim/slip_nodes.hpp"
 
 #include <algorithm>
+#include <optional>
 
+#include "grid/boundary.hpp"
 #include "sim/grid_loops.hpp"
 
 namespace efsi::sim {
+namespace {
 
 using grid::Grid;
+using system::SlipNode;
+
+constexpr std::uint32_t kShared = 0xffffffff;  // carrier of a node that several solids carry
+
+// Which solid carries each node, and 1; kShared.
+std::vector<std::uint32_t> find_carriers(const Parallel& parallel, const Grid& g, const SolidStates& states,
+                                         const SolidWorks& solids) {
+  std::vector<std::uint32_t> carrier(g.node_count(), 0);
+  for (std::size_t l = 0; l < states.size(); ++l)
+    for_band_nodes(parallel, g, states[l].band, [&](std::size_t local, int i, int j, int k) {
+      std::uint32_t& at = carrier[g.node(i, j, k)];
+      if (solids[l].carries[local]) at = at == 0 ? static_cast<std::uint32_t>(l + 1) : kShared;
+    });
+  return carrier;
+}
+
+// The node of solid l's band there, if it carries it.
+std::optional<std::size_t> carried(const Grid& g, const SolidStates& states, const SolidWorks& solids, std::size_t l,
+                                   const Vec3i& at) {
+  const Grid& band = states[l].band.grid;
+  const Vec3i lo = grid::offset(band, g);
+  for (std::size_t a = 0; a < 3; ++a)
+    if (at[a] < lo[a] || at[a] > lo[a] + band.cells[a]) return {};
+  const std::size_t local = band.node(at[0] - lo[0], at[1] - lo[1], at[2] - lo[2]);
+  if (!solids[l].carries[local]) return {};
+  return local;
+}
+
+struct Around {
+  std::uint8_t own = 0, free = 0;  // bits: cells of the box that a solid owns, and those that none does
+};
+Around look_around(const Matter& matter, std::size_t solid, int i, int j, int k) {
+  const Grid& g = matter.common.grid;
+  Around around;
+  for (std::size_t a = 0; a < 8; ++a) {
+    const auto& c = grid::kCorner[a];
+    const Vec3i q{i - c[0], j - c[1], k - c[2]};
+    bool inside = true;
+    for (std::size_t x = 0; x < 3; ++x) inside = inside && q[x] >= 0 && q[x] < g.cells[x];
+    if (!inside) continue;
+    const std::uint8_t owner = matter.owned[g.padded(q[0], q[1], q[2])];
+    const auto bit = static_cast<std::uint8_t>(1u << a);
+    if (owner == solid + 1) around.own = static_cast<std::uint8_t>(around.own | bit);
+    if (owner == 0) around.free = static_cast<std::uint8_t>(around.free | bit);
+  }
+  return around;
+}
+
+// A node that only one solid carries: its velocity and the fluid's, if the fluid slips there.
+bool find_slip(const Matter& matter, const std::vector<std::uint32_t>& carrier, std::size_t solid, Real solid_mass,
+               const Vec3i& at, SlipNode& node) {
+  const Grid& g = matter.common.grid;
+  const auto [i, j, k] = at;
+  const Real fluid_mass = matter.fluid_mass[node.node];
+  const bool face = i == 0 || j == 0 || k == 0 || i == g.cells[0] || j == g.cells[1] || k == g.cells[2];
+  if (face || !(solid_mass > 0) || !(fluid_mass > 0)) return false;
+  // Between folds of one solid; two solids part and meet, and the fluid between them has to get in and out.
+  const auto is_gap = [&](int x, int y, int z) {
+    const std::uint32_t first = carrier[g.node(x, y, z)];
+    return first != kShared && std::all_of(std::begin(grid::kCorner), std::end(grid::kCorner), [&](const auto& c) {
+             const std::uint32_t corner = carrier[g.node(x + c[0], y + c[1], z + c[2])];
+             return corner > 0 && corner == first;
+           });
+  };
+  for (std::size_t a = 0; a < 8; ++a) {
+    const auto& corner = grid::kCorner[a];
+    if (matter.owned[g.padded(i - corner[0], j - corner[1], k - corner[2])])
+      node.solid_cells = static_cast<std::uint8_t>(node.solid_cells | (1u << a));
+    else if (is_gap(i - corner[0], j - corner[1], k - corner[2]))
+      return false;
+  }
+  node.solid = solid;
+  node.solid_mass = solid_mass;
+  node.fluid_mass = fluid_mass;
+  node.normal = system::stair_normal(node.solid_cells);
+  return !node.normal.isZero();
+}
+
+// A node that several solids carry: one entry for each of them.
+void find_shared(const Scene& scene, const SolidStates& states, const SolidWorks& solids, const Matter& matter,
+                 const Vec3i& at, const SlipNode& node, std::vector<SlipNode>& out) {
+  const auto& [g, walls] = matter.common;
+  const auto [i, j, k] = at;
+  const std::size_t before = out.size();
+  for (std::size_t l = 0; l < states.size(); ++l) {
+    const auto local = carried(g, states, solids, l, at);
+    if (!local) continue;
+    SlipNode entry = node;
+    const Around around = look_around(matter, l, i, j, k);
+    entry.solid = l;
+    entry.solid_cells = around.own;
+    entry.solid_mass = solids[l].mass[*local];
+    entry.in_fluid = scene.params.fluid.present;
+    entry.fluid_cells = entry.in_fluid ? around.free : std::uint8_t{0};
+    entry.fluid_mass = matter.fluid_mass[node.node];
+    entry.mass = matter.mass[node.node];
+    entry.base_fixed = matter.fixed[node.node];
+    entry.fixed = entry.held = grid::fixed_for_solid(g, walls, i, j, k);
+    entry.fluid_fixed = static_cast<std::uint8_t>(grid::fixed_components(g, walls, i, j, k));
+    out.push_back(entry);
+  }
+  for (std::size_t t = before; t < out.size(); ++t) out[t].solids = static_cast<std::uint8_t>(out.size() - before);
+}
+
+}  // namespace
 
 system::SlipNodes find_slip_nodes(const Parallel& parallel, const Scene& scene, const SolidStates& states,
                                   const SolidWorks& solids, const Matter& matter) {
-  if (!scene.params.numerics.fluid_slips || !scene.params.fluid.present || scene.solids.empty()) return {};
+  const Numerics& numerics = scene.params.numerics;
+  const bool slips = numerics.fluid_slips && scene.params.fluid.present;
+  const bool shares = numerics.walls_push_only && states.size() > 1;
+  if (states.empty() || (!slips && !shares)) return {};
   const Grid& g = matter.common.grid;
-  std::vector<std::uint8_t> carriers(g.node_count(), 0);
-  std::vector<std::uint32_t> first(g.node_count(), 0);  // solid that carries the node, and 1
-  for (std::size_t l = 0; l < scene.solids.size(); ++l)
+  const std::vector<std::uint32_t> carrier = find_carriers(parallel, g, states, solids);
+  std::vector<std::vector<SlipNode>> planes(static_cast<std::size_t>(g.cells[2] + 1));
+  for (std::size_t l = 0; l < states.size(); ++l)
     for_band_nodes(parallel, g, states[l].band, [&](std::size_t local, int i, int j, int k) {
+      SlipNode node{};
+      node.node = g.node(i, j, k);
+      node.i = i;
+      node.j = j;
+      node.k = k;
+      std::vector<SlipNode>& plane = planes[static_cast<std::size_t>(k)];
       if (!solids[l].carries[local]) return;
-      ++carriers[g.node(i, j, k)];
-      first[g.node(i, j, k)] = static_cast<std::uint32_t>(l + 1);
-    });
-  // Between folds of one solid; two solids part and meet, and the fluid between them has to get in and out.
-  const auto is_gap = [&](int i, int j, int k) {
-    const std::uint32_t solid = first[g.node(i, j, k)];
-    return std::all_of(std::begin(grid::kCorner), std::end(grid::kCorner), [&](const auto& c) {
-      const std::uint32_t corner = first[g.node(i + c[0], j + c[1], k + c[2])];
-      return corner > 0 && corner == solid;
-    });
-  };
-  std::vector<std::vector<system::SlipNode>> planes(static_cast<std::size_t>(g.cells[2] + 1));
-  for (std::size_t l = 0; l < scene.solids.size(); ++l)
-    for_band_nodes(parallel, g, states[l].band, [&](std::size_t local, int i, int j, int k) {
-      const std::size_t n = g.node(i, j, k);
-      const bool face = i == 0 || j == 0 || k == 0 || i == g.cells[0] || j == g.cells[1] || k == g.cells[2];
-      const Real solid_mass = solids[l].mass[local], fluid_mass = matter.fluid_mass[n];
-      if (face || carriers[n] != 1 || !solids[l].carries[local] || !(solid_mass > 0) || !(fluid_mass > 0)) return;
-      system::SlipNode node{n, i, j, k, l, 0, Vec3::Zero(), solid_mass, fluid_mass};
-      for (std::size_t a = 0; a < 8; ++a) {
-        const auto& corner = grid::kCorner[a];
-        if (!matter.owned[g.padded(i - corner[0], j - corner[1], k - corner[2])]) {
-          if (is_gap(i - corner[0], j - corner[1], k - corner[2])) return;
-          continue;
-        }
-        node.solid_cells = static_cast<std::uint8_t>(node.solid_cells | (1u << a));
+      if (carrier[node.node] == kShared) {
+        if (!shares) return;
+        for (std::size_t earlier = 0; earlier < l; ++earlier)
+          if (carried(g, states, solids, earlier, {i, j, k})) return;  // it has found them all
+        find_shared(scene, states, solids, matter, {i, j, k}, node, plane);
+      } else if (slips && find_slip(matter, carrier, l, solids[l].mass[local], {i, j, k}, node)) {
+        plane.push_back(node);
       }
-      node.normal = system::stair_normal(node.solid_cells);
-      if (!node.normal.isZero()) planes[static_cast<std::size_t>(k)].push_back(node);
     });
-  std::vector<system::SlipNode> nodes;
-  for (const auto& plane : planes) nodes.insert(nodes.end(), plane.begin(), plane.end());
+  std::vector<SlipNode> nodes;
+  for (auto& plane : planes) {
+    if (states.size() > 1)
+      std::sort(plane.begin(), plane.end(), [](const SlipNode& a, const SlipNode& b) {
+        return std::pair(a.node, a.solid) < std::pair(b.node, b.solid);
+      });
+    nodes.insert(nodes.end(), plane.begin(), plane.end());
+  }
   return system::SlipNodes(parallel, g, std::move(nodes));
 }
 

@@ -17,12 +17,13 @@ using grid::Grid;
 
 namespace {
 
-constexpr double kSkin = 1.75;    // cells between solids at rest on each other: no node carries both
 constexpr double kReach = 1.0;    // cells: rows from this gap on
 constexpr double kDeepest = 1.0;  // cells: deeper than that counts as that
 constexpr double kOutside = 0.5;  // cells: rows act at most that far outside the cells that carry stiffness
-constexpr double kFacing = 0.5;   // least length of the difference of the unit normals of two surfaces that meet
-constexpr int kSearch = 2;        // cells around a surface point in which its element is looked for
+constexpr double kFan =
+    0.01;  // 1 less the square of the mean of the normals in a cell, of a surface of middling curvature
+constexpr double kFacing = 0.5;  // least length of the difference of the unit normals of two surfaces that meet
+constexpr int kSearch = 2;       // cells around a surface point in which its element is looked for
 
 // What two bands have in common, in cells of the box.
 struct Overlap {
@@ -163,6 +164,10 @@ struct Pair {
   Sight from_one, from_other;
 };
 
+// How far a surface knows its normal in a cell, by the mean of the unit normals around it: at an edge they fan out, and
+// the face that it touches decides.
+double certainty(const Vec3d& mean_normal) { return 1.0 / (kFan + std::max(0.0, 1.0 - mean_normal.squaredNorm())); }
+
 // The row of a cell of a pair's nodes, if the surface halfway between the solids cuts it and they are near enough.
 std::optional<FoundRow> find_row(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
                                  const Grid& common, const Pair& pair, const Vec3i& cell) {
@@ -179,17 +184,18 @@ std::optional<FoundRow> find_row(const StepContext& step, const SolidStates& sta
   if (!place) return {};
   const Weights w = trilinear(*place);
   double from_one = 0.0, from_other = 0.0;
-  Vec3d towards = Vec3d::Zero();
+  Vec3d out_of_one = Vec3d::Zero(), out_of_other = Vec3d::Zero();
   for (std::size_t c = 0; c < 8; ++c) {
     from_one += w[c] * pair.from_one.distance[n + corner[c]];
     from_other += w[c] * pair.from_other.distance[n + corner[c]];
-    towards += w[c] * (pair.from_one.outwards[n + corner[c]] - pair.from_other.outwards[n + corner[c]]);
+    out_of_one += w[c] * pair.from_one.outwards[n + corner[c]];
+    out_of_other += w[c] * pair.from_other.outwards[n + corner[c]];
   }
-  const double gap = from_one + from_other - kSkin * g.h;
-  if (!(gap < kReach * g.h && towards.norm() > kFacing)) return {};
+  const double gap = from_one + from_other - kContactSkin * g.h;
+  if (!(gap < kReach * g.h && (out_of_one - out_of_other).norm() > kFacing)) return {};
   FoundRow row{{{pair.one, pair.other}, {cell[0] + g.lo[0], cell[1] + g.lo[1], cell[2] + g.lo[2]}, gap, false}, {}};
   system::ContactRow& contact = row.contact;
-  contact.normal = towards.normalized();
+  contact.normal = (certainty(out_of_one) * out_of_one - certainty(out_of_other) * out_of_other).normalized();
   contact.least = least_velocity(std::max(gap, -kDeepest * g.h), step.dt);
   contact.friction = 0.5 * (step.scene.solids[pair.one].friction + step.scene.solids[pair.other].friction);
   const Vec3d x = g.node_position(cell[0], cell[1], cell[2]) + g.h * *place;
@@ -249,17 +255,22 @@ void recall(const solid::SolidState& solid, double dt, std::vector<FoundRow>& ro
   }
 }
 
-Vec3d velocity_of(const system::ContactRow& row, const grid::VectorField& velocity) {
+// The solid to which a part of a row belongs.
+std::size_t solid_of(const RowPlace& place, std::size_t part) { return place.solids[part < 8 ? 0 : 1]; }
+
+// B v of a row whose parts name nodes.
+Vec3d velocity_of(const RowPlace& place, const system::ContactRow& row, const NodeVelocity& velocity) {
   Vec3d sum = Vec3d::Zero();
-  for (const system::RowPart& part : row.parts)
-    sum += static_cast<double>(part.weight) * velocity.at(part.unknown).cast<double>();
+  for (std::size_t p = 0; p < row.parts.size(); ++p)
+    sum += static_cast<double>(row.parts[p].weight) *
+           velocity.slip.velocity_of(solid_of(place, p), row.parts[p].unknown, velocity.field).cast<double>();
   return sum;
 }
 
 }  // namespace
 
 SolidContacts find_solid_contacts(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
-                                  const CommonGrid& common, NodeVelocity& velocity) {
+                                  const CommonGrid& common, const NodeVelocity& velocity) {
   SolidContacts contacts;
   if (!step.scene.params.numerics.walls_push_only) return contacts;
   for (std::size_t one = 0; one < states.size(); ++one) {
@@ -277,10 +288,10 @@ SolidContacts find_solid_contacts(const StepContext& step, const SolidStates& st
     }
   }
   if (contacts.rows.empty()) return contacts;
-  const system::SolidView view(step.parallel, velocity.slip, velocity.field);
   for (std::size_t r = 0; r < contacts.rows.size(); ++r) {
     const system::ContactRow& row = contacts.rows[r];
-    contacts.places[r].meets = row.push > 0.0 || row.normal.dot(velocity_of(row, velocity.field)) < row.least;
+    contacts.places[r].meets =
+        row.push > 0.0 || row.normal.dot(velocity_of(contacts.places[r], row, velocity)) < row.least;
   }
   return contacts;
 }
@@ -292,8 +303,11 @@ std::vector<std::uint8_t> pressed_solids(std::size_t solids, const SolidContacts
 }
 
 void number_rows(const system::VelocitySystem& system, SolidContacts& contacts) {
-  for (system::ContactRow& row : contacts.rows)
-    for (system::RowPart& part : row.parts) part.unknown = system.unknown_of(part.unknown);
+  for (std::size_t r = 0; r < contacts.rows.size(); ++r)
+    for (std::size_t p = 0; p < contacts.rows[r].parts.size(); ++p) {
+      std::size_t& unknown = contacts.rows[r].parts[p].unknown;
+      unknown = system.unknown_of(solid_of(contacts.places[r], p), unknown);
+    }
 }
 
 SolidPairs meeting_pairs(const SolidContacts& contacts) {
@@ -345,7 +359,7 @@ void measure_vertices(const Scene& scene, const solid::SolidState& vertices, con
     const auto known = [&](std::size_t offset) { return state.valid[n + offset] != solid::kNoData; };
     if (!std::all_of(corner.begin(), corner.end(), known)) continue;
     const Vec3d u = sampler.vector(state.u, at.cast<Real>()).cast<double>();
-    const double gap = rest.distance.sample(x - u) - kSkin * scene.grid.h;
+    const double gap = rest.distance.sample(x - u) - kContactSkin * scene.grid.h;
     out.gap = std::min(out.gap, gap);
     const Vec3d out_of = rest.distance.gradient(x - u).normalized();
     const Vec3d v = sampler.vector(state.v, at.cast<Real>()).cast<double>(),

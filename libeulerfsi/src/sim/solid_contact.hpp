@@ -1,5 +1,5 @@
-// Purpose: where two solids may touch: a row in every cell that the surface halfway between them cuts, kSkin cells of
-// room between them, so that no node carries both (docs/numerics/solid-contact.md). What the rows do: Eq. 8 with
+// Purpose: where two solids may touch: a row in every cell that the surface halfway between them cuts
+// (docs/numerics/solid-contact.md). What the rows do: Eq. 8 with
 // contact, system/contact_solve.hpp.
 #pragma once
 
@@ -8,10 +8,12 @@
 
 namespace efsi::sim {
 
+inline constexpr double kContactSkin = 0.25;  // cells between solids at rest on each other
+
 // All rows of the step, with the impulses of the last one; parts of rows name nodes of the common grid. velocity: of
 // the nodes with all forces but the solids' own. Empty where no two bands overlap.
 SolidContacts find_solid_contacts(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
-                                  const CommonGrid& common, NodeVelocity& velocity);
+                                  const CommonGrid& common, const NodeVelocity& velocity);
 // Per solid: whether a row has pushed it in the last step or will at the velocity of find_solid_contacts.
 std::vector<std::uint8_t> pressed_solids(std::size_t solids, const SolidContacts& contacts);
 // From nodes to the unknowns of an assembled system.

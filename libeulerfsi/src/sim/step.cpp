@@ -4,8 +4,10 @@
 
 #include "fluid/advect.hpp"
 #include "sim/carry_surface.hpp"
+#include "sim/contact_record.hpp"
 #include "sim/energy_ledger.hpp"
 #include "sim/fluid_transport.hpp"
+#include "sim/force_field.hpp"
 #include "sim/masses.hpp"
 #include "sim/momentum_balance.hpp"
 #include "sim/node_velocity.hpp"
@@ -19,9 +21,32 @@
 #include "solid/displacement.hpp"
 #include "solid/mass.hpp"
 #include "solid/material_force.hpp"
+#include "solid/plasticity.hpp"
 
 namespace efsi::sim {
 namespace {
+
+// The forces of the scene.
+void push(const StepContext& step, const SolidWorks& solids, const Matter& matter, SolidStates& states,
+          grid::VectorField& fluid_velocity, EnergyLedger& ledger) {
+  if (step.scene.forces.empty()) return;
+  ScopedTimer timer(step.profile, Stage::kFluidForces);
+  apply_forces(step, matter.common.grid, solids, states, fluid_velocity);
+  ledger.book_forces(matter, fluid_velocity);
+}
+
+// Plastic flow in the solids that can yield, before their forces.
+void flow(const StepContext& step, const SolidWorks& solids, SolidStates& states, EnergyLedger& ledger) {
+  ScopedTimer timer(step.profile, Stage::kComputeG);
+  bool any = false;
+  for (std::size_t l = 0; l < solids.size(); ++l) {
+    const solid::SolidRest& rest = step.scene.solids[l];
+    if (!rest.plastic.yields()) continue;
+    solid::flow(step.parallel, rest, step.dt, step.scene.params.numerics.points_per_element, solids[l], states[l]);
+    any = true;
+  }
+  if (any) ledger.book_solids(EnergyStage::kPlasticFlow);
+}
 
 // Which cells carry stiffness, for the next step's choice.
 void remember_elements(const StepContext& step, const Hold& hold, const solid::SolidWork& work,
@@ -57,15 +82,6 @@ void transport_solid(const StepContext& step, std::size_t l, const solid::RigidS
   give_surface(step, l, state);
   remember_elements(step, hold, work, state);
   solid::follow_solid(scene.grid, scene.solids[l], state);
-}
-
-// Of the transport, per solid; at rest where nothing keeps momenta.
-std::vector<solid::RigidStep> transport_frames(const StepContext& step, const Holds& holds,
-                                               const TransportMomenta& momenta) {
-  std::vector<solid::RigidStep> frames(step.scene.solids.size());
-  for (std::size_t l = 0; l < momenta.solids.size(); ++l)
-    frames[l] = transport_frame(holds.of(l), momenta.first[l], momenta.solids[l], step.dt);
-  return frames;
 }
 
 // After the transport: lines 3 and 7 of the next step, of the solids where they are now, and what gives back what the
@@ -145,12 +161,14 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   elasticity.given = find_given(step, states, solids, matter, velocity.slip);
   EnergyLedger ledger(step, states, solids, matter, fluid.velocity);
   if (numerics.conserve_momentum) measure_first_momenta(step, states, solids, momenta);
+  flow(step, solids, states, ledger);
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {  // lines 2-6
     ScopedTimer timer(profile, Stage::kComputeG);
     solid::compute_material(parallel, scene.solids[l], states[l], numerics.points_per_element,  // Alg. 1 line 4
                             solids[l]);
     timer.visited(solids[l].element_cell.size(), sizeof(solid::ElementPoint));
   }
+  push(step, solids, matter, states, fluid.velocity, ledger);
   ledger.book_weight(weight_in_step(scene, dt, solids), fluid.velocity);
   combine_velocities(step, states, solids, matter, fluid.velocity, velocity);
   ledger.book_nodes(EnergyStage::kMixing, velocity);
@@ -169,18 +187,19 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   project_velocity(step, common, elasticity, pressure, velocity, fluid.pressure);                // Alg. 1 line 11
   ledger.book_nodes(EnergyStage::kPressure, velocity);
   ledger.book_source(fluid.pressure, pressure.source);
-  keep_off(parallel, matter.mass, velocity, elasticity.walls);
+  keep_off(matter.mass, velocity, elasticity.walls);
   remember_rows(dt, elasticity.walls, states);
   remember_contacts(dt, elasticity.contacts, states);
   info.pins = sum_impulses(scene.pins.size(), elasticity.given);
+  info.contacts = record_contacts(scene, states, elasticity, pressure);
   if (numerics.conserve_momentum) measure_momenta(step, states, solids, matter, velocity, momenta);
-  const std::vector<solid::RigidStep> frames = transport_frames(step, elasticity.holds, momenta);
+  const std::vector<solid::RigidStep> frames = transport_frames(elasticity.holds, momenta.first, momenta.solids, dt);
   const std::vector<VolumeTarget> targets = volume_targets(scene.solids, states, solids);
   ledger.meet(velocity, frames);
 
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {  // lines 12-16
     ScopedTimer timer(profile, Stage::kSolidAdvection);
-    const system::SolidView view(parallel, velocity.slip, velocity.field);
+    const system::SolidView view(parallel, velocity.slip, l, velocity.field);
     solid::take_velocity(parallel, common, velocity.field, states[l], solids[l]);  // Alg. 1 line 13
   }
   pressure.system.exchange_scratch(solid_advect.storage());

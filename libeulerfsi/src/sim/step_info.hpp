@@ -7,6 +7,7 @@
 
 #include "base/parallel.hpp"
 #include "grid/grid.hpp"
+#include "sim/contact_record.hpp"
 #include "sim/energy_record.hpp"
 #include "sim/scene.hpp"
 #include "sim/step_record.hpp"
@@ -26,6 +27,7 @@ struct StepInfo {
   std::vector<TransportChange> transport;  // per solid, of the last step; empty where nothing restores momenta
   std::vector<Vec3d> pins;                 // impulse per pin, of the last step [kg m/s]
   std::optional<EnergyRecord> energy;      // of the last step, where the ledger is on
+  ContactPairs contacts;                   // of the last step
 };
 
 // What a step's work on the solids says of their speeds, det F and clamped cells.

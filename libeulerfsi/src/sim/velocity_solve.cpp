@@ -25,7 +25,8 @@ std::vector<Real> old_velocities(const SolidStates& states, const SolidWorks& so
     for (std::size_t n = 0; n < solids[l].carries.size(); ++n) {
       if (!solids[l].carries[n]) continue;
       const Vec3i at = band.node_place(n);
-      const std::size_t u = 3 * elasticity.system.unknown_of(common.node(at[0] + lo[0], at[1] + lo[1], at[2] + lo[2]));
+      const std::size_t u =
+          3 * elasticity.system.unknown_of(l, common.node(at[0] + lo[0], at[1] + lo[1], at[2] + lo[2]));
       for (std::size_t a = 0; a < 3; ++a)
         if (elasticity.system.free()[u + a] > 0) old[u + a] = states[l].v.c[a][n];
     }
@@ -79,10 +80,7 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
   number_rows(system, contacts);
   drop_blocked_rows(elasticity.given, system, contacts);
   elasticity.holds = find_holds(scene.solids.size(), system, meeting_pairs(contacts));
-  {
-    const system::SolidView view(parallel, velocity.slip, velocity.field);
-    system.gather(parallel, velocity.field, elasticity.v_star);
-  }
+  system.gather(parallel, velocity.field, velocity.slip, elasticity.v_star);
   // momentum = M (v + dt f_ext / m) + dt f_int, f* = momentum + what stands for K v^n
   std::vector<Real> force;
   system.internal_force(parallel, force);
@@ -127,10 +125,7 @@ void solve_velocity(const StepContext& step, VelocityEquation& elasticity, NodeV
 
 void write_back(const Parallel& parallel, const system::VelocitySystem& system, const std::vector<Real>& x,
                 NodeVelocity& velocity) {
-  {
-    const system::SolidView view(parallel, velocity.slip, velocity.field);
-    system.scatter(parallel, x, velocity.field);
-  }
+  system.scatter(parallel, x, velocity.field, velocity.slip);
   velocity.slip.follow_solid(parallel, velocity.field);
 }
 

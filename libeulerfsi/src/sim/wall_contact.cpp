@@ -196,12 +196,12 @@ void share_friction(double whole, std::vector<WallRow>& rows) {
   for (WallRow& row : rows) row.limit *= factor;
 }
 
-// All rows, the normal velocities of which are those in `velocity`. At nodes that solids share the first one's.
+// All rows, the normal velocities of which are those in `velocity`.
 std::vector<WallRow> find_rows(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
-                               const CommonGrid& common, const grid::VectorField& velocity) {
+                               const CommonGrid& common, const NodeVelocity& velocity) {
   const auto& [parallel, scene, time, dt, profile, info] = step;
   std::vector<WallRow> rows;
-  std::map<std::size_t, std::uint8_t> axes;  // node -> axes with a row
+  std::map<std::pair<std::size_t, std::size_t>, std::uint8_t> axes;  // solid, node -> axes with a row
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     const LastPresses last = last_presses(states[l]);
     const grid::VectorField& own = states[l].v;
@@ -211,21 +211,22 @@ std::vector<WallRow> find_rows(const StepContext& step, const SolidStates& state
       if (print.rows.empty()) continue;
       fill_gaps(states[l].band.grid, scene.solids[l], states[l], print);
       find_vertices(common, states[l], face, print);
-      std::erase_if(print.rows, [&](const WallRow& row) { return axes[row.node] & bit(row.axis); });
+      std::erase_if(print.rows, [&](const WallRow& row) { return axes[{l, row.node}] & bit(row.axis); });
       for (WallRow& row : print.rows) {
         const Grid& band = states[l].band.grid;
         const std::size_t node =
             band.node(row.place[0] - band.lo[0], row.place[1] - band.lo[1], row.place[2] - band.lo[2]);
         const auto held = last.find({row.place[0], row.place[1], row.place[2], row.axis});
         decide(held == last.end() ? nullptr : held->second, scene.grid.h, dt, fast, scene.solids[l].friction,
-               row.out * own.c[static_cast<std::size_t>(row.axis)][node], velocity.at(row.node), row);
-        axes[row.node] |= bit(row.axis);
+               row.out * own.c[static_cast<std::size_t>(row.axis)][node],
+               velocity.slip.velocity_of(l, row.node, velocity.field), row);
+        axes[{l, row.node}] |= bit(row.axis);
       }
       share_friction(scene.solids[l].friction * dt * pushed_at(states[l], face), print.rows);
       rows.insert(rows.end(), print.rows.begin(), print.rows.end());
     }
   }
-  for (WallRow& row : rows) row.tangents = static_cast<std::uint8_t>(7u & ~axes[row.node]);
+  for (WallRow& row : rows) row.tangents = static_cast<std::uint8_t>(7u & ~axes[{row.solid, row.node}]);
   return rows;
 }
 
@@ -246,26 +247,46 @@ Vec3 prescribe(Real mass, Vec3 v, WallRow& row) {
   return v;
 }
 
+// The same where solids share the node.
+void prescribe_shared(std::size_t t, const WallRow& row, system::SlipNodes& slip) {
+  std::uint8_t fixed = slip.nodes()[t].fixed, held = slip.nodes()[t].held;
+  held = static_cast<std::uint8_t>(row.holds ? held | bit(row.axis) : held & ~bit(row.axis));
+  if (row.rub == Rub::kSticks) {
+    held = static_cast<std::uint8_t>(held | row.tangents);
+    if (row.on_wall) fixed = static_cast<std::uint8_t>(fixed | row.tangents);
+  }
+  slip.prescribe(t, fixed, held);
+}
+
 }  // namespace
 
 void meet_walls(const StepContext& step, const SolidStates& states, const SolidWorks& solids, Matter& matter,
                 NodeVelocity& velocity, std::vector<WallRow>& rows) {
   const auto& [parallel, scene, time, dt, profile, info] = step;
   ScopedTimer timer(profile, Stage::kFluidForces);
-  velocity.slip.share_normal(parallel, velocity.field);
-  const system::SolidView view(parallel, velocity.slip, velocity.field);
+  system::SlipNodes& slip = velocity.slip;
+  slip.share_normal(parallel, velocity.field);
   rows.clear();
-  if (scene.params.numerics.walls_push_only) rows = find_rows(step, states, solids, matter.common, velocity.field);
+  if (scene.params.numerics.walls_push_only) rows = find_rows(step, states, solids, matter.common, velocity);
   std::vector<Vec3> prescribed;
   for (WallRow& row : rows) {
-    prescribed.push_back(prescribe(matter.mass[row.node], velocity.field.at(row.node), row));
-    if (row.rub == Rub::kSticks && row.on_wall)
+    const std::size_t t = slip.find(row.solid, row.node);
+    const bool shared = t != system::SlipNodes::kNone && slip.nodes()[t].shared();
+    prescribed.push_back(prescribe(shared ? slip.nodes()[t].solid_mass : matter.mass[row.node],
+                                   slip.velocity_of(row.solid, row.node, velocity.field), row));
+    if (shared)
+      prescribe_shared(t, row, slip);
+    else if (row.rub == Rub::kSticks && row.on_wall)
       matter.fixed[row.node] = static_cast<std::uint8_t>(matter.fixed[row.node] | row.tangents);
   }
   enforce_walls(parallel, matter.common.grid, matter.fixed, velocity.field);
+  for (std::size_t t = 0; t < slip.nodes().size(); ++t)
+    for (int a = 0; a < 3; ++a)
+      if (slip.nodes()[t].fixed & bit(a)) slip.solid_velocity()[t][a] = 0;
   for (std::size_t r = 0; r < rows.size(); ++r) {
-    velocity.field.c[static_cast<std::size_t>(rows[r].axis)][rows[r].node] = prescribed[r][rows[r].axis];
-    if (!rows[r].on_wall) velocity.field.set(rows[r].node, prescribed[r]);
+    Vec3 v = slip.velocity_of(rows[r].solid, rows[r].node, velocity.field);
+    v[rows[r].axis] = prescribed[r][rows[r].axis];
+    slip.set_velocity_of(rows[r].solid, rows[r].node, rows[r].on_wall ? v : prescribed[r], velocity.field);
   }
 }
 
@@ -279,16 +300,25 @@ std::vector<std::uint8_t> held_components(const std::vector<std::uint8_t>& fixed
   return held;
 }
 
+namespace {
+
+std::size_t unknown_of(const WallRow& row, const system::VelocitySystem& system) {
+  return system.unknown_of(row.solid, row.node);
+}
+
+}  // namespace
+
 void tie_rows(const std::vector<WallRow>& rows, system::VelocitySystem& system) {
   for (const WallRow& row : rows)
-    if (!row.holds && row.on_wall) system.tie(system.unknown_of(row.node), system.unknown_of(row.above), row.axis);
+    if (!row.holds && row.on_wall)
+      system.tie(unknown_of(row, system), system.unknown_of(row.solid, row.above), row.axis);
 }
 
 namespace {
 
 // Adds to the right-hand sides, `part` times, what brakes a row that slides.
 void brake(const WallRow& row, Real part, VelocityEquation& elasticity) {
-  const std::size_t u = 3 * elasticity.system.unknown_of(row.node);
+  const std::size_t u = 3 * unknown_of(row, elasticity.system);
   for (std::size_t a = 0; a < 3; ++a) {
     if (!(row.tangents & bit(static_cast<int>(a)))) continue;
     const Real impulse = -row.limit * row.way[static_cast<Eigen::Index>(a)];
@@ -307,7 +337,7 @@ void add_friction(const std::vector<WallRow>& rows, VelocityEquation& elasticity
 bool hold_more(std::vector<WallRow>& rows, VelocityEquation& elasticity) {
   bool any = false;
   for (WallRow& row : rows) {
-    const std::size_t unknown = elasticity.system.unknown_of(row.node), u = 3 * unknown;
+    const std::size_t unknown = unknown_of(row, elasticity.system), u = 3 * unknown;
     const Vec3 v(elasticity.v_star[u], elasticity.v_star[u + 1], elasticity.v_star[u + 2]);
     if (!row.holds && row.out * v[row.axis] < row.least) {
       row.holds = any = true;
@@ -348,49 +378,52 @@ void add_reactions(const Parallel& parallel, VelocityEquation& elasticity, std::
   std::vector<Real> moved;
   elasticity.system.multiply(parallel, elasticity.v_star, moved);
   for (WallRow& row : rows) {
-    const std::size_t u = elasticity.system.unknown_of(row.node);
+    const std::size_t u = unknown_of(row, elasticity.system);
     add(entries(moved, u) - entries(elasticity.f_star, u), row);
   }
 }
 
 void add_reactions(const Parallel& parallel, const Grid& g, const std::vector<Real>& q, Real coupled,
-                   const std::vector<Real>& correction, system::VelocitySystem& system, std::vector<WallRow>& rows) {
+                   const std::vector<Real>& correction, const system::SlipNodes& slip, system::VelocitySystem& system,
+                   std::vector<WallRow>& rows) {
   if (rows.empty()) return;
   std::vector<Real> stiff;
   if (coupled != 0) system.multiply(parallel, correction, stiff);
   for (WallRow& row : rows) {
     if (!row.on_wall) continue;
     const auto [x, y, z] = g.node_place(row.node);
-    Vec3 impulse = system::pressure_impulse(g, q, x, y, z);
-    if (coupled != 0) impulse -= coupled * entries(stiff, system.unknown_of(row.node));
+    const std::size_t t = slip.find(row.solid, row.node);
+    Vec3 impulse = t == system::SlipNodes::kNone ? system::pressure_impulse(g, q, x, y, z) : slip.solid_impulse(t, q);
+    if (coupled != 0) impulse -= coupled * entries(stiff, unknown_of(row, system));
     add(impulse, row);
   }
 }
 
-void keep_off(const Parallel& parallel, const std::vector<Real>& mass, NodeVelocity& velocity,
-              std::vector<WallRow>& rows) {
-  const system::SolidView view(parallel, velocity.slip, velocity.field);
+void keep_off(const std::vector<Real>& mass, NodeVelocity& velocity, std::vector<WallRow>& rows) {
   for (WallRow& row : rows) {
     if (row.on_wall || !row.holds) continue;
-    Real& v = velocity.field.c[static_cast<std::size_t>(row.axis)][row.node];
-    const Real missing = std::max(Real(0), row.least - row.out * v);
-    v += row.out * missing;
-    row.push += mass[row.node] * missing;
+    const std::size_t t = velocity.slip.find(row.solid, row.node);
+    const bool shared = t != system::SlipNodes::kNone && velocity.slip.nodes()[t].shared();
+    Vec3 v = velocity.slip.velocity_of(row.solid, row.node, velocity.field);
+    const Real missing = std::max(Real(0), row.least - row.out * v[row.axis]);
+    v[row.axis] += row.out * missing;
+    velocity.slip.set_velocity_of(row.solid, row.node, v, velocity.field);
+    row.push += (shared ? velocity.slip.nodes()[t].solid_mass : mass[row.node]) * missing;
   }
 }
 
 void balance_inflow(const StepContext& step, const SolidWorks& solids, const Matter& matter,
-                    const grid::VectorField& velocity, const std::vector<WallRow>& rows, double& balanced,
+                    const NodeVelocity& velocity, const std::vector<WallRow>& rows, double& balanced,
                     std::vector<Real>& source) {
   const auto& [parallel, scene, time, dt, profile, info] = step;
   const Grid& g = matter.common.grid;
-  if (rows.empty() || source.empty() || !scene.params.fluid.present || scene.params.walls.any_open()) return;
-  double inflow = 0.0;  // [m^3/s]
+  if (source.empty() || !scene.params.fluid.present || scene.params.walls.any_open()) return;
+  double inflow = -velocity.slip.opening(velocity.field);  // [m^3/s]
   for (const WallRow& row : rows) {
-    if (!row.on_wall) continue;
+    if (!row.on_wall || velocity.slip.find(row.solid, row.node) != system::SlipNodes::kNone) continue;
     const auto [i, j, k] = g.node_place(row.node);
-    inflow +=
-        g.h * g.h / 4.0 * adjacent_cells(g, i, j, k) * static_cast<double>(row.out * velocity.at(row.node)[row.axis]);
+    inflow += g.h * g.h / 4.0 * adjacent_cells(g, i, j, k) *
+              static_cast<double>(row.out * velocity.field.at(row.node)[row.axis]);
   }
   const double fluid_cells = count_fluid_cells(g, solids);
   if (inflow == balanced || fluid_cells < 1.0) return;

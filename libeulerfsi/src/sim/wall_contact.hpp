@@ -29,14 +29,14 @@ void add_reactions(const Parallel& parallel, VelocityEquation& elasticity, std::
 // The same of the pressure; q: all that acts in the step, ghosts filled; coupled: how much of G correction was taken
 // off.
 void add_reactions(const Parallel& parallel, const grid::Grid& g, const std::vector<Real>& q, Real coupled,
-                   const std::vector<Real>& correction, system::VelocitySystem& system, std::vector<WallRow>& rows);
+                   const std::vector<Real>& correction, const system::SlipNodes& slip, system::VelocitySystem& system,
+                   std::vector<WallRow>& rows);
 // The pressure moves nodes above walls: those of rows that hold get back what these prescribe. mass: of all matter.
-void keep_off(const Parallel& parallel, const std::vector<Real>& mass, NodeVelocity& velocity,
-              std::vector<WallRow>& rows);
-// In a closed box the fluid gives what comes in through walls that solids leave: it fills the gap below them, which is
-// thinner than a cell. balanced: what the source allows for already [m^3/s].
+void keep_off(const std::vector<Real>& mass, NodeVelocity& velocity, std::vector<WallRow>& rows);
+// In a closed box the fluid gives what comes in through walls that solids leave, and where solids leave each other: it
+// fills the gap, which is thinner than a cell. balanced: what the source allows for already [m^3/s].
 void balance_inflow(const StepContext& step, const SolidWorks& solids, const Matter& matter,
-                    const grid::VectorField& velocity, const std::vector<WallRow>& rows, double& balanced,
+                    const NodeVelocity& velocity, const std::vector<WallRow>& rows, double& balanced,
                     std::vector<Real>& source);
 // What the next step wants to know.
 void remember_rows(double dt, const std::vector<WallRow>& rows, SolidStates& states);

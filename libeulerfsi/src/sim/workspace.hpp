@@ -24,7 +24,7 @@ struct Matter {
   std::vector<Real> fluid_mass;       // per node, where solids leave room [kg]; empty without solids
   std::vector<Real> mass;             // of all matter per node [kg]; empty without solids
   std::vector<Real> specific_volume;  // 1/density per node [m^3/kg]
-  std::vector<std::uint8_t> owned;    // padded cells that carry a solid's stiffness; empty without solids
+  std::vector<std::uint8_t> owned;    // padded cells: 1 + the solid whose stiffness they carry, 0; empty without solids
   std::vector<Real> cell_fraction;    // part of each cell that solids fill; empty without solids
 };
 

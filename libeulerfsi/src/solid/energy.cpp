@@ -1,24 +1,21 @@
 #include "solid/energy.hpp"
 
 #include "solid/hexahedron.hpp"
-#include "solid/reference_map.hpp"
+#include "solid/plasticity.hpp"
 
 namespace efsi::solid {
 namespace {
 
-// Of a whole cell with these displacements at its corners, per element that it would be [J].
-double cell_energy(const material::Elastic& elastic, const Vec3d u[8], double h, int points) {
+// Of a whole cell with these displacements at its corners, the lowest at x0, per element that it would be [J].
+double cell_energy(const material::Elastic& elastic, const PlasticField& plastic, const Vec3d u[8], const Vec3d& x0,
+                   double h, std::size_t points) {
   double energy = 0.0;
-  for (std::size_t q = 0; q < static_cast<std::size_t>(points); ++q) {
-    const ShapeGradients& gradients = points == 1 ? center_gradients() : gauss_gradients()[q];
-    const Deformation d = deformation_from_displacement(displacement_gradient(u, gradients, h));
-    energy += h * h * h / (points * d.det) * material::principal_response(elastic, d.stretch).energy;
-  }
-  if (points > 1) return energy;
-  for (const auto& sign : kHourglassSign) {
-    Vec3d amplitude = Vec3d::Zero();
-    for (std::size_t a = 0; a < 8; ++a) amplitude += sign[a] * kHourglassNorm * u[a];
-    energy += 0.5 * kHourglassFactor * elastic.mu * h * amplitude.squaredNorm();
+  for (std::size_t q = 0; q < points; ++q) {
+    const ElasticPoint p = elastic_point(plastic, u, x0, h, q, points);
+    const double volume = h * h * h / (static_cast<double>(points) * p.elastic.det);
+    energy += volume * material::principal_response(elastic, p.elastic.stretch).energy;
+    if (points == 1)
+      energy += hourglass_energy(kHourglassFactor * elastic.mu * h, p, hourglass_amplitudes(plastic, p, u, h));
   }
   return energy;
 }
@@ -29,6 +26,8 @@ double elastic_energy(const Parallel& parallel, const SolidRest& rest, const Sol
                       int points_per_element) {
   const Grid& g = state.band.grid;
   const auto corner = grid::corner_offsets(g);
+  const PlasticField plastic(rest, state);
+  const auto points = static_cast<std::size_t>(points_per_element);
   constexpr std::int64_t kChunk = 256;
   const auto elements = static_cast<std::int64_t>(work.element_corner.size());
   return work.element_weight * parallel.sum((elements + kChunk - 1) / kChunk, [&](std::int64_t chunk) {
@@ -37,7 +36,8 @@ double elastic_energy(const Parallel& parallel, const SolidRest& rest, const Sol
       const auto n = static_cast<std::size_t>(work.element_corner[static_cast<std::size_t>(e)]);
       Vec3d u[8];
       for (std::size_t a = 0; a < 8; ++a) u[a] = state.u.at(n + corner[a]).cast<double>();
-      sum += cell_energy(rest.elastic, u, g.h, points_per_element);
+      const Vec3i place = g.node_place(n);
+      sum += cell_energy(rest.elastic, plastic, u, g.node_position(place[0], place[1], place[2]), g.h, points);
     }
     return sum;
   });
@@ -47,6 +47,8 @@ ShapeEnergies measure_shape(const Parallel& parallel, const SolidRest& rest, con
                             const SolidWork& work, int points_per_element) {
   const Grid& g = state.band.grid;
   const auto corner = grid::corner_offsets(g);
+  const PlasticField plastic(rest, state);
+  const auto points = static_cast<std::size_t>(points_per_element);
   struct Sums {
     double mass = 0.0;  // over rho0 h^3
     double kinetic = 0.0, elastic = 0.0;
@@ -71,7 +73,7 @@ ShapeEnergies measure_shape(const Parallel& parallel, const SolidRest& rest, con
         s.mass += mass;
         s.kinetic += mass * square / 16.0;
         s.moment += mass * g.cell_center(i, j, k);
-        s.elastic += fraction * cell_energy(rest.elastic, u, g.h, points_per_element);
+        s.elastic += fraction * cell_energy(rest.elastic, plastic, u, g.node_position(i, j, k), g.h, points);
       }
   });
   Sums total;

@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "solid/hexahedron.hpp"
-#include "solid/reference_map.hpp"
+#include "solid/plasticity.hpp"
 
 namespace efsi::solid {
 namespace {
@@ -92,6 +92,22 @@ Mat3 hourglass_stiffness(const ElementPoint& point) {
   return axes * Vec3(point.hourglass[1], point.hourglass[2], point.hourglass[3]).asDiagonal() * axes.transpose();
 }
 
+Vec3d position_of(const Grid& g, std::size_t node) {
+  const Vec3i place = g.node_place(node);
+  return g.node_position(place[0], place[1], place[2]);
+}
+
+// Of the modes at an element's corners, k F^-T C_p X: what add_hourglass adds where nothing has yielded.
+std::array<Real, 12> hourglass_force(double k, const ElasticPoint& center, const std::array<Vec3d, 4>& amplitudes) {
+  std::array<Real, 12> out;
+  const Mat3d turn = k * kHourglassNorm * center.inverse_f.transpose() * center.metric;
+  for (std::size_t m = 0; m < 4; ++m) {
+    const Vec3d force = turn * amplitudes[m];
+    for (std::size_t i = 0; i < 3; ++i) out[3 * m + i] = static_cast<Real>(force[static_cast<Eigen::Index>(i)]);
+  }
+  return out;
+}
+
 }  // namespace
 
 void compute_material(const Parallel& parallel, const SolidRest& rest, const SolidState& state, int points_per_element,
@@ -101,6 +117,8 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
   const std::size_t elements = work.element_cell.size();
   const auto points = static_cast<std::size_t>(points_per_element);
   work.resize_elements(points_per_element);
+  const PlasticField plastic(rest, state);
+  work.hourglass_force.resize(plastic.empty() || points != 1 ? 0 : elements);
   material::Elastic elastic = rest.elastic;
   elastic.mu *= work.element_weight;
   elastic.lambda *= work.element_weight;
@@ -119,10 +137,11 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
       const auto n = static_cast<std::size_t>(work.element_corner[e]);
       Vec3d u[8];
       for (std::size_t a = 0; a < 8; ++a) u[a] = state.u.at(n + corner[a]).cast<double>();
+      const Vec3d x0 = plastic.empty() ? Vec3d(Vec3d::Zero()) : position_of(g, n);
       bool degenerate = false;
       for (std::size_t q = 0; q < points; ++q) {
-        const ShapeGradients& gradients = points == 1 ? center_gradients() : gauss_gradients()[q];
-        const Deformation d = deformation_from_displacement(displacement_gradient(u, gradients, g.h));
+        const ElasticPoint p = elastic_point(plastic, u, x0, g.h, q, points);
+        const Deformation& d = p.elastic;
         double energy = 0.0;
         const double volume = g.h * g.h * g.h / (static_cast<double>(points) * d.det);
         ElementPoint point = linearise(elastic, d, volume, energy);
@@ -130,17 +149,15 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
           const double k = kHourglassFactor * elastic.mu * g.h;
           point.hourglass[0] = static_cast<Real>(k);
           for (int i = 0; i < 3; ++i) point.hourglass[i + 1] = static_cast<Real>(k / (d.stretch[i] * d.stretch[i]));
-          for (const auto& sign : kHourglassSign) {
-            Vec3d amplitude = Vec3d::Zero();
-            for (std::size_t a = 0; a < 8; ++a) amplitude += sign[a] * kHourglassNorm * u[a];
-            energy += 0.5 * k * amplitude.squaredNorm();
-          }
+          const std::array<Vec3d, 4> amplitudes = hourglass_amplitudes(plastic, p, u, g.h);
+          energy += hourglass_energy(k, p, amplitudes);
+          if (!plastic.empty()) work.hourglass_force[e] = hourglass_force(k, p, amplitudes);
         }
         work.set_element_point(e, q, point);
         range.energy += energy;
         range.low = std::min(range.low, d.det);
         range.high = std::max(range.high, d.det);
-        if (!d.degenerate) range.stretch = std::max(range.stretch, d.stretch.maxCoeff());
+        if (!d.degenerate) range.stretch = std::max(range.stretch, p.total_stretch);
         degenerate = degenerate || d.degenerate;
       }
       range.degenerate += degenerate;
@@ -176,7 +193,12 @@ void element_force(const SolidState& state, const SolidWork& work, std::size_t e
       out[3 * a + 2] -= inverse_h * (s[4] * grad[0] + s[3] * grad[1] + s[2] * grad[2]);
     }
   }
-  if (work.points_per_element == 1) {
+  if (!work.hourglass_force.empty()) {
+    for (std::size_t m = 0; m < 4; ++m)
+      for (std::size_t a = 0; a < 8; ++a)
+        for (std::size_t i = 0; i < 3; ++i)
+          out[3 * a + i] += static_cast<Real>(kHourglassSign[m][a]) * work.hourglass_force[e][3 * m + i];
+  } else if (work.points_per_element == 1) {
     const auto corner = grid::corner_offsets(g);
     const auto n = static_cast<std::size_t>(work.element_corner[e]);
     Real u[24];

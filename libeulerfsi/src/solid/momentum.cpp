@@ -44,6 +44,24 @@ Momenta MomentSums::momenta(const Vec3d& origin) const {
   return out;
 }
 
+Momenta joined(std::span<const Momenta> parts) {
+  Momenta all;
+  for (const Momenta& p : parts) {
+    all.mass += p.mass;
+    all.center += p.mass * p.center;
+    all.linear += p.linear;
+    all.kinetic_energy += p.kinetic_energy;
+  }
+  if (!(all.mass > 0.0)) return all;
+  all.center /= all.mass;
+  for (const Momenta& p : parts) {
+    const Vec3d arm = p.center - all.center;
+    all.angular += p.angular + arm.cross(p.linear);
+    all.inertia += p.inertia + p.mass * (arm.squaredNorm() * Mat3d::Identity() - arm * arm.transpose());
+  }
+  return all;
+}
+
 RigidMotion rigid_motion(const Momenta& momenta) {
   RigidMotion motion;
   if (!(momenta.mass > 0.0)) return motion;

@@ -6,6 +6,8 @@
 // (docs/deviations.md).
 #pragma once
 
+#include <span>
+
 #include "base/parallel.hpp"
 #include "solid/solid.hpp"
 
@@ -33,6 +35,9 @@ class MomentSums {
   Vec3d first_ = Vec3d::Zero(), linear_ = Vec3d::Zero(), angular_ = Vec3d::Zero();
   Mat3d second_ = Mat3d::Zero();
 };
+
+// Of several bodies as one.
+Momenta joined(std::span<const Momenta> parts);
 
 // v(x) = linear + angular x (x - center)
 struct RigidMotion {

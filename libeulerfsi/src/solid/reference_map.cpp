@@ -5,12 +5,12 @@
 #include <cmath>
 
 namespace efsi::solid {
+namespace {
 
-Deformation deformation_from_displacement(const Mat3d& displacement_gradient) {
-  const Mat3d inverse_f = Mat3d::Identity() - displacement_gradient;  // F^-1
-  const double det = inverse_f.determinant();
+// squares: (F F^T)^-1, det: of F^-1
+Deformation deformation_of(const Mat3d& squares, double det) {
   Deformation d;
-  Eigen::SelfAdjointEigenSolver<Mat3d> eigen(inverse_f.transpose() * inverse_f);
+  Eigen::SelfAdjointEigenSolver<Mat3d> eigen(squares);
   d.axes = eigen.eigenvectors();
   Vec3d inverse_stretch = eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt();  // ascending
   if (!(det > 0.0)) {  // inverted: the weakest direction is the one that turned over
@@ -24,6 +24,18 @@ Deformation deformation_from_displacement(const Mat3d& displacement_gradient) {
   }
   d.det = d.stretch.prod();
   return d;
+}
+
+}  // namespace
+
+Deformation deformation_from_displacement(const Mat3d& displacement_gradient) {
+  const Mat3d inverse_f = Mat3d::Identity() - displacement_gradient;
+  return deformation_of(inverse_f.transpose() * inverse_f, inverse_f.determinant());
+}
+
+Deformation elastic_deformation(const Mat3d& displacement_gradient, const Mat3d& plastic_metric) {
+  const Mat3d inverse_f = Mat3d::Identity() - displacement_gradient;
+  return deformation_of(inverse_f.transpose() * plastic_metric * inverse_f, inverse_f.determinant());
 }
 
 }  // namespace efsi::solid

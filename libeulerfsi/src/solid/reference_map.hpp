@@ -18,5 +18,7 @@ inline constexpr double kMinStretch = 0.2, kMaxStretch = 5.0;
 
 // displacement_gradient: du_i/dx_j. Eq. 1 through the eigenvectors of (I - du/dx)^T (I - du/dx) = (F F^T)^-1.
 Deformation deformation_from_displacement(const Mat3d& displacement_gradient);
+// Of the elastic part F_e = F F_p^-1, det F_p = 1: (F_e F_e^T)^-1 = F^-T C_p F^-1. plastic_metric: C_p = F_p^T F_p.
+Deformation elastic_deformation(const Mat3d& displacement_gradient, const Mat3d& plastic_metric);
 
 }  // namespace efsi::solid

@@ -9,7 +9,8 @@ namespace efsi::solid {
 std::size_t SolidWork::bytes() const {
   const std::size_t reals = fraction.size() + volume_ratio.size() + mass.size();
   return reals * sizeof(Real) + (element.size() + element_cell.size() + element_corner.size()) * sizeof(std::int32_t) +
-         point.size() * sizeof(PointBlock) + carries.size() + layer.size();
+         point.size() * sizeof(PointBlock) + hourglass_force.size() * sizeof(hourglass_force[0]) + carries.size() +
+         layer.size();
 }
 
 std::size_t state_bytes(const SolidState& state) {

@@ -3,6 +3,7 @@
 // Symbols: u displacement (x - X) [m]; v velocity [m/s]; X material position; phi signed distance at rest [m].
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -10,7 +11,7 @@
 #include "geometry/signed_distance.hpp"
 #include "geometry/triangle_mesh.hpp"
 #include "grid/grid.hpp"
-#include "material/constitutive.hpp"
+#include "material/plastic_flow.hpp"
 #include "solid/surface_clusters.hpp"
 
 namespace efsi::solid {
@@ -21,6 +22,8 @@ using grid::VectorField;
 // Constant.
 struct SolidRest {
   material::Elastic elastic;
+  material::Plastic plastic;
+  Grid plastic_lattice;     // of a solid that can yield, material space (solid/plasticity.hpp)
   double density = 1000.0;  // [kg/m^3]
   double rayleigh_alpha = 0.0, rayleigh_beta = 0.0;
   double friction = 0.0;              // Coulomb's coefficient; of two solids the mean
@@ -56,6 +59,12 @@ struct SolidPress {
   Real pull[3];  // of friction on the other [N]
 };
 
+// Plastic strain at a node of the lattice: H = 1/2 log(F_p^T F_p), whose trace is 0.
+struct PlasticNode {
+  Real log[5];       // xx yy yz zx xy
+  Real accumulated;  // equivalent plastic strain that has flown
+};
+
 // State: survives a step.
 struct SolidState {
   Band band;
@@ -65,6 +74,8 @@ struct SolidState {
   std::vector<std::uint8_t> stiff;   // band cells: carried stiffness in the last step; empty: not known
   std::vector<WallPress> presses;    // where walls held it in the last step
   std::vector<SolidPress> contacts;  // where it pushed solids that come after it in the last step
+  std::vector<PlasticNode> plastic;  // nodes of rest.plastic_lattice; empty: it cannot yield
+  double flow_due = 0.0;             // time in which that has yet to flow: half of the last step [s]
   std::vector<Vec3d> surface;        // positions of the embedded surface [m]
   double rest_volume_cells = 0.0;    // by cell fractions, at the first step [m^3]
   std::uint8_t whole = 1;            // no part of it has left through an open face
@@ -86,6 +97,8 @@ void visit_fields(State& s, Fields& fields) {
   fields.array(s.stiff);
   fields.array(s.presses);
   fields.array(s.contacts);
+  fields.array(s.plastic);
+  if (!s.plastic.empty()) fields.value(s.flow_due);
   fields.array(s.surface);
   fields.value(s.rest_volume_cells);
   fields.value(s.whole);
@@ -118,7 +131,9 @@ struct SolidWork {
   std::vector<std::int32_t> element;         // band cell -> element, -1: none
   std::vector<std::int32_t> element_cell;    // element -> band cell
   std::vector<std::int32_t> element_corner;  // element -> band node of corner 0
-  std::vector<PointBlock> point;             // point q of block b at b points_per_element + q; free lanes are zero
+  std::vector<std::array<Real, 12>>
+      hourglass_force;            // per element: along x y z on each mode [N]; empty: it cannot yield
+  std::vector<PointBlock> point;  // point q of block b at b points_per_element + q; free lanes are zero
   int points_per_element = 1;
   std::vector<std::uint8_t> carries;  // band nodes: corner of an element; here the solid owns u and v
   std::vector<Real> mass;             // of the solid per band node [kg]

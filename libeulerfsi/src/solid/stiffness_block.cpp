@@ -219,6 +219,17 @@ EFSI_KERNEL void add_hourglass_force(const PointBlock& p, const Real (*grad)[3],
   }
 }
 
+// out += that of a solid that can yield
+void add_hourglass_force(const SolidWork& work, std::size_t block, Lanes* out) {
+  const std::size_t lanes = std::min(kBlock, work.hourglass_force.size() - block * kBlock);
+  for (std::size_t m = 0; m < 4; ++m)
+    for (std::size_t a = 0; a < 8; ++a)
+      for (std::size_t i = 0; i < 3; ++i)
+        for (std::size_t lane = 0; lane < lanes; ++lane)
+          out[3 * a + i][lane] +=
+              static_cast<Real>(kHourglassSign[m][a]) * work.hourglass_force[block * kBlock + lane][3 * m + i];
+}
+
 EFSI_KERNEL void scale(Real factor, Real* out) {
 #pragma omp simd
   for (int i = 0; i < 24 * kLanes; ++i) out[i] *= factor;
@@ -264,6 +275,10 @@ void block_force(const SolidState& state, const SolidWork& work, std::size_t blo
   const auto points = static_cast<std::size_t>(work.points_per_element);
   for (std::size_t q = 0; q < points; ++q) subtract_stress(work.point[block * points + q], table.g[q], inverse_h, rows);
   if (points != 1) return;
+  if (!work.hourglass_force.empty()) {
+    add_hourglass_force(work, block, rows);
+    return;
+  }
   const auto corner = grid::corner_offsets(g);
   Lanes u[24];
   for (std::size_t lane = 0; lane < kBlock; ++lane) {

@@ -209,10 +209,12 @@ void PressureMultigrid::set_focus(grid::TileMask& mask) {
   mask.dilate(g.periodic);
   if (slip_)
     for (const SlipNode& n : slip_->nodes())
-      for (const auto& c : grid::kCorner)
-        mask.set(
-            mask.at({(n.i - c[0]) / grid::kTileSize, (n.j - c[1]) / grid::kTileSize, (n.k - c[2]) / grid::kTileSize}),
-            true);
+      for (const auto& c : grid::kCorner) {
+        const auto tile = [&](int node, int corner, std::size_t axis) {
+          return std::clamp(node - corner, 0, g.cells[axis] - 1) / grid::kTileSize;
+        };
+        mask.set(mask.at({tile(n.i, c[0], 0), tile(n.j, c[1], 1), tile(n.k, c[2], 2)}), true);
+      }
   if (static_cast<double>(mask.active_count()) > kMostFocused * static_cast<double>(mask.count())) return;
   focused_ = mask.boxes();
   mask.dilate(g.periodic);

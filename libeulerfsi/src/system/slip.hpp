@@ -1,4 +1,5 @@
-// Purpose: nodes at the surface of a solid that hold two velocities, the solid's and that of the fluid beside it.
+// Purpose: nodes at the surface of a solid that hold two velocities, the solid's and that of the fluid beside it, and
+// nodes that several solids carry, which hold one of each and the fluid's.
 //
 // A cell sees the velocity of what owns it: the solid's in cells that carry stiffness, the fluid's in all others. Along
 // the normal n both velocities are one, across it each has its own mass m_s, m_f, so that an inviscid fluid slips:
@@ -6,6 +7,12 @@
 //   v_f -= n n.g / (m_s + m_f) + (I - n n^T) g_f / m_f,   g = g_s + g_f
 // n is the normal of the cells' stairs, parallel to the g_s of a constant pressure: no pressure as such pushes along
 // the surface, and what the pressure does in the solid does not act on the fluid's own velocity at all.
+//
+// Where several solids meet (l = a, b, ..., and f) each has its own mass, and in the pressure the node as a whole makes
+// no volume: with S_l the sum of the sides of l's cells, so that sum_l S_l = 0,
+//   v_l -= (g_l - S_l q) / m_l,   q = (sum_l S_l.g_l / m_l) / (sum_l |S_l|^2 / m_l)
+// which for one solid is the above. The film between solids has the pressure of the fluid around it: it neither holds
+// them together nor apart. Without fluid there is no film, and q = 0.
 #pragma once
 
 #include <array>
@@ -16,13 +23,25 @@
 
 namespace efsi::system {
 
+// A solid's own velocity at a node.
 struct SlipNode {
   std::size_t node;  // of the grid
-  int i, j, k;       // on no face of the box
+  int i, j, k;       // on no face of the box, unless several solids carry the node
   std::size_t solid;
   std::uint8_t solid_cells;     // bit a: the cell that has this node as corner a (grid::kCorner) belongs to the solid
   Vec3 normal;                  // out of the solid
   Real solid_mass, fluid_mass;  // [kg]
+  // Of nodes that several solids carry:
+  std::uint8_t solids = 1;       // that carry the node
+  std::uint8_t fluid_cells = 0;  // bits: cells of the box that no solid owns, where there is fluid
+  std::uint8_t fixed = 0;  // bit a: a wall prescribes component a of the solid's velocity, as the pressure sees it
+  std::uint8_t held = 0;   // the same in Eq. 8
+  std::uint8_t fluid_fixed = 0;  // the same of the fluid
+  std::uint8_t base_fixed = 0;   // the same of a node with one velocity
+  bool in_fluid = false;         // there is fluid in the scene
+  Real mass = 0;                 // of all matter [kg]
+
+  bool shared() const { return solids > 1; }
 };
 
 // +-1 per component: on which side of a cell's center its corner lies.
@@ -36,20 +55,31 @@ Vec3 stair_normal(std::uint8_t solid_cells);
 class SlipNodes {
  public:
   SlipNodes() = default;
-  // nodes: in ascending order of their planes k.
+  // nodes: in ascending order, of one node in that of the solids.
   SlipNodes(const Parallel& parallel, const grid::Grid& g, std::vector<SlipNode> nodes);
-  // The solid's velocity is given at nodes where this is 0: it has no end of mass there.
+  // The solid's velocity is given at nodes where this is 0: it has no end of mass there. Of shared nodes prescribe()
+  // tells whose.
   void hold(const Parallel& parallel, const std::vector<Real>& specific_volume);
   bool empty() const { return nodes_.empty(); }
   const std::vector<SlipNode>& nodes() const { return nodes_; }
   // v_s; the fields below hold v_f at these nodes.
   std::vector<Vec3>& solid_velocity() { return solid_velocity_; }
-  // Exchanges v_s and v_f.
-  void swap(const Parallel& parallel, grid::VectorField& velocity);
-  // Gives v_s and v_f the same component along n and keeps their momentum.
+  // Where a solid's own velocity at a node is among them; none: kNone, it is the field's.
+  static constexpr std::size_t kNone = static_cast<std::size_t>(-1);
+  std::size_t find(std::size_t solid, std::size_t node) const;
+  Vec3 velocity_of(std::size_t solid, std::size_t node, const grid::VectorField& velocity) const;
+  void set_velocity_of(std::size_t solid, std::size_t node, const Vec3& value, grid::VectorField& velocity);
+  // At a shared node: what walls prescribe of the solid's velocity, bits of axes.
+  void prescribe(std::size_t t, std::uint8_t fixed, std::uint8_t held);
+  // Exchanges v_s of a solid and v_f.
+  void swap(const Parallel& parallel, std::size_t solid, grid::VectorField& velocity);
+  // Gives v_s and v_f the same component along n, and shared nodes with fluid velocities that make no volume; keeps
+  // their momentum.
   void share_normal(const Parallel& parallel, grid::VectorField& velocity);
-  // Gives v_f the component of v_s along n.
+  // Gives v_f the component of v_s along n; at shared nodes it fills what the solids leave.
   void follow_solid(const Parallel& parallel, grid::VectorField& velocity) const;
+  // Volume that shared nodes make [m^3/s]: solids that part with no fluid between them leave a gap.
+  double opening(const grid::VectorField& velocity) const;
   // Flux out of padded cells by v_f [m^3/s] -> by the velocity that each cell sees.
   void correct_flux(const Parallel& parallel, const grid::VectorField& velocity, std::vector<Real>& flux) const;
 
@@ -69,6 +99,10 @@ class SlipNodes {
   void for_smoother_terms(const Parallel& parallel, const Body& body) const {
     for_cells(parallel, [&](std::size_t t, std::size_t corner, std::size_t cell) {
       const SlipNode& n = nodes_[t];
+      if (n.shared()) {
+        if (leads(t)) body(cell, smoother_share(t, corner));
+        return;
+      }
       const Real one = 1 / (n.solid_mass + n.fluid_mass), own = 1 / (in_solid(n, corner) ? n.solid_mass : n.fluid_mass);
       const Real excess = (own - one) * across(n.normal, side_of(corner)).squaredNorm();
       body(cell, area() * area() * (Real(1.5) * excess + Real(0.5) * 3 * one));
@@ -76,14 +110,17 @@ class SlipNodes {
   }
   // After v_f -= g / (m_s + m_f): what is left to do for both velocities.
   void subtract_gradient(const Parallel& parallel, const std::vector<Real>& q, grid::VectorField& velocity);
-  // (I - n n^T) g_f per node: the part of J^T q that the fluid's own velocity takes [kg m/s].
+  // The part of J^T q [kg m/s] that does not act on the solid: (I - n n^T) g_f per node.
   std::vector<Vec3> sliding_impulse(const Parallel& parallel, const std::vector<Real>& q) const;
+  // J^T q of the solid's own cells at a node [kg m/s]
+  Vec3 solid_impulse(std::size_t t, const std::vector<Real>& q) const { return impulses(t, q).solid; }
   // sum of m_s (v_s - v_f) [kg m/s]
   Vec3d relative_momentum(const grid::VectorField& velocity) const;
   std::size_t bytes() const;
 
  private:
   static bool in_solid(const SlipNode& n, std::size_t corner) { return n.solid_cells >> corner & 1u; }
+  bool leads(std::size_t t) const { return t == 0 || nodes_[t - 1].node != nodes_[t].node; }
   static Vec3 across(const Vec3& normal, const Vec3& v) { return v - normal.dot(v) * normal; }
   Real area() const { return static_cast<Real>(grid_.h * grid_.h / 4.0); }
   // Calls body(index, corner, padded cell) for the cells around the nodes; layers of cells in parallel.
@@ -111,6 +148,28 @@ class SlipNodes {
   };
   Pair impulses(std::size_t t, const std::vector<Real>& q) const;
   static Pair slip(const SlipNode& node, const Pair& g);
+  // A shared node: its solids, and the fluid as the last one where there is some, as equals.
+  struct Member {
+    std::uint8_t cells = 0;            // bits
+    Vec3 side = Vec3::Zero();          // S, 0 along what is fixed
+    Vec3 inverse_mass = Vec3::Zero();  // [1/kg], 0 along what is fixed
+    Vec3 impulse = Vec3::Zero();       // g [kg m/s]
+    Vec3 loss = Vec3::Zero();          // of the velocity by that [m/s]
+  };
+  struct Share {
+    std::vector<Member> members;
+    bool fluid = false;  // the last one
+    Real reaction = 0;   // 1 / sum S.S / m; 0: nothing ties them
+  };
+  Share share_of(std::size_t t) const;  // t: the first of the node
+  static void respond(Share& share);
+  void push(std::size_t t, const std::vector<Real>& q, Share& share) const;
+  void subtract_share(std::size_t t, const std::vector<Real>& q, grid::VectorField& velocity);
+  Vec3 share_impulse(std::size_t t, const std::vector<Real>& q) const;
+  Vec3 filling(std::size_t t, const Vec3& fluid) const;
+  Terms share_terms(std::size_t t) const;
+  Real smoother_share(std::size_t t, std::size_t corner) const;
+  Vec3 base_inverse_mass(const SlipNode& n) const;
 
   grid::Grid grid_;
   std::vector<SlipNode> nodes_;
@@ -121,20 +180,21 @@ class SlipNodes {
   std::array<std::size_t, 8> back_{};  // from there to the cell of which it is another corner
 };
 
-// While it lives the field holds what the solids see.
+// While it lives the field holds what a solid sees.
 class SolidView {
  public:
-  SolidView(const Parallel& parallel, SlipNodes& slip, grid::VectorField& velocity)
-      : parallel_(parallel), slip_(slip), velocity_(velocity) {
-    slip_.swap(parallel_, velocity_);
+  SolidView(const Parallel& parallel, SlipNodes& slip, std::size_t solid, grid::VectorField& velocity)
+      : parallel_(parallel), slip_(slip), solid_(solid), velocity_(velocity) {
+    slip_.swap(parallel_, solid_, velocity_);
   }
   SolidView(const SolidView&) = delete;
   SolidView& operator=(const SolidView&) = delete;
-  ~SolidView() { slip_.swap(parallel_, velocity_); }
+  ~SolidView() { slip_.swap(parallel_, solid_, velocity_); }
 
  private:
   const Parallel& parallel_;
   SlipNodes& slip_;
+  std::size_t solid_;
   grid::VectorField& velocity_;
 };
 

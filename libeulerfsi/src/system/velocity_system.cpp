@@ -42,6 +42,12 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
     for (std::size_t n : node_) unknown_of_node_[n] = -1;
   }
   node_.clear();
+  entry_.clear();
+  unknown_of_entry_.assign(slip.nodes().size(), -1);
+  solid_of_entry_.clear();
+  for (std::size_t t = slip.nodes().size(); t-- > 0;)
+    if (slip.nodes()[t].shared()) unknown_of_node_[slip.nodes()[t].node] = -2 - static_cast<std::int32_t>(t);
+  for (const SlipNode& s : slip.nodes()) solid_of_entry_.push_back(s.solid);
   free_.clear();
   stiffness_factor_.clear();
   past_factor_.clear();
@@ -61,13 +67,17 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
           const std::size_t local = g.node(i, j, k);
           if (!s.work->carries[local]) continue;
           const std::size_t n = global.node(i + lo[0], j + lo[1], k + lo[2]);
-          std::int32_t& unknown = unknown_of_node_[n];
+          const bool own = unknown_of_node_[n] < -1;
+          const std::size_t entry = own ? entry_of(l, n) : 0;
+          std::int32_t& unknown = own ? unknown_of_entry_[entry] : unknown_of_node_[n];
           if (unknown < 0) {
             unknown = static_cast<std::int32_t>(node_.size());
             node_.push_back(n);
+            entry_.push_back(own ? static_cast<std::int32_t>(entry) : -1);
             damping.push_back(0.0);
-            for (unsigned a = 0; a < 3; ++a) free_.push_back(fixed[n] & (1u << a) ? Real(0) : Real(1));
-            held_[l] = static_cast<std::uint8_t>(held_[l] | fixed[n]);
+            const std::uint8_t held = own ? slip.nodes()[entry].held : fixed[n];
+            for (unsigned a = 0; a < 3; ++a) free_.push_back(held & (1u << a) ? Real(0) : Real(1));
+            held_[l] = static_cast<std::uint8_t>(held_[l] | held);
           } else {
             const std::size_t first = solid_of(static_cast<std::size_t>(unknown));
             held_[first] = held_[l] = kAllAxes;
@@ -87,13 +97,16 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
   node_mass_.resize(node_.size());
   inertia_.resize(node_.size());
   for (std::size_t i = 0; i < node_.size(); ++i) {
-    node_mass_[i] = mass[node_[i]];
+    node_mass_[i] = entry_[i] < 0 ? mass[node_[i]] : slip.nodes()[static_cast<std::size_t>(entry_[i])].solid_mass;
     inertia_[i] = static_cast<Real>(static_cast<double>(node_mass_[i]) + damping[i]);
   }
   sliding_.assign(node_.size(), 0);
   normal_.assign(slip.empty() ? 0 : node_.size(), Vec3::Zero());
-  for (const SlipNode& s : slip.nodes()) {
+  for (std::size_t t = 0; t < slip.nodes().size(); ++t) {
+    const SlipNode& s = slip.nodes()[t];
+    if (s.shared()) continue;
     const auto u = static_cast<std::size_t>(unknown_of_node_[s.node]);
+    entry_[u] = static_cast<std::int32_t>(t);
     sliding_[u] = s.fluid_mass;
     normal_[u] = s.normal;
   }
@@ -117,8 +130,9 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
       const auto element = static_cast<std::size_t>(e);
       const std::size_t block = block_begin_[l] + element / kLanes, lane = element % kLanes;
       for (std::size_t a = 0; a < 8; ++a)
-        corner_[(block * 8 + a) * kLanes + lane] = unknown_of_node_[global.node(
-            i + lo[0] + grid::kCorner[a][0], j + lo[1] + grid::kCorner[a][1], k + lo[2] + grid::kCorner[a][2])];
+        corner_[(block * 8 + a) * kLanes + lane] = static_cast<std::int32_t>(
+            unknown_of(l, global.node(i + lo[0] + grid::kCorner[a][0], j + lo[1] + grid::kCorner[a][1],
+                                      k + lo[2] + grid::kCorner[a][2])));
     });
   }
   gather_begin_.assign(node_.size() + 1, 0);
@@ -206,6 +220,17 @@ void VelocitySystem::add_past_stiffness(const Parallel& parallel, const std::vec
   multiply_stiffness(
       parallel, past_factor_, v,
       [&](std::size_t u, const Vec3& past) -> Vec3 { return Vec3(f[3 * u], f[3 * u + 1], f[3 * u + 2]) + past; }, f);
+}
+
+std::size_t VelocitySystem::entry_of(std::size_t solid, std::size_t node) const {
+  auto entry = static_cast<std::size_t>(-2 - unknown_of_node_[node]);
+  while (solid_of_entry_[entry] != solid) ++entry;
+  return entry;
+}
+
+std::size_t VelocitySystem::unknown_of(std::size_t solid, std::size_t node) const {
+  const std::int32_t unknown = unknown_of_node_[node];
+  return static_cast<std::size_t>(unknown < -1 ? unknown_of_entry_[entry_of(solid, node)] : unknown);
 }
 
 std::size_t VelocitySystem::solid_of(std::size_t unknown) const {
@@ -429,18 +454,25 @@ void VelocitySystem::conserve_momentum(const Parallel& parallel, const std::vect
   }
 }
 
-void VelocitySystem::gather(const Parallel& parallel, const VectorField& field, std::vector<Real>& x) const {
+void VelocitySystem::gather(const Parallel& parallel, const VectorField& field, SlipNodes& slip,
+                            std::vector<Real>& x) const {
   x.resize(node_.size() * 3);
   parallel.for_each(unknowns(), [&](std::int64_t u) {
     const auto i = static_cast<std::size_t>(u);
-    for (std::size_t a = 0; a < 3; ++a) x[3 * i + a] = field.c[a][node_[i]];
+    const Vec3 v = entry_[i] < 0 ? field.at(node_[i]) : slip.solid_velocity()[static_cast<std::size_t>(entry_[i])];
+    for (std::size_t a = 0; a < 3; ++a) x[3 * i + a] = v[static_cast<Eigen::Index>(a)];
   });
 }
 
-void VelocitySystem::scatter(const Parallel& parallel, const std::vector<Real>& x, VectorField& field) const {
+void VelocitySystem::scatter(const Parallel& parallel, const std::vector<Real>& x, VectorField& field,
+                             SlipNodes& slip) const {
   parallel.for_each(unknowns(), [&](std::int64_t u) {
     const auto i = static_cast<std::size_t>(u);
-    for (std::size_t a = 0; a < 3; ++a) field.c[a][node_[i]] = x[3 * i + a];
+    const Vec3 v(x[3 * i], x[3 * i + 1], x[3 * i + 2]);
+    if (entry_[i] < 0)
+      field.set(node_[i], v);
+    else
+      slip.solid_velocity()[static_cast<std::size_t>(entry_[i])] = v;
   });
 }
 
@@ -448,8 +480,10 @@ std::size_t VelocitySystem::bytes() const {
   return (inertia_.size() + node_mass_.size() + free_.size() + inverse_diagonal_.size() + element_out_.size() +
           masked_.size() + load_.size() + moves_.size() + sliding_.size() + 3 * normal_.size()) *
              sizeof(Real) +
-         (unknown_of_node_.size() + corner_.size() + gather_begin_.size() + gather_.size()) * sizeof(std::int32_t) +
-         node_.size() * sizeof(std::size_t) + pcg_.bytes() + pcr_.bytes();
+         (unknown_of_node_.size() + unknown_of_entry_.size() + entry_.size() + corner_.size() + gather_begin_.size() +
+          gather_.size()) *
+             sizeof(std::int32_t) +
+         (node_.size() + solid_of_entry_.size()) * sizeof(std::size_t) + pcg_.bytes() + pcr_.bytes();
 }
 
 }  // namespace efsi::system

@@ -56,12 +56,14 @@ enum class VelocitySolver : std::int32_t { kPcg = 0, kPcr = 1 };
 class VelocitySystem {
  public:
   // Numbers the unknown nodes, sets G for this dt. mass: all matter per global node [kg].
-  // fixed: per global node, components that walls fix. slip: of their mass only the normal part moves with a solid.
+  // fixed: per global node, components that walls fix. slip: of their mass only the normal part moves with a solid;
+  // those that solids share have an unknown for each of them.
   void assemble(const Parallel& parallel, const Grid& global, const std::vector<std::uint8_t>& fixed,
                 std::span<const SolidRef> solids, const std::vector<Real>& mass, const SlipNodes& slip, double dt);
   std::int64_t unknowns() const { return static_cast<std::int64_t>(node_.size()); }
   const std::vector<std::size_t>& nodes() const { return node_; }
-  std::size_t unknown_of(std::size_t node) const { return static_cast<std::size_t>(unknown_of_node_[node]); }
+  // Of a solid at a node that it carries.
+  std::size_t unknown_of(std::size_t solid, std::size_t node) const;
 
   // After assemble(): from now on a component of an unknown is that of another one, until a wall fixes it.
   void tie(std::size_t unknown, std::size_t to, int axis);
@@ -69,6 +71,7 @@ class VelocitySystem {
   void fix(std::size_t unknown, int axis);
   // From now on apply() and solve() have these in G; the last ones go. After assemble() there are none.
   void set_penalties(std::vector<Penalty> penalties);
+  const std::vector<Penalty>& penalties() const { return penalties_; }
   // y += s B^T S B x of the penalties, where something moves or everywhere.
   void add_penalties(Real s, const std::vector<Real>& x, std::vector<Real>& y, bool everywhere = false) const;
   // Below this the residual of x is noise.
@@ -95,9 +98,9 @@ class VelocitySystem {
   // |f - G x| of what moves.
   double residual(const Parallel& parallel, const std::vector<Real>& f, const std::vector<Real>& x);
 
-  // Copies between global node fields and vectors of unknowns.
-  void gather(const Parallel& parallel, const VectorField& field, std::vector<Real>& x) const;
-  void scatter(const Parallel& parallel, const std::vector<Real>& x, VectorField& field) const;
+  // Copies between the velocities of solids at nodes, field and slip as in assemble(), and vectors of unknowns.
+  void gather(const Parallel& parallel, const VectorField& field, SlipNodes& slip, std::vector<Real>& x) const;
+  void scatter(const Parallel& parallel, const std::vector<Real>& x, VectorField& field, SlipNodes& slip) const;
   // Zero where a wall fixes a component and where it is tied to another, one elsewhere.
   const std::vector<Real>& free() const { return free_; }
   // The same, but one where it is tied: what acts on it moves the other.
@@ -109,12 +112,13 @@ class VelocitySystem {
   // Along which axes walls hold a node of a solid: bit a: axis a; 7 where another solid does.
   unsigned held_axes(std::size_t solid) const { return held_[solid]; }
   bool touches(std::size_t solid) const { return held_[solid] != 0; }
-  // Pairs of solids that share a node; of three or more at a node all with the first.
+  // Pairs of solids that share an unknown; of three or more at a node all with the first.
   const std::set<std::pair<std::size_t, std::size_t>>& touching() const { return touching_; }
   std::size_t bytes() const;
 
  private:
-  std::size_t solid_of(std::size_t unknown) const;  // the first one that has it
+  std::size_t solid_of(std::size_t unknown) const;                  // the first one that has it
+  std::size_t entry_of(std::size_t solid, std::size_t node) const;  // of a shared node, in slip
   // What the mass of the fluid that slips along unknown u would add to the momentum.
   Vec3 sliding_momentum(std::size_t u, const std::vector<Real>& x) const;
   Vec3d place(std::size_t u) const;  // of an unknown's node [m]
@@ -131,8 +135,11 @@ class VelocitySystem {
                           const Finish& finish, std::vector<Real>& out);
 
   std::vector<SolidRef> solids_;
-  std::vector<std::int32_t> unknown_of_node_;  // global node -> unknown, -1
-  std::vector<std::size_t> unknown_begin_;     // first unknown of each solid, and the end
+  std::vector<std::int32_t> unknown_of_node_;   // global node -> unknown, -1; -2 - first entry of a shared node in slip
+  std::vector<std::int32_t> unknown_of_entry_;  // slip node -> unknown
+  std::vector<std::size_t> solid_of_entry_;     // slip node -> solid
+  std::vector<std::int32_t> entry_;             // unknown -> slip node, -1: none
+  std::vector<std::size_t> unknown_begin_;      // first unknown of each solid, and the end
   std::set<std::pair<std::size_t, std::size_t>> touching_;
   std::vector<std::uint8_t> held_;                   // per solid: bit a: a wall fixes axis a; 7: shares a node
   std::vector<std::size_t> node_;                    // unknown -> global node

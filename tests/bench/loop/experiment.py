@@ -11,6 +11,8 @@ from eulerfsi import binding
 from eulerfsi.errors import LibraryError
 from eulerfsi.solver import Mesh, Simulation
 
+from .groups import GROUPS
+from .overlap import deepest_vertex
 from .shapes import RADIUS, SIZE, make_shape, rigid_misfit, vertex_areas
 from .symmetry import mirror_gaps
 
@@ -51,10 +53,11 @@ class Experiment:
     stretch: tuple[float, float, float] | None = None  # initial F = diag(stretch) about the centre
     compressible: bool = False
     damping: float = 0.0  # rayleigh_beta [s]
-    load: float = 0.0  # beta of the body force -beta (x - x_c) [N/m^4]
+    load: float = 0.0  # beta of the body force -beta (x - x_c) [N/m^4]; of the group "pressed": density of the slab
     settings: tuple[tuple[str, Any], ...] = ()  # fields of EfsiSimulationDef or EfsiSolidDef, the user's last word
     mirror: bool = False  # record how far the fields are from their mirror images
     halved: bool = False  # every step half as long as without this
+    group: str = ""  # of several solids, one of groups.GROUPS, instead of the shape
     limit: float = 600.0  # wall-clock seconds after which the run is given up
 
     @property
@@ -139,6 +142,10 @@ class Experiment:
         }
         return values | self.set_in(binding.SolidDef)
 
+    def bodies(self) -> list[tuple[Mesh, dict[str, Any]]]:
+        """Surfaces and fields of EfsiSolidDef of all solids."""
+        return GROUPS[self.group](self) if self.group else [(self.mesh(), self.solid())]
+
     def set_in(self, structure: type) -> dict[str, Any]:
         """The settings that are fields of a definition structure, tokens as their constants."""
         chosen = [(name, value) for name, value in self.settings if field_of(name) is structure]
@@ -156,30 +163,30 @@ def field_of(name: str) -> type | None:
 
 def simulate(run: Experiment) -> dict[str, Any]:
     """Runs an experiment: {"failure": text or "", "start": ..., "columns": {name: one value per step}}."""
-    mesh = run.mesh()
-    areas = vertex_areas(mesh.points, mesh.triangles())
-    rest, columns, failure = mesh.points.astype(float), [], ""
+    bodies, columns, failure = run.bodies(), [], ""
     ends = step_ends(run)
     begun = time.perf_counter()
     with Simulation(run.simulation()) as simulation:
-        report = simulation.add_solid(mesh, **run.solid())[1]
+        reports = [simulation.add_solid(mesh, **values)[1] for mesh, values in bodies]
         if run.stretch:
             stretch(simulation, run)
-        last = observe(simulation, rest, areas)
-        start = {name: report[name] for name in ("surface_volume", "solid_volume", "thinnest_feature")} | last
+        observe = Observer([mesh for mesh, _ in bodies])
+        last = observe(simulation)
+        kept = ("surface_volume", "solid_volume", "thinnest_feature")
+        start = last | {of(name, k): report[name] for k, report in enumerate(reports, 1) for name in kept}
         gaps = mirror_gaps if run.mirror else lambda _: {}
         start |= gaps(simulation)
         try:
             for end in ends:
                 while end - simulation.time > 1e-9 and not run.ends(last):
-                    if run.load:
+                    if run.load and not run.group:
                         push_inwards(simulation, run, end - simulation.time)
                     clock = time.perf_counter()
                     info = simulation.step(end - simulation.time)
                     seconds = time.perf_counter() - clock
-                    if run.load and abs(info["dt"] - run.dt) > 1e-6:
+                    if run.load and not run.group and abs(info["dt"] - run.dt) > 1e-6:
                         raise ValueError(f"the load was given for a step of {run.dt:g} s, it was {info['dt']:g} s")
-                    last = observe(simulation, rest, areas)
+                    last = observe(simulation)
                     columns.append(info | {"seconds": seconds} | record(simulation) | gaps(simulation) | last)
                     low, high = last["det_f_interior"]
                     if not (low > 1 / TORN and high < TORN):
@@ -202,28 +209,57 @@ def step_ends(run: Experiment) -> list[float]:
     return [min(run.duration, (n + 1) * run.dt) for n in range(int(np.ceil(run.duration / run.dt - 1e-9)))]
 
 
-def observe(simulation: Simulation, rest: np.ndarray, areas: np.ndarray) -> dict[str, Any]:
-    """Diagnostics of solid 1 and of the fluid now, det F of interior and cut cells, and the shape of the surface.
+def of(name: str, solid: int) -> str:
+    """Name of a column of solid 1, 2, ...: as it is, name@2, ..."""
+    return name if solid == 1 else f"{name}@{solid}"
 
+
+class Observer:
+    """Diagnostics of the solids and of the fluid now, det F of interior and cut cells, and the shape of the surfaces.
+
+    Of every solid (`of`), beside the fields of EfsiSolidDiagnostics:
     second_moments: mean square of the distances to the surface's centroid along x, y, z [m^2];
     misshape: largest distance of a vertex from where the rest shape, moved to the same centroid, has it [m];
     misfit: the same where the rest shape may turn as well [m].
+
+    Of several solids: det_f_interior is that of full cells after the last repair; overlap: how deep a vertex of one is
+    in another one [m]; contact: largest row_overlap of EfsiContactPair in the last step, 0 for less [cells];
+    pushing_rows: sum over the pairs.
     """
-    solid, fluid = simulation.solid_diagnostics(1), simulation.fluid_diagnostics()
-    points = simulation.surface(1, len(rest))[0].astype(float)
-    weights = areas / areas.sum()
-    points = points - weights @ points
-    centred = rest - weights @ rest
-    inside = det_f_ranges(simulation)
-    return {
-        **{name: value for name, value in solid.items() if name not in ("min_det_f", "max_det_f")},
-        "fluid_energy": fluid["kinetic_energy"],
-        "fluid_momentum": fluid["momentum"],
-        "second_moments": list(weights @ points**2),
-        "misshape": float(np.linalg.norm(points - centred, axis=1).max()),
-        "misfit": rigid_misfit(points, centred, weights),
-        **inside,
-    }
+
+    def __init__(self, meshes: list[Mesh]) -> None:
+        self.rest = [mesh.points.astype(float) for mesh in meshes]
+        self.triangles = [mesh.triangles() for mesh in meshes]
+        self.areas = [vertex_areas(mesh.points, mesh.triangles()) for mesh in meshes]
+
+    def __call__(self, simulation: Simulation) -> dict[str, Any]:
+        fluid, seen = simulation.fluid_diagnostics(), {}
+        surfaces = [simulation.surface(k, len(rest))[0].astype(float) for k, rest in enumerate(self.rest, 1)]
+        for k, points in enumerate(surfaces, 1):
+            seen |= {of(name, k): value for name, value in self.solid(simulation, k, points).items()}
+        seen |= {"fluid_energy": fluid["kinetic_energy"], "fluid_momentum": fluid["momentum"]}
+        if len(surfaces) == 1:
+            return seen | det_f_ranges(simulation)
+        repairs, pairs = simulation.repairs(), simulation.contacts()
+        return seen | {
+            "det_f_interior": [repairs["min_det_f_after"], repairs["max_det_f_after"]],
+            "overlap": deepest_vertex(list(zip(surfaces, self.triangles, strict=True))),
+            "contact": max([0.0, *(pair["row_overlap"] for pair in pairs)]),
+            "pushing_rows": sum(pair["pushing_rows"] for pair in pairs),
+        }
+
+    def solid(self, simulation: Simulation, number: int, points: np.ndarray) -> dict[str, Any]:
+        """Of one solid."""
+        facts, rest, weights = simulation.solid_diagnostics(number), self.rest[number - 1], self.areas[number - 1]
+        weights = weights / weights.sum()
+        points = points - weights @ points
+        centred = rest - weights @ rest
+        return {
+            **{name: value for name, value in facts.items() if name not in ("min_det_f", "max_det_f")},
+            "second_moments": list(weights @ points**2),
+            "misshape": float(np.linalg.norm(points - centred, axis=1).max()),
+            "misfit": rigid_misfit(points, centred, weights),
+        }
 
 
 def record(simulation: Simulation) -> dict[str, Any]:

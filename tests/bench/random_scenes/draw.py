@@ -28,7 +28,7 @@ def constant(name: str) -> float:
 class Draw:
     """The random values of one scene. `part` tells values of the same range apart."""
 
-    def __init__(self, seed: int, scene: int) -> None:
+    def __init__(self, seed: int, scene: int | str) -> None:
         self.seed, self.scene = seed, scene
 
     def evenly(self, name: str, part: object = "") -> float:

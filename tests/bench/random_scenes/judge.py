@@ -27,12 +27,44 @@ CLOSED = 0.01  # relative difference of the mesh's own volume and the solid's
 FREE_MOMENTUM, FREE_SPIN = 1e-3, 1e-2
 CLOSED_MOMENTUM = 1e-6  # a step
 VACUUM_LIKE = 1000.0  # density ratio
+OVERLAP, OVERLAP_AT_REST = 1.0, 0.25  # cells
 Verdict = tuple[float, float, float, str]  # measured, low, high, more
 LAWS: dict[str, tuple[str, Callable[[Record], Verdict]]] = {}
 
 
 class Moot(Exception):
     """The law says nothing about this record; the text says why."""
+
+
+def of_each(judge: Callable[[Record], Verdict]) -> Callable[[Record], Verdict]:
+    """The worst verdict over the solids; moot where it is for all."""
+
+    def worst(record: Record) -> Verdict:
+        verdicts, reasons = [], []
+        for number, solid in enumerate(record.solids, 1):
+            try:
+                measured, low, high, more = judge(solid)
+            except Moot as reason:
+                reasons.append(reason)
+                continue
+            where = f"solid {number}, {more}" if len(record.solids) > 1 else more
+            verdicts.append((measured, low, high, where))
+        if not verdicts:
+            raise reasons[0]
+        return max(verdicts, key=lambda v: max(v[1] - v[0], v[0] - v[2]) if np.isfinite(v[0]) else np.inf)
+
+    return worst
+
+
+def of_one(judge: Callable[[Record], Verdict]) -> Callable[[Record], Verdict]:
+    """Moot where another solid can disturb what it looks at."""
+
+    def alone(record: Record) -> Verdict:
+        if len(record.solids) > 1:
+            raise Moot("several solids")
+        return judge(record)
+
+    return alone
 
 
 def law(name: str, bar: str) -> Callable[[Callable[[Record], Verdict]], Callable[[Record], Verdict]]:
@@ -45,7 +77,7 @@ def law(name: str, bar: str) -> Callable[[Callable[[Record], Verdict]], Callable
 
 def judge(result: Result) -> list[Line]:
     """One line a law, in the order of LAWS."""
-    record, lines = Record(result), []
+    record, lines = Record.of_all(result), []
     for name, (bar, look) in LAWS.items():
         try:
             if name not in ("finished", "finite") and not record.whole[1:].any():
@@ -106,6 +138,8 @@ def repairs(record: Record) -> Verdict:
 def energy(record: Record) -> Verdict:
     if record.scene.density_ratio is not None and not record.has_ledger:
         raise Moot("with fluid: needs the energy ledger")
+    if record.scene.density_ratio is not None and "open" in record.scene.faces and any(record.scene.pull):
+        raise Moot("fluid that falls brings energy in through an open face")
     if record.whole.sum() < 2 or not max(record.energies[0]) > 0:
         raise Moot("no energy to look at")
     rises = [energy_rise(values[record.whole]) for values in record.energies]
@@ -135,6 +169,7 @@ def rebounds(record: Record) -> None:
 
 
 @law("rebound", f"rise of the centre after a rebound over the ballistic one, within {APEX:g}")
+@of_one
 def rebound_rise(record: Record) -> Verdict:
     rebounds(record)
     most = lambda r: 1 + APEX + r.spring / r.expected  # noqa: E731
@@ -145,6 +180,7 @@ def rebound_rise(record: Record) -> Verdict:
 
 
 @law("clear", f"cells between the wall and the nearest vertex then > {OFF:g}")
+@of_one
 def rebound_gap(record: Record) -> Verdict:
     rebounds(record)
     clear = [rebound for rebound in record.rebounds if rebound.is_clear]
@@ -164,6 +200,7 @@ def wall_depths(record: Record) -> np.ndarray:
 
 
 @law("depth", f"cells that the deepest vertex is in a wall <= {DEPTH:g}")
+@of_each
 def depth(record: Record) -> Verdict:
     depths = wall_depths(record)
     at = int(depths.argmax())
@@ -171,6 +208,7 @@ def depth(record: Record) -> Verdict:
 
 
 @law("depth at rest", f"cells that the deepest vertex is in a wall at rest <= {DEPTH_AT_REST:g}")
+@of_each
 def depth_at_rest(record: Record) -> Verdict:
     depths = wall_depths(record)
     if not record.whole[-1]:
@@ -185,6 +223,7 @@ def depth_at_rest(record: Record) -> Verdict:
 
 
 @law("shape", f"largest distance of a vertex from the best fit of the rest shape, over the size, <= {SHAPE:g}")
+@of_each
 def shape(record: Record) -> Verdict:
     calm = np.flatnonzero((record.strain <= QUIET_STRAIN) & record.whole & ~record.flight)
     where = "after contact"
@@ -198,6 +237,7 @@ def shape(record: Record) -> Verdict:
 
 
 @law("mesh", "edges longer than 4 times what the largest stretch explains = 0")
+@of_each
 def mesh(record: Record) -> Verdict:
     edges = record.column("false_edges")
     first = float(record.times[1:][: edges.size][edges > 0][0]) if edges.any() else 0.0
@@ -213,6 +253,7 @@ def volume(record: Record, kind: str) -> Verdict:
 
 
 @law("volume by mesh", f"V/V0 within {VOLUME:g}")
+@of_each
 def volume_by_mesh(record: Record) -> Verdict:
     start = record.result.start
     if abs(start["surface_volume"] / start["solid_volume"] - 1) > CLOSED:
@@ -221,6 +262,7 @@ def volume_by_mesh(record: Record) -> Verdict:
 
 
 @law("volume by cells", f"V/V0 within {VOLUME:g}")
+@of_each
 def volume_by_cells(record: Record) -> Verdict:
     return volume(record, "cells")
 
@@ -229,6 +271,8 @@ def volume_by_cells(record: Record) -> Verdict:
     "momentum", f"in flight through vacuum within {FREE_MOMENTUM:g}; between periodic faces {CLOSED_MOMENTUM:g} a step"
 )
 def momentum(record: Record) -> Verdict:
+    if record.scene.density_ratio is None and len(record.solids) > 1:
+        return sum_of_momenta(record)
     if record.scene.density_ratio is None:
         flight = record.flight
         if flight.sum() < 2:
@@ -241,6 +285,8 @@ def momentum(record: Record) -> Verdict:
         return lost, 0, FREE_MOMENTUM, "in flight"
     if set(record.scene.faces) != {"periodic"}:
         raise Moot("fluid between walls")
+    if len(record.solids) > 1:
+        raise Moot("several solids in fluid")
     total = record.velocity * record.result.start["mass"] + record.series("fluid_momentum")
     mass = record.scene.fluid_density * (np.prod(record.scene.box) - record.result.start["solid_volume"])
     stirred = float(np.sqrt(2 * mass * record.series("fluid_energy").max()))  # what flows this way and that, at most
@@ -250,7 +296,55 @@ def momentum(record: Record) -> Verdict:
     return np.linalg.norm(np.diff(total, axis=0), axis=1).max() / scale, 0, CLOSED_MOMENTUM, "largest of a step"
 
 
+def sum_of_momenta(record: Record) -> Verdict:
+    """Of several solids in vacuum that push each other, until one of them comes to a wall."""
+    flight = np.logical_and.reduce([solid.flight for solid in record.solids])
+    if flight.sum() < 2:
+        raise Moot("no flight")
+    masses = [solid.result.start["mass"] for solid in record.solids]
+    momenta = [m * solid.velocity[flight] for m, solid in zip(masses, record.solids, strict=True)]
+    scale = sum(np.linalg.norm(p, axis=1) for p in momenta).max()
+    if not scale > 0:
+        raise Moot("no momentum")
+    gained = sum(masses) * np.outer(record.times[flight], record.fall)
+    lost = np.linalg.norm(sum(momenta) - sum(momenta)[0] - gained, axis=1).max() / scale
+    pushed = int((record.result["pushing_rows"][flight[1:]] > 0).sum())
+    return lost, 0, FREE_MOMENTUM, f"of {len(masses)} solids in flight, {pushed} steps with contact"
+
+
+def overlaps(record: Record) -> np.ndarray:
+    """Of the deepest vertex of any solid in another one after every step [cells]."""
+    if len(record.solids) < 2:
+        raise Moot("one solid")
+    return record.column("overlap") / record.scene.spacing
+
+
+@law("overlap", f"cells that the deepest vertex of a solid is in another one <= {OVERLAP:g}")
+def overlap(record: Record) -> Verdict:
+    depths, rows = overlaps(record), record.column("pushing_rows")
+    if not (rows > 0).any() and not depths.any():
+        raise Moot("they do not meet")
+    at = int(depths.argmax())
+    skin = f"skin pressed in by {record.column('contact').max():.2f} cells, {int((rows > 0).sum())} steps with contact"
+    return depths[at], 0, OVERLAP, f"at {record.times[at + 1]:.3g} s, {skin}"
+
+
+@law("overlap at rest", f"cells that the deepest vertex of a solid is in another one at rest <= {OVERLAP_AT_REST:g}")
+def overlap_at_rest(record: Record) -> Verdict:
+    depths = overlaps(record)
+    if not record.whole[-1]:
+        raise Moot("one leaves through an open face")
+    late = record.times[1:] >= record.times[-1] - REST_TIME
+    speeds = np.max([np.linalg.norm(solid.velocity[1:], axis=1) for solid in record.solids], axis=0)
+    if record.times[-1] < 2 * REST_TIME or (speeds[late] > REST_SPEED * record.scene.fastest).any():
+        raise Moot("not at rest in the end")
+    if not (record.result["pushing_rows"][late] > 0).any() and not depths[late].any():
+        raise Moot("at rest away from each other")
+    return depths[late].max(), 0, OVERLAP_AT_REST, f"last {REST_TIME:g} s"
+
+
 @law("spin", f"angular momentum in flight through vacuum within {FREE_SPIN:g}")
+@of_one
 def spin(record: Record) -> Verdict:
     start = np.array(record.result.start["angular_momentum"])
     if record.scene.density_ratio is not None or not any(record.scene.spin):

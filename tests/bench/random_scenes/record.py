@@ -7,9 +7,10 @@ import functools
 
 import numpy as np
 from eulerfsi import binding
-from loop.experiment import OUT_OF_TIME
+from loop.experiment import OUT_OF_TIME, of
 from loop.measure import FORMS, Result, ledger
 
+from .contact import ContactScene
 from .scenes import Scene, weight_ratio
 
 WALLS = ("slip", "noSlip")
@@ -40,6 +41,18 @@ class Rebound:
     is_clear: bool  # the ballistic rise takes every vertex, in the rest shape, over CLEAR cells off the wall
 
 
+def view(result: Result, number: int) -> Result:
+    """What a result says of solid `number`, from 1, as if there were no other."""
+    own = lambda names: {name: values for name, values in names.items() if "@" not in name}  # noqa: E731
+    start, columns = own(result.start), own(result.columns)
+    for name in list(start) + list(columns):
+        if number > 1 and of(name, number) in result.start:
+            start[name] = result.start[of(name, number)]
+        if number > 1 and of(name, number) in result.columns:
+            columns[name] = result.columns[of(name, number)]
+    return Result(result.run.view(number), result.failure, start, columns)
+
+
 class Record:
     """A result and what follows from it. Arrays have the start in front; (n,) or (n, 3) or (n, 6) by face."""
 
@@ -47,6 +60,22 @@ class Record:
         self.result = result
         self.scene: Scene = result.run
         self.times = result.times
+        self.solids = [self]  # a record each
+
+    @classmethod
+    def of_all(cls, result: Result) -> Record:
+        """The record of a scene: with several solids that of the first one, and of all what is not one solid's."""
+        record = cls(result)
+        scene = result.run
+        if not isinstance(scene, ContactScene) or not result.start:
+            return record
+        record.solids = [cls(view(result, number)) for number in range(1, len(scene.parts) + 1)]
+        whole = np.logical_and.reduce([solid.whole for solid in record.solids])
+        for solid in (record, *record.solids):
+            solid.__dict__["whole"] = whole
+        thinnest = min(solid.result.start["thinnest_feature"] for solid in record.solids)
+        result.start["thinnest_feature"] = thinnest
+        return record
 
     def series(self, name: str) -> np.ndarray:
         return self.result.with_start(name)
@@ -80,7 +109,7 @@ class Record:
 
     @functools.cached_property
     def whole(self) -> np.ndarray:
-        """No part has left through an open face, so far (n,)."""
+        """No part of any solid has left through an open face, so far (n,)."""
         if not self.steps:
             return np.zeros(1, bool)
         opened = np.where([kind == "open" for kind in self.scene.faces], self.distances, np.inf)

@@ -29,7 +29,7 @@ class Scene(Experiment):
     """One solid in a box; an experiment whose every value is drawn. Vectors in m/s, m/s^2, rad/s."""
 
     seed: int = 0
-    number: int = 0
+    number: int | str = 0  # "c0", "c1", ...: with contact
     size: float = 1.0  # longest edge of the shape before it was turned [m]
     faces: tuple[str, ...] = ("slip",) * 6  # -x +x -y +y -z +z
     pull: tuple[float, float, float] = (0.0, 0.0, 0.0)  # gravity
@@ -88,10 +88,13 @@ class Scene(Experiment):
         return Mesh(points + self.middle, np.full(len(triangles), 3), triangles.ravel())
 
     def ends(self, observed: dict[str, Any]) -> bool:
-        """The middle of the solid's surface has left through an open face."""
-        middle = (np.array(observed["extent_min"]) + observed["extent_max"]) / 2
-        gone = np.stack([middle < 0, middle > self.box], axis=1).ravel()
-        return bool((gone & (np.array(self.faces) == "open")).any())
+        """The middle of a solid's surface has left through an open face."""
+        for name in (name for name in observed if name.startswith("extent_min")):
+            middle = (np.array(observed[name]) + observed[name.replace("min", "max")]) / 2
+            gone = np.stack([middle < 0, middle > self.box], axis=1).ravel()
+            if (gone & (np.array(self.faces) == "open")).any():
+                return True
+        return False
 
     def simulation(self) -> dict[str, Any]:
         return super().simulation() | {"gravity": self.pull}
@@ -118,7 +121,8 @@ def make_scene(seed: int, number: int) -> Scene:
     faces = draw_faces(draw)
     free = [faces[2 * axis] == "periodic" for axis in range(3)]
 
-    cells = box_cells(draw, extent / h, np.where(free, 2 * turning / h, extent / h + 2 * constant("gap")))
+    needed = np.where(free, 2 * turning / h, extent / h + 2 * constant("gap"))
+    cells = box_cells(draw, extent / h, needed, constant("most_cells"))
     pull = draw_gravity(draw, free)
     released = draw.happens("released") and bool(pull.any())
     velocity = 0.0 if released else draw.number("speed") * size
@@ -136,8 +140,6 @@ def make_scene(seed: int, number: int) -> Scene:
     energy = (density + ADDED_MASS * fluid) * fastest**2 / 2
     modulus = energy / draw.number("impact_pressure")
     modulus = max(modulus, abs(density - fluid) * float(np.linalg.norm(pull)) * size / constant("sag"))
-    near = draw.happens("nearly_incompressible")
-    poisson = 0.45 + 0.049 * draw.evenly("nearly_incompressible", "by") if near else draw.number("poissons_ratio")
     return Scene(
         scene=f"{seed}/{number}",
         shape=shape,
@@ -158,7 +160,7 @@ def make_scene(seed: int, number: int) -> Scene:
         faces=faces,
         pull=tuple(map(float, pull)),
         youngs_modulus=modulus,
-        poissons_ratio=poisson,
+        poissons_ratio=draw_poisson(draw),
         material="stableNeoHookean" if draw.happens("neo_hookean") else "corotational",
         impact_pressure=energy / modulus,
         fastest=fastest,
@@ -166,6 +168,13 @@ def make_scene(seed: int, number: int) -> Scene:
         folds_nowhere=folds_nowhere(shape),
         surface=(points, triangles),
     )
+
+
+def draw_poisson(draw: Draw) -> float:
+    """Poisson's ratio."""
+    if draw.happens("nearly_incompressible"):
+        return 0.45 + 0.049 * draw.evenly("nearly_incompressible", "by")
+    return draw.number("poissons_ratio")
 
 
 def draw_ratio(draw: Draw) -> float | None:
@@ -199,16 +208,16 @@ def draw_gravity(draw: Draw, free: list[bool]) -> np.ndarray:
     return np.where(free, 0.0, draw.number("gravity_size") * direction)
 
 
-def box_cells(draw: Draw, extent: np.ndarray, least: np.ndarray) -> np.ndarray:
-    """Cells of the box. extent: of the solid; least: what it needs, both in cells. Too large a box is drawn in."""
+def box_cells(draw: Draw, extent: np.ndarray, least: np.ndarray, most: float) -> np.ndarray:
+    """Cells of the box. extent: of the solid; least: what it needs, both in cells. With over `most` it is drawn in."""
     least = np.ceil(least)
     wanted = least + np.array([(draw.number("room", axis) - 1) for axis in AXES]) * extent
     low, high = 0.0, 1.0
     for _ in range(40):
         middle = (low + high) / 2
-        fits = np.prod(np.ceil(least + middle * (wanted - least))) <= constant("most_cells")
+        fits = np.prod(np.ceil(least + middle * (wanted - least))) <= most
         low, high = (middle, high) if fits else (low, middle)
-    share = 1.0 if np.prod(np.ceil(wanted)) <= constant("most_cells") else low
+    share = 1.0 if np.prod(np.ceil(wanted)) <= most else low
     return np.ceil(least + share * (wanted - least))
 
 

@@ -122,9 +122,12 @@ TEST_CASE("Values outside their limits are refused with field, value and limit")
       {[](auto& d) { d.poissons_ratio = 0.5; }, "EfsiSolidDef.poissons_ratio = 0.5: must be between -0.9 and 0.499"},
       {[](auto& d) { d.rayleigh_beta = -1.0; }, "EfsiSolidDef.rayleigh_beta = -1: must be >= 0"},
       {[](auto& d) { d.friction = -1.0; }, "EfsiSolidDef.friction = -1: must be >= 0"},
+      {[](auto& d) { d.plastic_yield_stress = -1.0; }, "EfsiSolidDef.plastic_yield_stress = -1: must be >= 0"},
+      {[](auto& d) { d.plastic_flow_rate = 0.0; }, "EfsiSolidDef.plastic_flow_rate = 0: must be > 0"},
+      {[](auto& d) { d.plastic_hardening = kNan; }, "EfsiSolidDef.plastic_hardening = nan"},
       {[](auto& d) { d.velocity.y = kNan; }, "EfsiSolidDef.velocity.y = nan"},
       {[](auto& d) { d.angular_velocity.x = kNan; }, "EfsiSolidDef.angular_velocity.x = nan"},
-      {[](auto& d) { d.material = 2; }, "EfsiSolidDef.material = 2"},
+      {[](auto& d) { d.material = 3; }, "EfsiSolidDef.material = 3"},
       {[](auto& d) { d.mesh.points = nullptr; }, "EfsiSolidDef.mesh.points is NULL"},
       {[](auto& d) { d.mesh.face_vertex_indices = nullptr; }, "EfsiSolidDef.mesh.face_vertex_indices is NULL"},
       {[](auto& d) { d.mesh.point_count = 0; }, "EfsiSolidDef.mesh.point_count = 0"},
@@ -135,6 +138,23 @@ TEST_CASE("Values outside their limits are refused with field, value and limit")
     EfsiSolidDef def = cube_def();
     refusal.change(def);
     CHECK(efsi_solid_add(sim.get(), &def, nullptr, nullptr) == EFSI_ERROR_ARGUMENT);
+    CHECK_THAT(last_error(sim), Contains(refusal.text));
+  }
+  const Refusal<EfsiForceDef> force[] = {
+      {[](auto& d) { d.kind = 3; }, "EfsiForceDef.kind = 3"},
+      {[](auto& d) { d.acts_on = -1; }, "EfsiForceDef.acts_on = -1"},
+      {[](auto& d) { d.wind_drag = -1.0; }, "EfsiForceDef.wind_drag = -1: must be >= 0"},
+      {[](auto& d) { d.noise_size = 0.0; }, "EfsiForceDef.noise_size = 0: must be > 0"},
+      {[](auto& d) { d.acceleration.z = kNan; }, "EfsiForceDef.acceleration.z = nan"},
+      {[](auto& d) { d.transform[0] = 0.0; }, "EfsiForceDef.transform: its determinant is 0"},
+      {[](auto& d) { d.end_time = 0.5, d.start_time = 1.0; },
+       "EfsiForceDef.end_time = 0.5: must be at least start_time"},
+  };
+  for (const auto& refusal : force) {
+    EfsiForceDef def;
+    REQUIRE(efsi_force_def_init(&def) == EFSI_OK);
+    refusal.change(def);
+    CHECK(efsi_force_add(sim.get(), &def, nullptr) == EFSI_ERROR_ARGUMENT);
     CHECK_THAT(last_error(sim), Contains(refusal.text));
   }
   uint32_t count = 9;

@@ -11,7 +11,7 @@ using namespace efsi::material;
 
 namespace {
 
-constexpr Law kLaws[] = {Law::kCorotational, Law::kStableNeoHookean};
+constexpr Law kLaws[] = {Law::kCorotational, Law::kStableNeoHookean, Law::kStVenantKirchhoff};
 
 Vec3d random_stretch(std::mt19937& random) {
   std::uniform_real_distribution<double> stretch(0.3, 2.5);
@@ -186,4 +186,83 @@ TEST_CASE("The definite linearisation has no negative modulus and keeps a defini
     }
   }
   CHECK(changed > 20);
+}
+
+// The sides that turn over have a negative stretch, as in Deformation (solid/reference_map.hpp); a flat cell has 0.
+TEST_CASE("Inverted and degenerate F: stress and moduli are derivatives, and none is infinite") {
+  const Vec3d stretches[] = {{-0.2, 0.9, 1.4}, {-0.9, 1.2, 1.2}, {0.2, 0.2, 5.0}, {5.0, 5.0, 5.0},
+                             {0.2, 0.2, 0.2},  {-0.2, 5.0, 5.0}, {1.1, 1.1, 1.1}, {0.0, 1.0, 1.0}};
+  const double step = 1e-5;
+  for (const Law law : kLaws) {
+    const Elastic material = from_youngs_modulus(law, 1.0, 0.3);
+    for (const Vec3d& s : stretches) {
+      const PrincipalResponse r = principal_response(material, s);
+      REQUIRE(std::isfinite(r.energy));
+      REQUIRE((r.stress.allFinite() && r.hessian.allFinite() && r.symmetric.allFinite() && r.skew.allFinite()));
+      REQUIRE(r.energy >= -1e-9);
+      for (int i = 0; i < 3; ++i) {
+        const Vec3d up = s + step * Vec3d::Unit(i), down = s - step * Vec3d::Unit(i);
+        const PrincipalResponse above = principal_response(material, up), below = principal_response(material, down);
+        CHECK(r.stress[i] == Approx((above.energy - below.energy) / (2.0 * step)).epsilon(1e-6).margin(1e-6));
+        const Vec3d change = (above.stress - below.stress) / (2.0 * step);
+        CHECK((r.hessian.col(i) - change).norm() <= 1e-6 * (1.0 + change.norm()));
+      }
+      for (int p = 0; p < 3; ++p) {
+        const int i = (p + 1) % 3, j = (p + 2) % 3;
+        CHECK(r.symmetric[p] * (s[i] - s[j]) == Approx(r.stress[i] - r.stress[j]).margin(1e-9));
+        CHECK(r.skew[p] * (s[i] + s[j]) == Approx(r.stress[i] + r.stress[j]).margin(1e-9));
+      }
+      const PrincipalResponse d = make_definite(r);
+      CHECK(Eigen::SelfAdjointEigenSolver<Mat3d>(d.hessian).eigenvalues().minCoeff() >= -1e-9 * d.hessian.norm());
+      CHECK(d.symmetric.minCoeff() >= 0.0);
+      CHECK(d.skew.minCoeff() >= 0.0);
+    }
+  }
+}
+
+TEST_CASE("St. Venant-Kirchhoff bar pulled with free sides: closed form", "[law]") {
+  // e across = -nu e along, stress s E (s^2 - 1) / 2.
+  const Elastic material = from_youngs_modulus(Law::kStVenantKirchhoff, 1.0, 0.3);
+  for (const double s : {0.6, 0.8, 0.9, 1.1, 1.5, 2.0}) {
+    const double strain = 0.5 * (s * s - 1.0), across = std::sqrt(1.0 - 0.6 * strain);
+    const Vec3d stress = principal_response(material, {s, across, across}).stress;
+    CHECK(stress[0] == Approx(s * strain).epsilon(1e-9));
+    CHECK(std::abs(stress[1]) < 1e-9);
+  }
+}
+
+TEST_CASE("Neo-Hookean bar at constant volume: closed form", "[law]") {
+  // Difference of the Cauchy stresses m (1 - 1/(I + 1)) (s^2 - 1/s), m = 4/3 mu: J has no part in it.
+  const Elastic material = from_youngs_modulus(Law::kStableNeoHookean, 2.6, 0.3);
+  for (const double s : {0.7, 0.9, 1.1, 1.5, 2.0}) {
+    const Vec3d stretch(s, 1.0 / std::sqrt(s), 1.0 / std::sqrt(s));
+    const Vec3d cauchy = principal_response(material, stretch).stress.cwiseProduct(stretch);
+    const double squares = s * s + 2.0 / s;
+    CHECK(cauchy[0] - cauchy[1] ==
+          Approx(4.0 / 3.0 * material.mu * (1.0 - 1.0 / (squares + 1.0)) * (s * s - 1.0 / s)).epsilon(1e-9));
+  }
+}
+
+TEST_CASE("Simple shear: closed forms", "[law]") {
+  // F = 1 + g e_x e_y^T. With t = g/2 and c = sqrt(1 + t^2):
+  //   corotational          P = 2 mu (F - R) + lambda (2 c - 2) R,  R = [[1, t], [-t, 1]] / c
+  //   St. Venant-Kirchhoff  P = F (2 mu E + lambda tr E),  E = [[0, t], [t, g^2/2]]
+  //   stable neo-Hookean    P = m (1 - 1/(I + 1)) F + l (1 - a) F^-T,  I = 3 + g^2
+  const double mu = 1.0, lambda = 1.5;
+  for (const double g : {-0.8, 0.1, 0.5, 1.5}) {
+    Mat3d f = Mat3d::Identity(), green = Mat3d::Zero(), turn = Mat3d::Identity();
+    f(0, 1) = g;
+    const double t = 0.5 * g, c = std::sqrt(1.0 + t * t);
+    green(0, 1) = green(1, 0) = t;
+    green(1, 1) = 0.5 * g * g;
+    turn.topLeftCorner<2, 2>() << 1.0 / c, t / c, -t / c, 1.0 / c;
+    const double m = 4.0 / 3.0 * mu, l = lambda + 5.0 / 6.0 * mu, a = 1.0 + 0.75 * m / l;
+    const Mat3d expected[] = {
+        2.0 * mu * (f - turn) + lambda * (2.0 * c - 2.0) * turn,
+        m * (1.0 - 1.0 / (4.0 + g * g)) * f + l * (1.0 - a) * f.inverse().transpose(),
+        f * (2.0 * mu * green + lambda * green.trace() * Mat3d::Identity()),
+    };
+    for (const Law law : kLaws)
+      CHECK((piola({law, mu, lambda}, f) - expected[static_cast<std::size_t>(law)]).norm() < 1e-9);
+  }
 }

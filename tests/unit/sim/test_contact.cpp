@@ -118,7 +118,7 @@ std::unique_ptr<sim::Simulation> block_on_slab(double friction, bool compressibl
   d[0].surface = block({0.5, 0.045, 0.2}, {0.44, 0.045, 0.15});
   d[0].youngs_modulus = 5e5;
   d[0].friction = 0.6;
-  d[1].surface = block({0.25, 0.14 + 1.75 * kCell, 0.2}, {0.1, 0.05, 0.1});
+  d[1].surface = block({0.25, 0.14 + sim::kContactSkin * kCell, 0.2}, {0.1, 0.05, 0.1});
   d[1].youngs_modulus = 2e5;
   d[1].friction = 2.0 * friction - d[0].friction;
   for (sim::SolidDesc& solid : d) {
@@ -216,14 +216,14 @@ TEST_CASE("Solids far from each other have no rows, and with the paper's preset 
   auto apart = make_simulation(p, {ball_desc({0.2, 0.35, 0.25}), ball_desc({0.8, 0.35, 0.25})});
   apart->step(1e-3);
   CHECK(apart->workspace().elasticity.contacts.rows.empty());
-  const std::vector<sim::SolidDesc> near = {ball_desc({0.39, 0.35, 0.25}), ball_desc({0.63, 0.35, 0.25})};
+  const std::vector<sim::SolidDesc> near = {ball_desc({0.4, 0.35, 0.25}), ball_desc({0.615, 0.35, 0.25})};
   auto beside = make_simulation(p, near);
   beside->step(1e-3);
   const auto& contacts = beside->workspace().elasticity.contacts;
   REQUIRE_FALSE(contacts.rows.empty());
   double least = 1.0;
   for (const sim::RowPlace& place : contacts.places) least = std::min(least, place.gap);
-  CHECK(least == Approx(0.04 - 1.75 * kCell).margin(0.25 * kCell));
+  CHECK(least == Approx(0.015 - sim::kContactSkin * kCell).margin(0.25 * kCell));
   for (const system::ContactRow& row : contacts.rows) {
     CHECK(row.normal[0] > 0.9);
     CHECK(row.push == 0.0);

@@ -23,10 +23,11 @@ struct StagedScene {
   grid::Grid g;
   std::vector<solid::SolidRest> rest;
   std::vector<fluid::Emitter> emitters;
+  std::vector<sim::ForceField> forces;
   std::vector<sim::Pin> pins;
   sim::State state;
   sim::Workspace work;
-  sim::Scene as_scene{params, g, rest, emitters, pins};
+  sim::Scene as_scene{params, g, rest, emitters, forces, pins};
   Parallel parallel{2};
   sim::Profile profile;
   sim::StepInfo info;
@@ -103,9 +104,9 @@ struct SqueezedBall : StagedScene {
 
   Eigen::VectorXd before, after;  // v* and v on the unknowns
 
-  Eigen::VectorXd unknowns(const grid::VectorField& velocity) const {
+  Eigen::VectorXd unknowns(const grid::VectorField& velocity) {
     std::vector<Real> x;
-    work.elasticity.system.gather(Parallel(1), velocity, x);
+    work.elasticity.system.gather(Parallel(1), velocity, work.velocity.slip, x);
     return Eigen::Map<const Eigen::Matrix<Real, Eigen::Dynamic, 1>>(x.data(), static_cast<Eigen::Index>(x.size()))
         .cast<double>();
   }
@@ -169,7 +170,7 @@ TEST_CASE("The coupling step leads to the velocity that pressure and elasticity 
 TEST_CASE("The velocity of a node holds the momentum of all that is there") {
   StagedScene pair({0.3, 0.2, 0.2});
   pair.params.gravity.setZero();
-  pair.params.numerics.fluid_slips = false;
+  pair.params.numerics.fluid_slips = pair.params.numerics.walls_push_only = false;
   pair.add(make_ball(pair.g, kRubber, {0.1, 0.1, 0.1}, 0.05));
   pair.add(make_ball(pair.g, kRubber, {0.195, 0.1, 0.1}, 0.05));
   pair.rest[1].density = 300.0;

@@ -19,13 +19,13 @@ solid::Momenta moving(const Vec3d& velocity) {
 
 }  // namespace
 
-TEST_CASE("Solids that share nodes are a cluster, held altogether; one alone by the walls that it touches") {
+TEST_CASE("Solids that push each other are a cluster, held altogether; one alone by the walls that it touches") {
   sim::Params p = box_params({1.0, 0.5, 0.5}, 0.025);
   p.fluid.present = false;
   p.gravity.setZero();
-  // The first and the third touch the fourth, at nodes; the second meets the floor, the fifth is free.
-  std::vector<sim::SolidDesc> balls = {ball_desc({0.195, 0.25, 0.25}, 0.08), ball_desc({0.75, 0.08, 0.15}, 0.08),
-                                       ball_desc({0.505, 0.25, 0.25}, 0.08), ball_desc({0.35, 0.25, 0.25}, 0.075),
+  // The first and the third touch the fourth; the second meets the floor, the fifth is free.
+  std::vector<sim::SolidDesc> balls = {ball_desc({0.205, 0.25, 0.25}, 0.08), ball_desc({0.75, 0.08, 0.15}, 0.08),
+                                       ball_desc({0.495, 0.25, 0.25}, 0.08), ball_desc({0.35, 0.25, 0.25}, 0.075),
                                        ball_desc({0.85, 0.3, 0.35}, 0.08)};
   balls[1].velocity = {0.0, -1.0, 0.0};
   auto s = make_simulation(p, balls);
@@ -68,4 +68,27 @@ TEST_CASE("A free body's field rides on its motion; a held one's rests on the gr
   CHECK((slides.shift - dt * Vec3d(-1.0, 0.0, 0.0)).norm() < 1e-14);
   CHECK(slides.velocity.linear.norm() == 0.0);
   CHECK(sim::transport_frame(kOnSolid, before, after, dt).shift.norm() == 0.0);
+}
+
+TEST_CASE("Solids that only hold each other ride on the motion of both; one that a wall holds rests on the grid") {
+  const double dt = 0.1;
+  std::vector<solid::Momenta> before = {moving({1.0, 0.0, 0.0}), moving({-1.0, 2.0, 0.0}), moving({5.0, 0.0, 0.0})};
+  before[1].center = {0.0, 0.0, 3.0};
+  sim::Holds holds;
+  holds.clusters = {{{0, 1}, kOnSolid, 0}, {{2}, kFree, 0}};
+  holds.cluster_of = {0, 0, 1};
+  REQUIRE(holds.clusters[0].floats());
+  REQUIRE_FALSE(holds.clusters[1].floats());
+  std::vector<solid::RigidStep> frames = sim::transport_frames(holds, before, before, dt);
+  for (const std::size_t l : {0u, 1u}) {
+    CHECK((frames[l].shift - dt * Vec3d(0.0, 1.0, 0.0)).norm() < 1e-12);
+    CHECK((frames[l].velocity.center - Vec3d(0.0, 0.0, 1.5)).norm() < 1e-12);
+    // Angular momentum (-6, -6, 0); moments of inertia 2 * 1 + 4 * 1.5^2 across the line between them.
+    CHECK((frames[l].velocity.angular - Vec3d(-6.0 / 11.0, -6.0 / 11.0, 0.0)).norm() < 1e-12);
+  }
+  CHECK((frames[2].shift - dt * Vec3d(5.0, 0.0, 0.0)).norm() < 1e-12);
+  holds.clusters[0].walls = 2;
+  frames = sim::transport_frames(holds, before, before, dt);
+  for (const std::size_t l : {0u, 1u}) CHECK(frames[l].velocity.linear.norm() == 0.0);
+  CHECK(sim::transport_frames(holds, {}, {}, dt)[2].shift.norm() == 0.0);
 }

@@ -14,7 +14,8 @@ using reference::LagrangianElement;
 namespace {
 
 constexpr double kH = 0.05;
-constexpr material::Law kLaws[] = {material::Law::kCorotational, material::Law::kStableNeoHookean};
+constexpr material::Law kLaws[] = {material::Law::kCorotational, material::Law::kStableNeoHookean,
+                                   material::Law::kStVenantKirchhoff};
 
 material::Elastic elastic(material::Law law) { return material::from_youngs_modulus(law, 2e4, 0.3); }
 

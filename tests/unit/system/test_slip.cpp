@@ -1,5 +1,6 @@
 // Purpose: two velocities at the nodes of a surface: the pressure operator against assembled matrices, and its laws.
 #include <Eigen/Eigenvalues>
+#include <bit>
 #include <catch2/catch.hpp>
 
 #include "reference/assembled_slip.hpp"
@@ -84,7 +85,166 @@ struct SlipCase : PressureCase {
   }
 };
 
+// Two blocks and a third one on them, on the floor of a box, without room between them: nodes that two and three solids
+// carry, on the floor too, with and without fluid beside.
+struct SharedCase : PressureCase {
+  system::SlipNodes slip;
+  std::vector<std::uint8_t> owned;  // padded cells: 1 + the solid
+
+  explicit SharedCase(double density) : PressureCase("slip", {11, 9, 8}, std::array<grid::Wall, 6>{}, 1.0) {
+    owned.assign(g.padded_count(), 0);
+    const auto fill = [&](std::uint8_t solid, Vec3i low, Vec3i high) {
+      for (int k = low[2]; k < high[2]; ++k)
+        for (int j = low[1]; j < high[1]; ++j)
+          for (int i = low[0]; i < high[0]; ++i) owned[g.padded(i, j, k)] = solid;
+    };
+    fill(1, {2, 0, 2}, {5, 4, 6});
+    fill(2, {5, 0, 3}, {9, 4, 7});
+    fill(3, {3, 4, 2}, {7, 7, 5});
+    std::vector<system::SlipNode> nodes;
+    const double eighth = g.h * g.h * g.h / 8.0;
+    for (int k = 0; k <= g.cells[2]; ++k)
+      for (int j = 0; j <= g.cells[1]; ++j)
+        for (int i = 0; i <= g.cells[0]; ++i) {
+          std::array<std::uint8_t, 4> cells{};  // bits, of the fluid and of each solid
+          for (std::size_t a = 0; a < 8; ++a) {
+            const auto& c = grid::kCorner[a];
+            const Vec3i q{i - c[0], j - c[1], k - c[2]};
+            bool inside = true;
+            for (std::size_t x = 0; x < 3; ++x) inside = inside && q[x] >= 0 && q[x] < g.cells[x];
+            if (inside) cells[owned[g.padded(q[0], q[1], q[2])]] |= static_cast<std::uint8_t>(1u << a);
+          }
+          const auto count = [&](std::size_t m) { return std::popcount(static_cast<unsigned>(cells[m])); };
+          const int solids = (count(1) > 0) + (count(2) > 0) + (count(3) > 0);
+          const int all = count(0) + count(1) + count(2) + count(3);
+          const double mass = eighth * (count(0) + density * (count(1) + 0.5 * count(2) + 2.0 * count(3)));
+          specific_volume[g.node(i, j, k)] = static_cast<Real>(eighth * all / mass);
+          if (solids < 2) continue;
+          for (std::size_t m = 1; m < 4; ++m) {
+            if (!cells[m]) continue;
+            system::SlipNode n{};
+            n.node = g.node(i, j, k);
+            n.i = i;
+            n.j = j;
+            n.k = k;
+            n.solid = m - 1;
+            n.solid_cells = cells[m];
+            n.solid_mass = static_cast<Real>(eighth * density * (m == 1 ? 1.0 : m == 2 ? 0.5 : 2.0) * count(m));
+            n.fluid_mass = static_cast<Real>(eighth * count(0));
+            n.solids = static_cast<std::uint8_t>(solids);
+            n.fluid_cells = cells[0];
+            n.in_fluid = true;
+            n.fixed = n.held = n.fluid_fixed = n.base_fixed = fixed[n.node];
+            n.mass = static_cast<Real>(mass);
+            nodes.push_back(n);
+          }
+        }
+    slip = system::SlipNodes(Parallel(), g, std::move(nodes));
+  }
+};
+
 }  // namespace
+
+TEST_CASE(
+    "Where solids share nodes operator and projection are the assembled ones, and pressure as such moves nothing") {
+  for (const double density : {0.1, 3.0, 1000.0}) {
+    INFO("density ratio " << density);
+    SharedCase c(density);
+    std::size_t three = 0, wall = 0, dry = 0;
+    for (const system::SlipNode& n : c.slip.nodes()) {
+      three += n.solids == 3;
+      wall += n.j == 0;
+      dry += n.fluid_cells == 0;
+    }
+    REQUIRE(three > 0);
+    REQUIRE(wall > 4);
+    REQUIRE(dry > 4);
+    const Parallel parallel(2);
+    // What sticks to the floor.
+    const std::size_t stuck = c.slip.find(1, c.g.node(5, 0, 4));
+    REQUIRE(stuck != system::SlipNodes::kNone);
+    c.slip.prescribe(stuck, 7, 7);
+    const reference::AssembledSlip twin(c.g, c.walls, c.specific_volume, c.slip);
+    const Eigen::MatrixXd a = twin.j * twin.w * twin.j.transpose();
+    system::PressureSystem system;
+    system.assemble(parallel, c.g, c.walls, c.fixed, c.specific_volume, {}, c.owned, &c.slip);
+    system::PressureMultigrid multigrid;
+    multigrid.build(parallel, c.g, c.walls, c.fixed, c.specific_volume, {}, &c.slip);
+    std::vector<Real> p = c.random_cells(31), y(p.size(), 0);
+    multigrid.apply(parallel, p, y);
+    const Eigen::VectorXd q = to_vector(c, p), expected = a * q;
+    CHECK((to_vector(c, y) - expected).norm() < kTolerance * expected.norm());
+    const Eigen::VectorXd root = to_vector(c, multigrid.finest().inverse_diagonal).cwiseSqrt();
+    const Eigen::MatrixXd scaled = root.asDiagonal() * a * root.asDiagonal();
+    CHECK(Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(scaled, Eigen::EigenvaluesOnly).eigenvalues().maxCoeff() <
+          8.0 / 3.0 * (1 + 10 * kTolerance));
+
+    grid::VectorField v = c.random_velocity(5);
+    const grid::VectorField other = c.random_velocity(6);
+    for (std::size_t t = 0; t < c.slip.nodes().size(); ++t)
+      c.slip.solid_velocity()[t] = static_cast<Real>(c.slip.nodes()[t].solid + 1) * other.at(c.slip.nodes()[t].node);
+    const Eigen::VectorXd before = twin.unknowns(v, c.slip);
+    const double norm = (twin.j * before).norm() / (c.g.h * c.g.h * c.g.h);
+    CHECK(system.norms(parallel, v, {}).all == Approx(norm).epsilon(10 * kTolerance));
+    system.project(parallel, p, v);
+    const Eigen::VectorXd after = before - twin.w * twin.j.transpose() * q;
+    CHECK((twin.unknowns(v, c.slip) - after).norm() < kTolerance * after.norm());
+
+    std::vector<Real> one(c.g.padded_count(), 1);
+    system.project(parallel, one, v);
+    CHECK((twin.unknowns(v, c.slip) - after).norm() < 10 * kTolerance * after.norm());
+  }
+}
+
+TEST_CASE("At shared nodes the fluid fills what solids leave, and both keep their momentum where they meet it",
+          "[law]") {
+  SharedCase c(2.0);
+  const Parallel parallel(1);
+  grid::VectorField v = c.random_velocity(5);
+  const grid::VectorField other = c.random_velocity(6);
+  for (std::size_t t = 0; t < c.slip.nodes().size(); ++t)
+    c.slip.solid_velocity()[t] = static_cast<Real>(c.slip.nodes()[t].solid + 1) * other.at(c.slip.nodes()[t].node);
+  const auto made = [&](const system::SlipNode& n) {  // volume by a node, times 4 / h^2
+    Real sum = 0;
+    for (std::size_t t = 0; t < c.slip.nodes().size(); ++t) {
+      const system::SlipNode& s = c.slip.nodes()[t];
+      if (s.node != n.node) continue;
+      for (std::size_t a = 0; a < 8; ++a)
+        if (s.solid_cells >> a & 1u) sum += system::side_of(a).dot(c.slip.solid_velocity()[t]);
+    }
+    for (std::size_t a = 0; a < 8; ++a)
+      if (n.fluid_cells >> a & 1u) sum += system::side_of(a).dot(v.at(n.node));
+    return std::abs(sum);
+  };
+  grid::VectorField flow = v;
+  c.slip.follow_solid(parallel, v);
+  double opening = 0.0, inner = 0.0;
+  for (const system::SlipNode& n : c.slip.nodes()) {
+    Vec3 side = Vec3::Zero();
+    for (std::size_t a = 0; a < 8; ++a)
+      if (n.fluid_cells >> a & 1u) side += system::side_of(a);
+    if (n.j > 0) (side.isZero() ? opening : inner) = std::max(side.isZero() ? opening : inner, double(made(n)));
+  }
+  CHECK(inner < 1e-4);
+  CHECK(opening > 0.1);
+  CHECK(std::abs(c.slip.opening(v)) > 0.0);
+
+  std::swap(v, flow);
+  const auto momentum = [&](std::size_t t) {  // of a node, t: its first entry
+    const system::SlipNode& n = c.slip.nodes()[t];
+    Vec3 sum = n.fluid_mass * v.at(n.node);
+    for (std::size_t s = t; s < t + n.solids; ++s) sum += c.slip.nodes()[s].solid_mass * c.slip.solid_velocity()[s];
+    return sum;
+  };
+  std::vector<Vec3> before;
+  for (std::size_t t = 0; t < c.slip.nodes().size(); t += c.slip.nodes()[t].solids) before.push_back(momentum(t));
+  c.slip.share_normal(parallel, v);
+  std::size_t node = 0;
+  for (std::size_t t = 0; t < c.slip.nodes().size(); t += c.slip.nodes()[t].solids, ++node) {
+    const system::SlipNode& n = c.slip.nodes()[t];
+    if (n.j > 0) CHECK((momentum(t) - before[node]).norm() < 1e-5 * double(n.mass) * 3.0);
+  }
+}
 
 TEST_CASE("With two velocities at surface nodes divergence, operator and projection are the assembled ones") {
   for (const double density : {0.1, 1.0, 1000.0}) {

@@ -190,10 +190,11 @@ TEST_CASE("Gather and scatter are inverse to each other on the unknowns") {
   Scene scene;
   const std::vector<Real> x = scene.random_vector(54);
   grid::VectorField field;
+  system::SlipNodes slip;
   field.assign(scene.g.node_count(), 7);
-  scene.system.scatter(Parallel(1), x, field);
+  scene.system.scatter(Parallel(1), x, field, slip);
   std::vector<Real> y;
-  scene.system.gather(Parallel(1), field, y);
+  scene.system.gather(Parallel(1), field, slip, y);
   CHECK(x == y);
   std::size_t untouched = 0;
   for (Real v : field.c[0]) untouched += v == 7;

@@ -50,4 +50,5 @@ if SUPPORTED:
     _registry.RegisterPluginPrimValidator(f"{PLUGIN}:DomainChecker", _prim_validator(checks.check_domain))
     _registry.RegisterPluginPrimValidator(f"{PLUGIN}:SolidChecker", _prim_validator(checks.check_solid))
     _registry.RegisterPluginPrimValidator(f"{PLUGIN}:EmitterChecker", _prim_validator(checks.check_emitter))
+    _registry.RegisterPluginPrimValidator(f"{PLUGIN}:ForceChecker", _prim_validator(checks.check_force))
     _registry.RegisterPluginPrimValidator(f"{PLUGIN}:ColliderChecker", _prim_validator(checks.check_collider))

@@ -1,0 +1,175 @@
+// Purpose: solids that yield, in whole steps: what they keep, that it is state, that others pay nothing.
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <cstdio>
+
+#include "solid/plasticity.hpp"
+#include "unit/sim/scene.hpp"
+
+using namespace efsi;
+using namespace efsi::test;
+
+namespace {
+
+constexpr double kRadius = 0.1;
+const Vec3d kMiddle(0.3, 0.3, 0.3);
+
+sim::Params vacuum(double h, int threads = 1) {
+  sim::Params p = box_params({0.6, 0.6, 0.6}, h);
+  p.gravity.setZero();
+  p.fluid.present = false;
+  p.threads = threads;
+  return p;
+}
+
+sim::SolidDesc plastic_ball(const Vec3d& center, double yield_stress, double rate = 1e6) {
+  sim::SolidDesc d = ball_desc(center, kRadius);
+  d.plastic = {yield_stress, rate, 0.0};
+  d.rayleigh_beta = 0.003;
+  return d;
+}
+
+// Pulls solid 0 along x at constant volume, about the middle.
+void pull(sim::Simulation& s, double stretch) {
+  const grid::Grid& g = s.state().solids[0].band.grid;
+  const std::size_t n = g.node_count();
+  const Vec3d f(stretch, 1.0 / std::sqrt(stretch), 1.0 / std::sqrt(stretch));
+  std::vector<float> u(3 * n);
+  for (int k = 0; k <= g.cells[2]; ++k)
+    for (int j = 0; j <= g.cells[1]; ++j)
+      for (int i = 0; i <= g.cells[0]; ++i)
+        for (int a = 0; a < 3; ++a) {
+          const double away = g.node_position(i, j, k)[a] - kMiddle[a];
+          u[static_cast<std::size_t>(a) * n + g.node(i, j, k)] = static_cast<float>(away * (1.0 - 1.0 / f[a]));
+        }
+  s.set_solid_field(0, false, u.data());
+}
+
+double length_along_x(sim::Simulation& s) {
+  const sim::SolidDiagnostics d = s.diagnose_solid(0);
+  return (d.extent_max[0] - d.extent_min[0]) / (2.0 * kRadius);
+}
+
+void run(sim::Simulation& s, double time, double most) {
+  const double end = s.state().time + time;
+  while (end - s.state().time > 1e-9) s.step(std::min(most, end - s.state().time));
+}
+
+// Elastic stretch of a bar at the yield stress, constant volume, lambda of no account.
+double yield_stretch(double mu, double yield_stress) {
+  double low = 1.0, high = 1.5;
+  for (int it = 0; it < 60; ++it) {
+    const double s = 0.5 * (low + high);
+    (2.0 * mu * (s * s - s - 1.0 / s + 1.0 / std::sqrt(s)) > yield_stress ? high : low) = s;
+  }
+  return low;
+}
+
+}  // namespace
+
+TEST_CASE("A ball that is pulled beyond its yield stress keeps the stretch that is not elastic", "[law]") {
+  const double yield_stress = 3000.0, stretch = 1.4;
+  auto s = make_simulation(vacuum(0.02), {plastic_ball(kMiddle, yield_stress)});
+  pull(*s, stretch);
+  run(*s, 1.0, 0.01);
+  const double expected = stretch / yield_stretch(1e4, yield_stress);
+  CHECK(length_along_x(*s) == Approx(expected).epsilon(0.01));
+  const sim::SolidDiagnostics d = s->diagnose_solid(0);
+  CHECK(d.volume_mesh == Approx(d.rest_volume).epsilon(0.01));
+  CHECK(d.max_plastic_strain == Approx(std::log(expected)).epsilon(0.05));
+  // It stays: neither hourglass modes nor the volume source pull it back.
+  const double before = length_along_x(*s);
+  run(*s, 1.0, 0.01);
+  CHECK(length_along_x(*s) == Approx(before).epsilon(1e-3));
+
+  auto elastic = make_simulation(vacuum(0.02), {plastic_ball(kMiddle, 0.0)});
+  pull(*elastic, stretch);
+  run(*elastic, 1.0, 0.01);
+  CHECK(length_along_x(*elastic) == Approx(1.0).epsilon(0.01));
+}
+
+TEST_CASE("Half the time step changes what a ball keeps by less than a hundredth", "[law]") {
+  const double rate = GENERATE(1e3, 1e6);
+  const auto kept = [&](double dt) {
+    auto s = make_simulation(vacuum(0.02), {plastic_ball(kMiddle, 2000.0, rate)});
+    pull(*s, 1.4);
+    run(*s, 0.5, dt);
+    return length_along_x(*s) - 1.0;
+  };
+  const double coarse = kept(0.002), fine = kept(0.001);
+  CHECK(coarse > 0.2);
+  CHECK(fine == Approx(coarse).epsilon(0.01));
+}
+
+TEST_CASE("A ball that yields on the floor keeps a dent, an elastic one does not; flow only takes energy") {
+  sim::Params p = vacuum(0.02);
+  p.gravity = {0, -9.8, 0};
+  p.energy_ledger = true;
+  const auto height_after = [&](double yield_stress, double& dissipated) {
+    auto s = make_simulation(p, {plastic_ball({0.3, 0.15, 0.3}, yield_stress)});
+    double taken = 0.0;
+    for (int n = 0; n < 24; ++n) {
+      const double end = s->state().time + 1.0 / 24;
+      while (end - s->state().time > 1e-9) {
+        const sim::StepInfo info = s->step(end - s->state().time);
+        const sim::Energy& flow = info.energy->change[static_cast<std::size_t>(sim::EnergyStage::kPlasticFlow)];
+        CHECK(flow.elastic <= 1e-9);
+        taken -= flow.elastic;
+      }
+    }
+    dissipated = taken;
+    const sim::SolidDiagnostics d = s->diagnose_solid(0);
+    return d.extent_max[1] - d.extent_min[1];
+  };
+  double elastic_loss = 0.0, plastic_loss = 0.0;
+  const double elastic = height_after(0.0, elastic_loss), plastic = height_after(600.0, plastic_loss);
+  CHECK(elastic_loss == 0.0);
+  CHECK(plastic_loss > 0.01);
+  CHECK(elastic > 0.9 * 2.0 * kRadius);
+  CHECK(plastic < 0.8 * 2.0 * kRadius);
+}
+
+TEST_CASE(
+    "Plastic strain is state: a resumed run, a repeated step and any number of threads go on with the same bits") {
+  const auto start = [](int threads) {
+    auto s = make_simulation(vacuum(0.025, threads), {plastic_ball(kMiddle, 1000.0, 50.0)});
+    pull(*s, 1.3);
+    return s;
+  };
+  auto whole = start(1), threads = start(3), first = start(1), second = start(1);
+  run(*whole, 0.04, 0.005);
+  run(*threads, 0.04, 0.005);
+  CHECK(sim::state_hash(whole->state()) == sim::state_hash(threads->state()));
+  const std::string path = "plasticity_test.checkpoint";
+  run(*first, 0.02, 0.005);
+  sim::save_checkpoint(*first, path);
+  sim::restore_checkpoint(*second, path);
+  std::remove(path.c_str());
+  run(*second, 0.02, 0.005);
+  CHECK(sim::state_hash(whole->state()) == sim::state_hash(second->state()));
+  // The hash covers it.
+  sim::State changed = whole->state();
+  changed.solids[0].plastic[0].accumulated += Real(1);
+  CHECK(sim::state_hash(changed) != sim::state_hash(whole->state()));
+  CHECK(solid::largest_plastic_strain(whole->state().solids[0]) > 0.05);
+}
+
+TEST_CASE("A solid that cannot yield carries nothing; one that can is told apart") {
+  auto elastic = make_simulation(vacuum(0.025), {plastic_ball(kMiddle, 0.0)});
+  auto plastic = make_simulation(vacuum(0.025), {plastic_ball(kMiddle, 1000.0)});
+  auto other = make_simulation(vacuum(0.025), {plastic_ball(kMiddle, 1001.0)});
+  elastic->step(0.001);
+  plastic->step(0.001);
+  CHECK(elastic->state().solids[0].plastic.capacity() == 0);
+  CHECK(elastic->workspace().solids[0].hourglass_force.capacity() == 0);
+  const std::uint64_t nodes = plastic->state().solids[0].plastic.size();
+  CHECK(nodes == plastic->solids()[0].plastic_lattice.node_count());
+  CHECK(plastic->memory_bytes() >= elastic->memory_bytes() + 2 * nodes * sizeof(solid::PlasticNode));
+  CHECK(plastic->scene_hash() != elastic->scene_hash());
+  CHECK(plastic->scene_hash() != other->scene_hash());
+  sim::SolidDesc bad = plastic_ball(kMiddle, 1000.0);
+  bad.plastic.hardening = -1.0;
+  geometry::MeshReport report;
+  CHECK_THROWS_WITH(make_simulation(vacuum(0.025))->add_solid(bad, report),
+                    Catch::Contains("EfsiSolidDef.plastic_hardening = -1: must be a finite number >= 0"));
+}
