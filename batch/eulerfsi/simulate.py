@@ -88,6 +88,7 @@ class Ids:
     passengers: list[int] = dataclasses.field(default_factory=list)
     pins: list[int] = dataclasses.field(default_factory=list)
     colliders: list[int] = dataclasses.field(default_factory=list)
+    collider_solids: list[int] = dataclasses.field(default_factory=list)  # which the library sees as solids, too
 
 
 def build_simulation(scene: Scene, threads: int, memory_limit: int, log: Log) -> tuple[Simulation, Ids]:
@@ -115,7 +116,9 @@ def build_simulation(scene: Scene, threads: int, memory_limit: int, log: Log) ->
             ids.pins.append(simulation.add_pin(carriers[pin.solid], where))
         for collider in scene.colliders:
             place[0] = f"{collider.path}: "
-            ids.colliders.append(simulation.add_collider(collider.surface, **collider.values)[1])
+            solid_id, pin_id = simulation.add_collider(collider.surface, **collider.values)
+            ids.collider_solids.append(solid_id)
+            ids.colliders.append(pin_id)
         for emitter in scene.emitters:
             place[0] = f"{emitter.path}: "
             simulation.add_emitter(**emitter.values)
@@ -320,7 +323,9 @@ class _Run:
         self._look_at_meshes(frame, solids)
         line = {"event": "frame", "frame": frame, "time": self.simulation.time, "seconds": round(seconds, 4)}
         line |= {"steps": self.simulation.steps, "solids": solids, "fluid": self.simulation.fluid_diagnostics()}
-        names = {identifier: solid.path for solid, identifier in zip(self.scene.solids, self.solids, strict=True)}
+        bodies = [*self.scene.solids, *self.scene.colliders]
+        identifiers = [*self.ids.solids, *self.ids.collider_solids]
+        names = {identifier: body.path for body, identifier in zip(bodies, identifiers, strict=True)}
         line |= self.contacts.columns(names)
         self.contacts = FrameContacts()
         self.cache.add_stats({**line, "profile": self.simulation.profile()})
