@@ -310,7 +310,6 @@ def make_heap() -> Usd.Stage:
     add_carpet(stage, lower, size)
     add_camera(stage, (0.35, 0.45, 1.3), (0.0, 0.2, 0.0))
     return stage
-    return stage
 
 
 def make_struck() -> Usd.Stage:
@@ -352,6 +351,7 @@ def make_struck() -> Usd.Stage:
     bind_material(stage, ball.GetPrim(), (0.3, 0.32, 0.36))
     add_carpet(stage, lower, size)
     add_camera(stage, (0.35, 0.4, 1.5), (0.0, 0.22, 0.0))
+    return stage
 
 
 def make_clay_and_rubber() -> Usd.Stage:
