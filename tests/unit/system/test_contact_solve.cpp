@@ -53,7 +53,8 @@ struct Scene {
         row.friction = friction;
         for (const auto& [y, sign] : {std::pair{top, -1.0}, std::pair{bottom, 1.0}})
           for (int p = 0; p < 2; ++p)
-            row.parts.push_back({system.unknown_of(sign > 0.0 ? 1 : 0, g.node(i - p, y, k)), static_cast<Real>(sign * (p ? 0.3 : 0.7))});
+            row.parts.push_back({system.unknown_of(sign > 0.0 ? 1 : 0, g.node(i - p, y, k)),
+                                 static_cast<Real>(sign * (p ? 0.3 : 0.7))});
         rows.push_back(row);
       }
     const auto unknowns = static_cast<std::size_t>(system.unknowns());
