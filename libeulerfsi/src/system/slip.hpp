@@ -29,7 +29,7 @@ struct SlipNode {
   int i, j, k;       // on no face of the box, unless several solids carry the node
   std::size_t solid;
   std::uint8_t solid_cells;     // bit a: the cell that has this node as corner a (grid::kCorner) belongs to the solid
-  Vec3 normal;                  // out of the solid
+  Vec3 normal = Vec3::Zero();   // out of the solid
   Real solid_mass, fluid_mass;  // [kg]
   // Of nodes that several solids carry:
   std::uint8_t solids = 1;       // that carry the node
