@@ -257,3 +257,10 @@ def read_vdb(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Path], dict[
         return grids
 
     return read
+
+
+def world_points(stage: Usd.Stage, path: str, frame: int) -> np.ndarray:
+    """Where a mesh, curves or points are in a frame, (n, 3), stage units."""
+    prim = UsdGeom.PointBased(stage.GetPrimAtPath(path))
+    matrix = np.array(UsdGeom.XformCache(frame).GetLocalToWorldTransform(prim.GetPrim()))
+    return np.asarray(prim.GetPointsAttr().Get(frame), float) @ matrix[:3, :3] + matrix[3, :3]

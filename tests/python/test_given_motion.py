@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import make_scene, sphere
+from conftest import make_scene, sphere, world_points
 from eulerfsi.simulate import Options, simulate
 from eulerfsi_usd import checks, gprims
 from pxr import Gf, Sdf, Usd, UsdGeom
@@ -36,16 +36,10 @@ def held(tmp_path: Path) -> Path:
     return tmp_path / "held.usda"
 
 
-def points_at(stage: Usd.Stage, path: str, frame: int) -> np.ndarray:
-    prim = UsdGeom.Mesh(stage.GetPrimAtPath(path))
-    matrix = np.array(UsdGeom.XformCache(frame).GetLocalToWorldTransform(prim.GetPrim()))
-    return np.asarray(prim.GetPointsAttr().Get(frame), float) @ matrix[:3, :3] + matrix[3, :3]
-
-
 def test_a_held_ball_is_pushed_by_a_box_that_comes(held: Path, tmp_path: Path, library) -> None:
     result = simulate(held, Options(output=tmp_path / "cache", progress="none"))
     stage = Usd.Stage.Open(str(result.root))
-    first, last = (points_at(stage, "/World/Ball", frame) for frame in (1, 7))
+    first, last = (world_points(stage, "/World/Ball", frame) for frame in (1, 7))
     top = first[:, 1] > 0.13
     assert np.abs(last[top] - first[top]).max() < 1e-6
     # The box comes from x < 0 up to -0.11: the ball gives way.
@@ -74,7 +68,7 @@ def test_a_pin_follows_its_volume(held: Path, tmp_path: Path, library) -> None:
     stage.GetRootLayer().Save()
     result = simulate(held, Options(output=tmp_path / "cache", progress="none"))
     cache = Usd.Stage.Open(str(result.root))
-    first, last = (points_at(cache, "/World/Ball", frame) for frame in (1, 7))
+    first, last = (world_points(cache, "/World/Ball", frame) for frame in (1, 7))
     inside = np.linalg.norm(first - (0.0, 0.1, 0.0), axis=1) < 0.118
     angle = np.radians(30.0)
     wanted = first[inside] @ np.array(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import make_scene, sphere
+from conftest import make_scene, sphere, world_points
 from eulerfsi.simulate import Options, simulate
 from eulerfsi_usd import checks
 from pxr import Gf, Usd, UsdGeom
@@ -50,12 +50,6 @@ def dressed(tmp_path: Path) -> Path:
     ball.GetRelationship("eulerfsi:carried").SetTargets(["/World/Style"])
     stage.GetRootLayer().Save()
     return tmp_path / "dressed.usda"
-
-
-def world_points(stage: Usd.Stage, path: str, frame: int) -> np.ndarray:
-    prim = UsdGeom.PointBased(stage.GetPrimAtPath(path))
-    matrix = np.array(UsdGeom.XformCache(frame).GetLocalToWorldTransform(prim.GetPrim()))
-    return np.asarray(prim.GetPointsAttr().Get(frame), float) @ matrix[:3, :3] + matrix[3, :3]
 
 
 def test_eyes_and_hair_ride_along(dressed: Path, tmp_path: Path, library) -> None:

@@ -59,6 +59,20 @@ inline int adjacent_cells(const grid::Grid& g, int i, int j, int k) {
   return cells;
 }
 
+// The cells of a grid around a node that have this owner (Matter.owned), bits as in system::SlipNode.
+inline std::uint8_t cells_owned_by(const grid::Grid& g, const std::vector<std::uint8_t>& owned, std::size_t owner,
+                                   int i, int j, int k) {
+  std::uint8_t cells = 0;
+  for (std::size_t a = 0; a < 8; ++a) {
+    const auto& c = grid::kCorner[a];
+    const Vec3i q{i - c[0], j - c[1], k - c[2]};
+    bool inside = true;
+    for (std::size_t x = 0; x < 3; ++x) inside = inside && q[x] >= 0 && q[x] < g.cells[x];
+    if (inside && owned[g.padded(q[0], q[1], q[2])] == owner) cells = static_cast<std::uint8_t>(cells | (1u << a));
+  }
+  return cells;
+}
+
 // Calls body(node, i, j, k) for the nodes on the faces of a grid.
 template <class Body>
 void for_face_nodes(const Parallel& parallel, const grid::Grid& g, const Body& body) {

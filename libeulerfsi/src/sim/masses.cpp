@@ -132,20 +132,6 @@ void find_owned_cells(const Parallel& parallel, const SolidStates& states, const
     });
 }
 
-// Cells of the box around a node that no solid owns, bits as in system::SlipNode.
-std::uint8_t free_cells_of(const Matter& matter, int i, int j, int k) {
-  const Grid& g = matter.common.grid;
-  std::uint8_t cells = 0;
-  for (std::size_t a = 0; a < 8; ++a) {
-    const auto& c = grid::kCorner[a];
-    const Vec3i q{i - c[0], j - c[1], k - c[2]};
-    bool inside = true;
-    for (std::size_t x = 0; x < 3; ++x) inside = inside && q[x] >= 0 && q[x] < g.cells[x];
-    if (inside && !matter.owned[g.padded(q[0], q[1], q[2])]) cells = static_cast<std::uint8_t>(cells | (1u << a));
-  }
-  return cells;
-}
-
 // The film between solids that touch: what they leave of cells that none owns may be nothing, and weighs a little.
 void leave_film(const Parallel& parallel, double fluid_density, const SolidStates& states, const SolidWorks& solids,
                 Matter& matter) {
@@ -160,8 +146,8 @@ void leave_film(const Parallel& parallel, double fluid_density, const SolidState
     for_band_nodes(parallel, g, states[l].band, [&](std::size_t local, int i, int j, int k) {
       const std::size_t n = g.node(i, j, k);
       if (bands[n] < 2 || !solids[l].carries[local]) return;
-      const Real least =
-          static_cast<Real>(kFilmMass * eighth * std::popcount(static_cast<unsigned>(free_cells_of(matter, i, j, k))));
+      const Real least = static_cast<Real>(
+          kFilmMass * eighth * std::popcount(static_cast<unsigned>(cells_owned_by(g, matter.owned, 0, i, j, k))));
       if (!(matter.fluid_mass[n] < least)) return;
       matter.mass[n] += least - matter.fluid_mass[n];
       matter.fluid_mass[n] = least;

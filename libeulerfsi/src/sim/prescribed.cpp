@@ -131,8 +131,8 @@ std::vector<GivenNode> find_given(const StepContext& step, const SolidStates& st
   for (const GivenNode& node : given) matter.specific_volume[node.node] = 0;
   slip.hold(parallel, matter.specific_volume);
   for (const GivenNode& node : given) {
-    const std::size_t t = slip.find(node.solid, node.node);
-    if (t != system::SlipNodes::kNone && slip.nodes()[t].shared()) slip.prescribe(t, kAllAxes, kAllAxes);
+    const std::size_t t = slip.find_shared(node.solid, node.node);
+    if (t != system::SlipNodes::kNone) slip.prescribe(t, kAllAxes, kAllAxes);
   }
   return given;
 }
@@ -221,8 +221,8 @@ void close_given_cells(const StepContext& step, const SolidStates& states, const
       const bool moves = std::any_of(corner.begin(), corner.end(), [&](std::size_t o) {
         if (matter.specific_volume[n + o] > 0) return true;
         if (owner == 0) return slips[n + o] != 0;
-        const std::size_t t = slips[n + o] ? slip.find(owner - 1u, n + o) : system::SlipNodes::kNone;
-        return t != system::SlipNodes::kNone && slip.nodes()[t].shared() && slip.nodes()[t].fixed != kAllAxes;
+        const std::size_t t = slips[n + o] ? slip.find_shared(owner - 1u, n + o) : system::SlipNodes::kNone;
+        return t != system::SlipNodes::kNone && slip.nodes()[t].fixed != kAllAxes;
       });
       if (!moves) active[c] = 0;
     });

@@ -38,26 +38,6 @@ std::optional<std::size_t> carried(const Grid& g, const SolidStates& states, con
   return local;
 }
 
-struct Around {
-  std::uint8_t own = 0, free = 0;  // bits: cells of the box that a solid owns, and those that none does
-};
-Around look_around(const Matter& matter, std::size_t solid, int i, int j, int k) {
-  const Grid& g = matter.common.grid;
-  Around around;
-  for (std::size_t a = 0; a < 8; ++a) {
-    const auto& c = grid::kCorner[a];
-    const Vec3i q{i - c[0], j - c[1], k - c[2]};
-    bool inside = true;
-    for (std::size_t x = 0; x < 3; ++x) inside = inside && q[x] >= 0 && q[x] < g.cells[x];
-    if (!inside) continue;
-    const std::uint8_t owner = matter.owned[g.padded(q[0], q[1], q[2])];
-    const auto bit = static_cast<std::uint8_t>(1u << a);
-    if (owner == solid + 1) around.own = static_cast<std::uint8_t>(around.own | bit);
-    if (owner == 0) around.free = static_cast<std::uint8_t>(around.free | bit);
-  }
-  return around;
-}
-
 // A node that only one solid carries: its velocity and the fluid's, if the fluid slips there.
 bool find_slip(const Matter& matter, const std::vector<std::uint32_t>& carrier, std::size_t solid, Real solid_mass,
                const Vec3i& at, SlipNode& node) {
@@ -98,12 +78,11 @@ void find_shared(const Scene& scene, const SolidStates& states, const SolidWorks
     const auto local = carried(g, states, solids, l, at);
     if (!local) continue;
     SlipNode entry = node;
-    const Around around = look_around(matter, l, i, j, k);
     entry.solid = l;
-    entry.solid_cells = around.own;
+    entry.solid_cells = cells_owned_by(g, matter.owned, l + 1, i, j, k);
     entry.solid_mass = solids[l].mass[*local];
     entry.in_fluid = scene.params.fluid.present;
-    entry.fluid_cells = entry.in_fluid ? around.free : std::uint8_t{0};
+    if (entry.in_fluid) entry.fluid_cells = cells_owned_by(g, matter.owned, 0, i, j, k);
     entry.fluid_mass = matter.fluid_mass[node.node];
     entry.mass = matter.mass[node.node];
     entry.base_fixed = matter.fixed[node.node];

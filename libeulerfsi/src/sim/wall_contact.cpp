@@ -270,8 +270,8 @@ void meet_walls(const StepContext& step, const SolidStates& states, const SolidW
   if (scene.params.numerics.walls_push_only) rows = find_rows(step, states, solids, matter.common, velocity);
   std::vector<Vec3> prescribed;
   for (WallRow& row : rows) {
-    const std::size_t t = slip.find(row.solid, row.node);
-    const bool shared = t != system::SlipNodes::kNone && slip.nodes()[t].shared();
+    const std::size_t t = slip.find_shared(row.solid, row.node);
+    const bool shared = t != system::SlipNodes::kNone;
     prescribed.push_back(prescribe(shared ? slip.nodes()[t].solid_mass : matter.mass[row.node],
                                    slip.velocity_of(row.solid, row.node, velocity.field), row));
     if (shared)
@@ -402,8 +402,8 @@ void add_reactions(const Parallel& parallel, const Grid& g, const std::vector<Re
 void keep_off(const std::vector<Real>& mass, NodeVelocity& velocity, std::vector<WallRow>& rows) {
   for (WallRow& row : rows) {
     if (row.on_wall || !row.holds) continue;
-    const std::size_t t = velocity.slip.find(row.solid, row.node);
-    const bool shared = t != system::SlipNodes::kNone && velocity.slip.nodes()[t].shared();
+    const std::size_t t = velocity.slip.find_shared(row.solid, row.node);
+    const bool shared = t != system::SlipNodes::kNone;
     Vec3 v = velocity.slip.velocity_of(row.solid, row.node, velocity.field);
     const Real missing = std::max(Real(0), row.least - row.out * v[row.axis]);
     v[row.axis] += row.out * missing;

@@ -48,6 +48,11 @@ std::size_t SlipNodes::find(std::size_t solid, std::size_t node) const {
                                                                       : kNone;
 }
 
+std::size_t SlipNodes::find_shared(std::size_t solid, std::size_t node) const {
+  const std::size_t t = find(solid, node);
+  return t != kNone && nodes_[t].shared() ? t : kNone;
+}
+
 Vec3 SlipNodes::velocity_of(std::size_t solid, std::size_t node, const grid::VectorField& velocity) const {
   const std::size_t t = find(solid, node);
   return t == kNone ? velocity.at(node) : solid_velocity_[t];
@@ -195,6 +200,13 @@ void SlipNodes::swap(const Parallel& parallel, std::size_t solid, grid::VectorFi
   });
 }
 
+// Volume that a shared node makes, times 4 / h^2, where it has fluid.
+Real SlipNodes::making(std::size_t t, const Share& share, const Vec3& fluid) const {
+  Real sum = share.members.back().side.dot(fluid);
+  for (std::size_t s = 0; s < nodes_[t].solids; ++s) sum += share.members[s].side.dot(solid_velocity_[t + s]);
+  return sum;
+}
+
 void SlipNodes::share_normal(const Parallel& parallel, grid::VectorField& velocity) {
   for_nodes(parallel, [&](const SlipNode& n, std::size_t t) {
     const Vec3 fluid = velocity.at(n.node);
@@ -202,11 +214,8 @@ void SlipNodes::share_normal(const Parallel& parallel, grid::VectorField& veloci
       if (!leads(t)) return;
       const Share share = share_of(t);
       if (!share.fluid || share.members.back().side.isZero()) return;
-      Real making = share.members.back().side.dot(fluid);
-      for (std::size_t s = 0; s < n.solids; ++s) making += share.members[s].side.dot(solid_velocity_[t + s]);
-      const auto loss = [&](const Member& m) -> Vec3 {
-        return share.reaction * making * m.inverse_mass.cwiseProduct(m.side);
-      };
+      const Real made = share.reaction * making(t, share, fluid);
+      const auto loss = [&](const Member& m) -> Vec3 { return made * m.inverse_mass.cwiseProduct(m.side); };
       for (std::size_t s = 0; s < n.solids; ++s) solid_velocity_[t + s] -= loss(share.members[s]);
       velocity.set(n.node, fluid - loss(share.members.back()));
       return;
@@ -233,9 +242,7 @@ Vec3 SlipNodes::filling(std::size_t t, const Vec3& fluid) const {
   }
   const Vec3& side = share.members.back().side;
   if (side.isZero()) return fluid;
-  Real making = side.dot(fluid);
-  for (std::size_t s = 0; s < n.solids; ++s) making += share.members[s].side.dot(solid_velocity_[t + s]);
-  return fluid - making / side.squaredNorm() * side;
+  return fluid - making(t, share, fluid) / side.squaredNorm() * side;
 }
 
 double SlipNodes::opening(const grid::VectorField& velocity) const {

@@ -67,6 +67,8 @@ class SlipNodes {
   // Where a solid's own velocity at a node is among them; none: kNone, it is the field's.
   static constexpr std::size_t kNone = static_cast<std::size_t>(-1);
   std::size_t find(std::size_t solid, std::size_t node) const;
+  // The same of shared nodes alone.
+  std::size_t find_shared(std::size_t solid, std::size_t node) const;
   Vec3 velocity_of(std::size_t solid, std::size_t node, const grid::VectorField& velocity) const;
   void set_velocity_of(std::size_t solid, std::size_t node, const Vec3& value, grid::VectorField& velocity);
   // At a shared node: what walls prescribe of the solid's velocity, bits of axes.
@@ -167,6 +169,7 @@ class SlipNodes {
   void subtract_share(std::size_t t, const std::vector<Real>& q, grid::VectorField& velocity);
   Vec3 share_impulse(std::size_t t, const std::vector<Real>& q) const;
   Vec3 filling(std::size_t t, const Vec3& fluid) const;
+  Real making(std::size_t t, const Share& share, const Vec3& fluid) const;
   Terms share_terms(std::size_t t) const;
   Real smoother_share(std::size_t t, std::size_t corner) const;
   Vec3 base_inverse_mass(const SlipNode& n) const;

@@ -88,4 +88,13 @@ inline bool all_finite(const sim::State& state) {
   return good;
 }
 
+inline geometry::TriangleMesh block(const Vec3d& center, const Vec3d& half) {
+  geometry::TriangleMesh mesh;
+  for (int c = 0; c < 8; ++c)
+    mesh.points.push_back(center + half.cwiseProduct(Vec3d(c & 1 ? 1 : -1, c & 2 ? 1 : -1, c & 4 ? 1 : -1)));
+  mesh.triangles = {{0, 2, 1}, {1, 2, 3}, {4, 5, 6}, {5, 7, 6}, {0, 1, 4}, {1, 5, 4},
+                    {2, 6, 3}, {3, 6, 7}, {0, 4, 2}, {2, 4, 6}, {1, 3, 5}, {3, 7, 5}};
+  return mesh;
+}
+
 }  // namespace efsi::test

@@ -99,15 +99,6 @@ std::unique_ptr<sim::Simulation> scene(sim::Params p, const std::vector<sim::Sol
   return make_simulation(p, solids);
 }
 
-geometry::TriangleMesh block(const Vec3d& center, const Vec3d& half) {
-  geometry::TriangleMesh mesh;
-  for (int c = 0; c < 8; ++c)
-    mesh.points.push_back(center + half.cwiseProduct(Vec3d(c & 1 ? 1 : -1, c & 2 ? 1 : -1, c & 4 ? 1 : -1)));
-  mesh.triangles = {{0, 2, 1}, {1, 2, 3}, {4, 5, 6}, {5, 7, 6}, {0, 1, 4}, {1, 5, 4},
-                    {2, 6, 3}, {3, 6, 7}, {0, 4, 2}, {2, 4, 6}, {1, 3, 5}, {3, 7, 5}};
-  return mesh;
-}
-
 // A block on a slab that lies on the floor; gravity is tilted by 30 degrees. The slab sticks to the floor.
 std::unique_ptr<sim::Simulation> block_on_slab(double friction, bool compressible) {
   sim::Params p = box_params({1.0, 0.4, 0.4}, kCell);
