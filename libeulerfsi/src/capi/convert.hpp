@@ -83,6 +83,7 @@ inline sim::SolidDesc to_solid(const EfsiSolidDef& def) {
   d.rayleigh_alpha = def.rayleigh_alpha;
   d.rayleigh_beta = def.rayleigh_beta;
   d.friction = def.friction;
+  d.contact_stiffness = def.contact_stiffness;
   d.plastic = {def.plastic_yield_stress, def.plastic_flow_rate, def.plastic_hardening};
   d.compressible = def.compressible != 0;
   d.law = static_cast<material::Law>(def.material);

@@ -124,7 +124,9 @@ std::uint64_t Simulation::scene_hash() const {
     hash.add_array(s.distance.values);
     hash.add_array(s.surface.points);
     hash.add_array(s.surface.triangles);
+    if (n.uses_particles()) hash.add_value(s.contact_stiffness);
   }
+  if (n.uses_particles()) hash.add_value(n.contact_distance);
   for (const Pin& pin : pins_) {
     hash.add_value(static_cast<std::uint64_t>(pin.solid));
     hash.add_value(static_cast<std::uint64_t>(pin.whole));

@@ -23,6 +23,8 @@ struct Numerics {
   double pressure_tolerance = 0.018;
   int points_per_element = 1;
   solid::AdvectionScheme solid_advection = solid::AdvectionScheme::kMacCormack;
+  // With kPaper: from which distance on the particles of a solid are pushed away [cells], h of Eq. 14.
+  double contact_distance = 1.0;
   bool corrected_fluid_advection = true;  // MacCormack; smoke and heat keep their amount
   // true: v = v* - G^-1 J^T q on solid nodes (Eq. 13 as printed); false: v = v* - M^-1 J^T q, divergence-free.
   bool stiff_correction = false;
@@ -37,6 +39,8 @@ struct Numerics {
   bool volume_source = true;       // b of Eq. 11 pulls det F back to 1
   bool fluid_slips = true;         // beside a solid the fluid has a velocity of its own
   bool conserve_momentum = true;   // transport keeps linear and angular momentum
+  // Particles carry the velocity of solids and repel each other.
+  bool uses_particles() const { return solid_advection == solid::AdvectionScheme::kPaper; }
 };
 
 struct Params {

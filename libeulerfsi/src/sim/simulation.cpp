@@ -58,6 +58,7 @@ void validate(const SolidDesc& d) {
   not_negative("rayleigh_alpha", d.rayleigh_alpha);
   not_negative("rayleigh_beta", d.rayleigh_beta);
   not_negative("friction", d.friction);
+  not_negative("contact_stiffness", d.contact_stiffness);
   not_negative("plastic_yield_stress", d.plastic.yield_stress);
   positive("plastic_flow_rate", d.plastic.flow_rate);
   not_negative("plastic_hardening", d.plastic.hardening);
@@ -187,6 +188,7 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
   rest.rayleigh_alpha = desc.rayleigh_alpha;
   rest.rayleigh_beta = desc.rayleigh_beta;
   rest.friction = desc.friction;
+  rest.contact_stiffness = desc.contact_stiffness;
   rest.compressible = desc.compressible;
   rest.plastic = desc.plastic;
   const double spacing = kRestSpacing * grid_.h;
@@ -198,6 +200,7 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
   if (report.repaired) log_.warning("mesh repaired: " + report.repairs);
   rest.distance = surface->distance;
   rest.surface = surface->mesh;
+  if (params_.numerics.uses_particles()) rest.nearest = geometry::NearestTriangle(rest.surface);
   rest.clusters = solid::make_surface_clusters(rest.surface, rest.distance, grid_.h);
   rest.volume = report.solid_volume;
   rest.area = geometry::surface_area(rest.surface);
@@ -615,6 +618,8 @@ std::uint64_t Simulation::memory_bytes() const {
   std::uint64_t sum = count.bytes + work_.velocity.slip.bytes() + elasticity.system.bytes() + pressure.system.bytes() +
                       work_.advect.bytes() + work_.solid_advect.bytes();
   for (const auto& solid : work_.solids) sum += solid.bytes();
+  for (const auto& particles : work_.particles) sum += particles.bytes();
+  for (const auto& solid : solids_) sum += solid.nearest.bytes();
   return sum;
 }
 

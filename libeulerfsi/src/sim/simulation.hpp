@@ -37,7 +37,8 @@ struct SolidDesc {
   double youngs_modulus = 2e4;
   double poissons_ratio = 0.3;
   double rayleigh_alpha = 0.0, rayleigh_beta = 0.0;
-  double friction = 0.0;  // Coulomb's coefficient at walls
+  double friction = 0.0;               // Coulomb's coefficient
+  double contact_stiffness = 10000.0;  // k of Eq. 14 [N/m]
   bool compressible = false;
   material::Plastic plastic;
   material::Law law = material::Law::kCorotational;

@@ -11,6 +11,7 @@
 #include "sim/masses.hpp"
 #include "sim/momentum_balance.hpp"
 #include "sim/node_velocity.hpp"
+#include "sim/particle_contact.hpp"
 #include "sim/prescribed.hpp"
 #include "sim/pressure.hpp"
 #include "sim/repair_maps.hpp"
@@ -21,6 +22,7 @@
 #include "solid/displacement.hpp"
 #include "solid/mass.hpp"
 #include "solid/material_force.hpp"
+#include "solid/particles.hpp"
 #include "solid/plasticity.hpp"
 
 namespace efsi::sim {
@@ -57,10 +59,34 @@ void remember_elements(const StepContext& step, const Hold& hold, const solid::S
     state.stiff.clear();
 }
 
+// Lines 12 to 16: the solids' velocities, on their grids or on particles, which repel each other.
+void take_velocities(const StepContext& step, std::uint64_t steps, const grid::Grid& common, NodeVelocity& velocity,
+                     SolidStates& states, SolidWorks& solids, std::vector<solid::Particles>& particles,
+                     EnergyLedger& ledger) {
+  const auto& [parallel, scene, time, dt, profile, info] = step;
+  const bool uses_particles = scene.params.numerics.uses_particles();
+  if (uses_particles) particles.resize(solids.size());
+  for (std::size_t l = 0; l < solids.size(); ++l) {
+    ScopedTimer timer(profile, Stage::kSolidAdvection);
+    const system::SolidView view(parallel, velocity.slip, l, velocity.field);
+    solid::take_velocity(parallel, common, velocity.field, states[l], solids[l]);  // Alg. 1 line 13
+    if (!uses_particles) continue;
+    if (is_collider(scene.pins, l)) {  // its velocity is given everywhere
+      std::fill(solids[l].layer.begin(), solids[l].layer.end(), std::uint8_t{0});
+      continue;
+    }
+    solid::extend(parallel, states[l], solids[l]);
+    ledger.leave(l);
+    solid::seed_particles(parallel, scene.solids[l], states[l], solids[l], steps * solids.size() + l, particles[l]);
+    timer.visited(particles[l].size(), sizeof(Vec3d) + sizeof(Vec3));
+  }
+  if (uses_particles) info.contacts = repel_particles(step, states, solids, particles);  // Alg. 1 line 14
+}
+
 // Lines 18 to 20 for solid l: map, velocity and surface move with it, and its band follows.
 void transport_solid(const StepContext& step, std::size_t l, const solid::RigidStep& frame, const Hold& hold,
                      solid::SolidWork& work, solid::SolidState& state, solid::AdvectWorkspace& packed,
-                     EnergyLedger& ledger) {
+                     std::vector<solid::Particles>& particles, EnergyLedger& ledger) {
   const auto& [parallel, scene, time, dt, profile, info] = step;
   if (is_collider(scene.pins, l)) {
     ScopedTimer timer(profile, Stage::kSolidAdvection);
@@ -70,8 +96,12 @@ void transport_solid(const StepContext& step, std::size_t l, const solid::RigidS
   }
   {
     ScopedTimer timer(profile, Stage::kSolidAdvection);
-    solid::extend(parallel, state, work);  // Alg. 1 line 18
-    ledger.leave(l);
+    if (scene.params.numerics.uses_particles()) {
+      solid::rasterize(parallel, dt, scene.solids[l], particles[l], state, work);  // Alg. 1 line 18
+    } else {
+      solid::extend(parallel, state, work);
+      ledger.leave(l);
+    }
     solid::advect(parallel, scene.params.numerics.solid_advection, dt, frame, work, state,  // Alg. 1 lines 19, 20
                   packed);
     timer.visited(work.layer.size(), 12 * sizeof(Real));
@@ -90,7 +120,8 @@ void settle(const StepContext& step, const std::vector<VolumeTarget>& targets, S
             EnergyLedger& ledger) {
   const auto& [parallel, scene, time, dt, profile, info] = step;
   const Numerics& numerics = scene.params.numerics;
-  auto& [solids, matter, velocity, elasticity, pressure, momenta, advect, solid_advect, backup, ready] = work;
+  auto& [solids, matter, velocity, elasticity, pressure, momenta, advect, solid_advect, particles, backup, ready] =
+      work;
   SolidStates& states = state.solids;
   fluid::FluidState& fluid = state.fluid;
   ready = numerics.repair_map || numerics.conserve_momentum;
@@ -143,7 +174,8 @@ void finish(const StepContext& step, const SolidWorks& solids, State& state) {
 StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, double shrink, State& state,
               Workspace& work, Profile& profile) {
   const Numerics& numerics = scene.params.numerics;
-  auto& [solids, matter, velocity, elasticity, pressure, momenta, advect, solid_advect, backup, ready] = work;
+  auto& [solids, matter, velocity, elasticity, pressure, momenta, advect, solid_advect, particles, backup, ready] =
+      work;
   const grid::Grid& common = matter.common.grid;
   SolidStates& states = state.solids;
   fluid::FluidState& fluid = state.fluid;
@@ -197,14 +229,10 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   const std::vector<VolumeTarget> targets = volume_targets(scene.solids, states, solids);
   ledger.meet(velocity, frames);
 
-  for (std::size_t l = 0; l < scene.solids.size(); ++l) {  // lines 12-16
-    ScopedTimer timer(profile, Stage::kSolidAdvection);
-    const system::SolidView view(parallel, velocity.slip, l, velocity.field);
-    solid::take_velocity(parallel, common, velocity.field, states[l], solids[l]);  // Alg. 1 line 13
-  }
+  take_velocities(step, state.steps, common, velocity, states, solids, particles, ledger);  // lines 12-16
   pressure.system.exchange_scratch(solid_advect.storage());
   for (std::size_t l = 0; l < scene.solids.size(); ++l)  // lines 17-21
-    transport_solid(step, l, frames[l], elasticity.holds.of(l), solids[l], states[l], solid_advect, ledger);
+    transport_solid(step, l, frames[l], elasticity.holds.of(l), solids[l], states[l], solid_advect, particles, ledger);
   pressure.system.exchange_scratch(solid_advect.storage());
   still_fluid(elasticity.walls, velocity.field);
   advect_fluid(step, velocity.field, velocity.slip, matter, fluid, advect, pressure.system);  // Alg. 1 line 22

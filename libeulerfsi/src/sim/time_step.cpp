@@ -18,6 +18,7 @@ constexpr double kContactReach = 2.0;     // cells
 constexpr double kContactDistance = 1.0;  // cells: 2 less what a step in contact moves
 constexpr double kContactPace = 0.7;      // cells that a shear wave passes in a step in contact
 constexpr double kContactStrain = 0.1;    // in a step in contact, below which waves need not be resolved
+constexpr double kPaperCfl = 0.6;         // cells per step of solids less than kContactReach apart (Sec. 5.2)
 constexpr double kPairReach = 6.0;        // cells between solids, from which on they do not limit each other
 constexpr double kUnseen = 1.2;           // cells that solids near each other may move before they see each other
 // Cells per step in flight over those elsewhere: through vacuum (4 where these are 1.8) and through a fluid of at most
@@ -107,8 +108,13 @@ double pair_limit(const Parallel& parallel, const Scene& scene, const SolidState
   const Params& params = scene.params;
   const double h = scene.grid.h, apart = boxes[one].exteriorDistance(boxes[other]) / h;
   double limit = std::numeric_limits<double>::infinity();
-  if (!params.numerics.walls_push_only || apart > kPairReach) return limit;
+  if (apart > kPairReach) return limit;
   const SolidGap seen = measure_gap(scene, states, one, other);
+  if (params.numerics.uses_particles())
+    return seen.gap + kContactSkin * h < kContactReach * h
+               ? time_to_move(std::max(states[one].speed, states[other].speed), params.gravity.norm(), kPaperCfl * h)
+               : limit;
+  if (!params.numerics.walls_push_only) return limit;
   if (!(seen.gap < limit)) {
     const double speed = relative_speed(states, one, other);
     return time_to_move(speed, params.gravity.norm(), std::max(kUnseen, apart - 2.0 * kUnseen) * h);

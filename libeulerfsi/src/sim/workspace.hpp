@@ -10,6 +10,7 @@
 #include "sim/state.hpp"
 #include "solid/displacement.hpp"
 #include "solid/momentum.hpp"
+#include "solid/particles.hpp"
 #include "system/contact_solve.hpp"
 #include "system/pressure_solve.hpp"
 #include "system/slip.hpp"
@@ -119,8 +120,9 @@ struct Workspace {
   TransportMomenta momenta;
   fluid::AdvectWorkspace advect;
   solid::AdvectWorkspace solid_advect;
-  State backup;               // the last good state
-  bool masses_ready = false;  // solids' masses and matter are those of the state
+  std::vector<solid::Particles> particles;  // per solid; empty where no preset asks for them
+  State backup;                             // the last good state
+  bool masses_ready = false;                // solids' masses and matter are those of the state
 
   // Another state: nothing that was made of the last one holds.
   void forget() { masses_ready = pressure.lasts = false; }

@@ -2,8 +2,8 @@
 // Paper: Alg. 1 lines 13 (velocity), 18 (extension), 19 (u += dt v), 20 (semi-Lagrangian advection of u); Sec. 4.3.
 //   u^{n+1}(x) = u^n(x_d) + (x - x_d), x_d the point from which the solid's velocity leads to x
 // Departs from the paper: the back-trace is third order, in a frame that moves with the solid, and the advection is
-// corrected (MacCormack); no particles (docs/deviations.md). The paper's own way (u + dt v, then linear
-// semi-Lagrangian) is AdvectionScheme::kPaper.
+// corrected (MacCormack) and takes v along (docs/deviations.md). The paper's own way (particles carry v,
+// solid/particles.hpp; u + dt v, then linear semi-Lagrangian) is AdvectionScheme::kPaper.
 #pragma once
 
 #include <array>
@@ -44,7 +44,8 @@ struct AdvectWorkspace {
   }
 };
 
-// Lines 19, 20 for u, and the transport of v by the same trace. Marks the nodes that hold data afterwards.
+// Lines 19, 20 for u, and, but for kPaper, the transport of v by the same trace. Marks the nodes that hold data
+// afterwards.
 // frame: the velocity field keeps its shape for the step in a frame with this motion, against which its velocity is
 // seen; at rest: in that of the grid, as always in kPaper. Elastic waves ride on the solid: where the field stays on
 // the grid while the solid moves, a wave's displacement gets out of step with its velocity by half of what the solid

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "geometry/nearest_triangle.hpp"
 #include "geometry/signed_distance.hpp"
 #include "geometry/triangle_mesh.hpp"
 #include "grid/grid.hpp"
@@ -27,9 +28,11 @@ struct SolidRest {
   double density = 1000.0;  // [kg/m^3]
   double rayleigh_alpha = 0.0, rayleigh_beta = 0.0;
   double friction = 0.0;              // Coulomb's coefficient; of two solids the mean
+  double contact_stiffness = 0.0;     // k of Eq. 14; of two solids the mean [N/m]
   bool compressible = false;          // no pressure acts in its cells
   geometry::SignedDistance distance;  // material space
   geometry::TriangleMesh surface;     // as given, material space
+  geometry::NearestTriangle nearest;  // of the surface at rest; empty: nothing asks
   SurfaceClusters clusters;           // of its points; none: no vertex is mended
   double volume = 0.0;                // of the closed rest shape [m^3]
   double area = 0.0;                  // of the surface at rest [m^2]
