@@ -35,7 +35,7 @@ struct Numerics {
   bool resolve_impacts = true;     // at walls, steps that shear waves cross in less than a cell
   bool repair_map = true;          // broken cells are put back in shape
   bool volume_by_pressure = true;  // alone: an incompressible solid's lambda is bounded
-  bool walls_push_only = true;     // solids leave them freely
+  bool walls_push_only = true;     // solids leave them freely, and slide; false: they fix what they fix of the fluid
   bool volume_source = true;       // b of Eq. 11 pulls det F back to 1
   bool fluid_slips = true;         // beside a solid the fluid has a velocity of its own
   bool conserve_momentum = true;   // transport keeps linear and angular momentum

@@ -122,6 +122,7 @@ TEST_CASE("Values outside their limits are refused with field, value and limit")
       {[](auto& d) { d.poissons_ratio = 0.5; }, "EfsiSolidDef.poissons_ratio = 0.5: must be between -0.9 and 0.499"},
       {[](auto& d) { d.rayleigh_beta = -1.0; }, "EfsiSolidDef.rayleigh_beta = -1: must be >= 0"},
       {[](auto& d) { d.friction = -1.0; }, "EfsiSolidDef.friction = -1: must be >= 0"},
+      {[](auto& d) { d.contact_stiffness = -1.0; }, "EfsiSolidDef.contact_stiffness = -1: must be >= 0"},
       {[](auto& d) { d.plastic_yield_stress = -1.0; }, "EfsiSolidDef.plastic_yield_stress = -1: must be >= 0"},
       {[](auto& d) { d.plastic_flow_rate = 0.0; }, "EfsiSolidDef.plastic_flow_rate = 0: must be > 0"},
       {[](auto& d) { d.plastic_hardening = kNan; }, "EfsiSolidDef.plastic_hardening = nan"},
