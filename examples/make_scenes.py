@@ -384,6 +384,28 @@ def make_clay_and_rubber() -> Usd.Stage:
     return stage
 
 
+def make_meeting_balls() -> Usd.Stage:
+    """Two soft balls are thrown at each other and part again, by the paper's own contact."""
+    stage = new_stage("Two balls are thrown at each other. The paper's scheme: particles repel each other.", 36)
+    lower, size = (-0.5, 0.0, -0.2), (1.0, 0.7, 0.4)
+    add_domain(stage, lower, size, "slip", preset="paper2016", voxelSize=0.02, fluidDensity=1.0)
+    for name, side, color in (("Left", -1.0, (0.8, 0.15, 0.1)), ("Right", 1.0, (0.2, 0.4, 0.8))):
+        ball = add_mesh(stage, f"/World/{name}", box_mesh(12, on_sphere(0.1)), color)
+        ball.AddTranslateOp().Set(Gf.Vec3d(0.14 * side, 0.55 + 0.01 * side, 0.0))
+        apply_schema(
+            ball.GetPrim(),
+            "solid",
+            youngsModulus=2.4e4,
+            poissonsRatio=0.17,
+            contactStiffness=1e4,
+            friction=0.2,
+            velocity=Gf.Vec3d(-side, 0.0, 0.0),
+        )
+        set_density(ball.GetPrim(), 1000.0)
+    add_camera(stage, (0.3, 0.4, 1.7), (0.0, 0.3, 0.0))
+    return stage
+
+
 MAKERS: dict[str, Callable[[], Usd.Stage]] = {
     "ball.usda": make_ball,
     "falling_bunny.usda": make_falling_bunny,
@@ -392,6 +414,7 @@ MAKERS: dict[str, Callable[[], Usd.Stage]] = {
     "heap.usda": make_heap,
     "struck.usda": make_struck,
     "clay_and_rubber.usda": make_clay_and_rubber,
+    "meeting_balls.usda": make_meeting_balls,
 }
 
 

@@ -196,6 +196,28 @@ def test_clay_keeps_its_dent_and_rubber_does_not(tmp_path: Path) -> None:
             assert solid["volume_mesh"] == pytest.approx(solid["rest_volume"], rel=0.01)
 
 
+def test_meeting_balls_part_by_repulsion_and_stick_without_it(cli, tmp_path: Path) -> None:
+    """Through the command line: the distance of the centres over the diameter in frame 7, 0.25 s after the start."""
+
+    def distance(*options: str) -> tuple[float, list[dict]]:
+        folder = tmp_path / f"cache{len(options)}"
+        done = cli("simulate", SCENES / "meeting_balls.usda", "--frames", "1-7", "-o", folder, *options)
+        assert done.returncode == 0, done.stderr
+        events = [json.loads(line) for line in (folder / "stats.jsonl").read_text().splitlines()]
+        solids = [event["solids"] for event in events if "solids" in event][-1]
+        centers = [np.array(solids[f"/World/{name}"]["center"]) for name in ("Left", "Right")]
+        pairs = [pair for event in events if "contacts" in event for pair in event["contacts"]["pairs"]]
+        return float(np.linalg.norm(centers[0] - centers[1])) / 0.2, pairs
+
+    apart, pairs = distance()
+    assert apart > 1.2
+    assert sum(pair["pushing_rows"] for pair in pairs) > 100
+    none = [word for name in ("Left", "Right") for word in ("--set", f"/World/{name}.contactStiffness=0")]
+    stuck, pairs = distance(*none)
+    assert stuck < 1.05
+    assert not pairs
+
+
 def test_ball_has_the_published_set_up() -> None:
     stage = Usd.Stage.Open(str(SCENES / "ball.usda"))
     domain, ball, carpet = (stage.GetPrimAtPath(f"/World/{name}") for name in ("Domain", "Ball", "Carpet"))
