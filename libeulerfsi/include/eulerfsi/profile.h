@@ -90,7 +90,9 @@ typedef struct EfsiRepairs {
 } EfsiRepairs;
 
 /* Two solids that have pushed each other. A row is a point where they may touch; rows are counted anew in every step.
- * Overlaps are the largest at the starts of these steps, in edges of a cell; < 0: they were apart by so much. */
+ * Overlaps are the largest at the starts of these steps, in edges of a cell; < 0: they were apart by so much. With
+ * EFSI_PRESET_PAPER2016 a row is a particle of either solid, and impulses are those on the particles of solid[1], or,
+ * where that is a collider, against those of solid[0]. */
 typedef struct EfsiContactPair {
   uint32_t solid[2];      /* ids, the smaller one first */
   uint64_t steps;         /* in which they did */
