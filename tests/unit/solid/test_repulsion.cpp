@@ -51,7 +51,7 @@ TEST_CASE("Eq. 15: friction takes mu Delta v_N of what slides, and never turns i
 TEST_CASE("Two particles that answer to each other keep their momentum when they weigh the same, and not otherwise",
           "[law]") {
   // Each sees the other's velocity before the step, as the particles of two solids do.
-  const auto momentum_change = [](double m, double other, double k) {
+  const auto momentum_change = [](double m, double other, double k) -> Vec3d {
     const Vec3d v(1, 0, 0), w(-2, 0, 0), n(-1, 0, 0);  // out of the other
     return solid::repel(v - w, n, 0.01, m, k, 0.0, kDt).push * n +
            solid::repel(w - v, -n, 0.01, other, k, 0.0, kDt).push * -n;
