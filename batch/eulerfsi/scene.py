@@ -59,6 +59,7 @@ class Solid:
     subdivision: str = "none"
     left_handed: bool = False
     pose: str = ""  # what the start follows from, '' for a mesh that stands still as it is
+    start: solver.Surface | None = None  # `surface` where the solid starts, where it may be stretched
 
     @property
     def report(self) -> dict[str, Any]:
@@ -354,6 +355,9 @@ def read_scene(stage: Usd.Stage, path: Path, memory_limit: int = 0, threads: int
     memory.demand(where, domain, [solid.mesh for solid in solids], memory_limit, units.meters_per_unit)
     for solid in solids:
         _examine(solid, domain["voxel_size"], threads or available_threads())
+        solid.start = solid.surface
+        if solid.values["stretch"] != [1.0, 1.0, 1.0]:
+            solid.start = solver.Surface(_stretched(solid), domain["voxel_size"], threads or available_threads())
         prim = stage.GetPrimAtPath(solid.path)
         solid.values["density"] = _density(reader, prim, solid.report["solid_volume"])
     for given_body in [*(pin for pin in pins if pin.mesh), *colliders]:
@@ -579,6 +583,13 @@ def _examine(solid: Solid | Pin | Collider, voxel_size: float, threads: int) -> 
         source = getattr(solid, "surface_file", "")
         file = f"{source}: " if source else ""
         raise SceneError(f"{solid.path}: {file}{mesh_reason(source, error)}") from error
+
+
+def _stretched(solid: Solid) -> solver.Mesh:
+    """The solid's surface where it starts, as the library stretches it."""
+    mesh, factors = solid.mesh, solid.values["stretch"]
+    center = volume_center(mesh.points, mesh.triangles())
+    return solver.Mesh(center + (mesh.points - center) * factors, mesh.counts, mesh.indices)
 
 
 def _free_child(prim: Usd.Prim, name: str) -> str:
