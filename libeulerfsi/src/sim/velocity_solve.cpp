@@ -51,11 +51,15 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
                               NodeVelocity& velocity, VelocityEquation& elasticity) {
   const auto& [parallel, scene, time, dt, profile, info] = step;
   if (scene.solids.empty()) return;
+  SolidContacts& contacts = elasticity.contacts;
+  {
+    ScopedTimer timer(profile, Stage::kContact);
+    contacts = find_solid_contacts(step, states, solids, matter.common, velocity);
+    timer.visited(contacts.rows.size(), sizeof(contacts.rows[0]));
+  }
   ScopedTimer timer(profile, Stage::kComputeG);
   system::VelocitySystem& system = elasticity.system;
   std::vector<Real>& momentum = elasticity.momentum;
-  SolidContacts& contacts = elasticity.contacts;
-  contacts = find_solid_contacts(step, states, solids, matter.common, velocity);
   const std::vector<std::uint8_t> pressed = pressed_solids(scene.solids.size(), contacts);
   std::vector<system::SolidRef> refs;
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
