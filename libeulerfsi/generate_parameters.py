@@ -26,7 +26,7 @@ USD_TYPES = {"double": "double", "int": "int", "bool": "bool", "token": "token",
 PRIM_TYPES = {
     "domain": ("Cube", "Xform"),
     "solid": ("Mesh", "Xform"),
-    "emitter": ("Cube", "Sphere"),
+    "emitter": ("Mesh", "Sphere", "Cube", "Cylinder", "Cone", "Capsule"),
     "force": ("Cube", "Sphere"),
     "collider": ("Mesh", "Sphere", "Cube", "Cylinder", "Cone", "Capsule", "Plane"),
 }

@@ -251,8 +251,8 @@ class Simulation:
     def add_emitter(self, volume: Surface | None = None, keys: Sequence[Mapping] = (), **values: Any) -> int:
         """Adds an emitter before the first step. values: fields of EfsiEmitterDef (SI). Returns its id.
 
-        volume: a closed mesh in the place of box or ball. keys: fields of EfsiEmitterKey in the order of their times, in
-        the place of constant values.
+        volume: a closed mesh in the place of box or ball. keys: fields of EfsiEmitterKey in the order of their times,
+        in the place of constant values.
         """
         definition, identifier = binding.EmitterDef(), c_uint32()
         self._lib.efsi_emitter_def_init(byref(definition))

@@ -344,9 +344,11 @@ std::uint64_t advect_smoke(const Parallel& parallel, const Grid& g, bool correct
                            std::span<const SourceCell> sources) {
   std::uint64_t tiles = 0;
   if (!state.smoke.empty())
-    tiles += advect_scalar(parallel, g, corrected, dt, flow, cell_fraction, sources, state.smoke, work, work.budgets[0]);
+    tiles +=
+        advect_scalar(parallel, g, corrected, dt, flow, cell_fraction, sources, state.smoke, work, work.budgets[0]);
   if (!state.temperature.empty())
-    tiles += advect_scalar(parallel, g, corrected, dt, flow, cell_fraction, sources, state.temperature, work, work.budgets[1]);
+    tiles += advect_scalar(parallel, g, corrected, dt, flow, cell_fraction, sources, state.temperature, work,
+                           work.budgets[1]);
   return tiles;
 }
 

@@ -115,8 +115,8 @@ void find_cover(const Grid& g, const Shape& shape, NodeCover& cover) {
   const Eigen::AlignedBox3d extent = shape.extent();
   const Vec3d top = g.node_position(g.cells[0], g.cells[1], g.cells[2]);
   std::ostringstream text;
-  text << "the region of the emitter reaches from (" << extent.min().transpose() << ") to ("
-       << extent.max().transpose() << ") m and holds 0 " << what << " of the box: must be at least 1; ";
+  text << "the region of the emitter reaches from (" << extent.min().transpose() << ") to (" << extent.max().transpose()
+       << ") m and holds 0 " << what << " of the box: must be at least 1; ";
   if ((extent.min().array() > top.array()).any() || (extent.max().array() < g.origin.array()).any())
     text << "it lies outside the box, (" << g.origin.transpose() << ") to (" << top.transpose() << ") m";
   else

@@ -27,7 +27,8 @@ void still_inflow(const Parallel& parallel, const Grid& g, const grid::Walls& wa
 }  // namespace
 
 void advect_fluid(const StepContext& step, grid::VectorField& flow, const system::SlipNodes& slip, const Jets& jets,
-                  Matter& matter, fluid::FluidState& fluid, fluid::AdvectWorkspace& work, system::PressureSystem& scratch) {
+                  Matter& matter, fluid::FluidState& fluid, fluid::AdvectWorkspace& work,
+                  system::PressureSystem& scratch) {
   const auto& [parallel, scene, time, dt, profile, info] = step;
   if (!scene.params.fluid.present) return;
   const bool corrected = scene.params.numerics.corrected_fluid_advection;

@@ -7,8 +7,7 @@ namespace efsi::sim {
 double fastest_jet(const Scene& scene, double time, double remaining) {
   double speed = 0.0;
   if (!scene.params.fluid.present) return speed;
-  for (const fluid::Emitter& emitter : scene.emitters)
-    speed = std::max(speed, emitter.fastest(time, time + remaining));
+  for (const fluid::Emitter& emitter : scene.emitters) speed = std::max(speed, emitter.fastest(time, time + remaining));
   return speed;
 }
 

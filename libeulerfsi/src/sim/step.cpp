@@ -213,6 +213,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   advect_fluid(step, velocity.field, velocity.slip, pressure.jets, matter, fluid, advect,  // Alg. 1 line 22
                pressure.system);
   ledger.book_fluid(fluid.velocity);
+  ledger.book_inflow(pressure.jets, velocity.field);
   settle(step, targets, state, work, ledger);
   finish(step, solids, state);
   close_ledger(step, state, work, ledger);

@@ -51,6 +51,7 @@ TEST_CASE("A jet's flux leaves through the open side", "[law]") {
   const auto measure = [](const Emitter& e, double h, sim::Preset preset, const geometry::Surface* volume = nullptr) {
     sim::Params p = channel(h);
     p.numerics = sim::numerics_of(preset);
+    if (preset == sim::Preset::kPaper2016) p.numerics.pressure_tolerance = 2e-3;  // its own, 0.02, leaves 6 %
     auto s = make_simulation(p);
     s->add_emitter(e, volume);
     double out = 0.0, told = 0.0;
@@ -65,8 +66,8 @@ TEST_CASE("A jet's flux leaves through the open side", "[law]") {
   };
   const Vec3d v(2, 0, 0);
   for (const double h : {0.04, 0.02}) {
-    const auto box = measure(jet(Emitter::Shape::kBox, {0.15, 0.21, 0.2}, {0.1, 0.13, 0.11}, v), h,
-                             sim::Preset::kProduction);
+    const auto box =
+        measure(jet(Emitter::Shape::kBox, {0.15, 0.21, 0.2}, {0.1, 0.13, 0.11}, v), h, sim::Preset::kProduction);
     INFO("voxel " << h << ", box: " << box.first << " of " << 2 * 0.13 * 0.11 << " m^3/s");
     CHECK(box.first == Approx(2 * 0.13 * 0.11).epsilon(0.01));
     CHECK(box.second == Approx(2 * 0.13 * 0.11).epsilon(1e-5));
@@ -77,12 +78,142 @@ TEST_CASE("A jet's flux leaves through the open side", "[law]") {
     CHECK(ball.first == Approx(wanted).epsilon(0.01));
   }
   const auto surface = geometry::examine(ball_mesh({0.15, 0.2, 0.2}, 0.07), 0.01);
-  const auto mesh = measure(jet(Emitter::Shape::kBox, {0, 0, 0}, {1, 1, 1}, v), 0.02, sim::Preset::kProduction,
-                            surface.get());
+  const auto mesh =
+      measure(jet(Emitter::Shape::kBox, {0, 0, 0}, {1, 1, 1}, v), 0.02, sim::Preset::kProduction, surface.get());
   INFO("mesh: " << mesh.first << " of " << 2 * M_PI * 0.0049);
   CHECK(mesh.first == Approx(2 * M_PI * 0.0049).epsilon(0.012));
   const auto paper =
       measure(jet(Emitter::Shape::kBox, {0.15, 0.21, 0.2}, {0.1, 0.13, 0.11}, v), 0.04, sim::Preset::kPaper2016);
   INFO("paper2016: " << paper.first << " of " << 2 * 0.13 * 0.11 << " m^3/s");
-  CHECK(paper.first == Approx(2 * 0.13 * 0.11).epsilon(0.05));
+  CHECK(paper.first == Approx(2 * 0.13 * 0.11).epsilon(0.01));
+}
+
+TEST_CASE("A puff brings the same volume in steps of any length, and none when it is off", "[law]") {
+  Emitter puff = jet(Emitter::Shape::kSphere, {0.15, 0.2, 0.2}, Vec3d::Constant(0.14), {0, 0, 0});
+  puff.keys = {
+      {0.02, 1.0, 0.0, {0, 0, 0}, true}, {0.06, 1.0, 0.0, {2, 0, 0}, true}, {0.09, 1.0, 0.0, {2, 0, 0}, false}};
+  const double wanted = M_PI * 0.0049 * (0.04 * 1.0 + 0.03 * 2.0);
+  for (const double dt : {0.041, 0.008}) {
+    auto s = make_simulation(channel(0.04));
+    s->add_emitter(puff);
+    double brought = 0.0, left = 0.0;
+    while (s->state().time < 0.123 - 1e-9) {
+      const sim::StepInfo info = s->step(std::min(dt, 0.123 - s->state().time));
+      brought += info.dt * info.jets[0];
+      left += info.dt * flux_across(*s, s->grid().cells[0] - 1);
+    }
+    CHECK(s->last_step().jets[0] == 0.0);
+    CHECK(brought == Approx(wanted).epsilon(1e-4));
+    CHECK(left == Approx(wanted).epsilon(0.01));
+  }
+}
+
+TEST_CASE("Smoke that a jet brings is not taken away by the transport's budget", "[law]") {
+  // Its region is full of smoke at once; after that smoke comes with the volume, and with what the jet draws in.
+  auto s = make_simulation(channel());
+  s->add_emitter(jet(Emitter::Shape::kBox, {0.15, 0.2, 0.2}, {0.1, 0.12, 0.12}, {1.0, 0, 0}));
+  const auto smoke = [&] { return s->diagnose_fluid().smoke; };
+  s->advance(0.05, {});
+  const double first = smoke();
+  s->advance(0.1, {});
+  const double rate = (smoke() - first) / 0.1;
+  CHECK(rate > 0.97 * 0.0144);
+  CHECK(rate < 1.5 * 0.0144);
+}
+
+TEST_CASE("In a closed box a jet makes no volume and moves the fluid as a fan does") {
+  sim::Params p = channel();
+  p.walls.face[1] = grid::Wall::kSlip;
+  auto s = make_simulation(p);
+  s->add_emitter(jet(Emitter::Shape::kBox, {0.3, 0.2, 0.2}, {0.1, 0.12, 0.12}, {1.0, 0, 0}));
+  for (int frame = 0; frame < 4; ++frame) {
+    const sim::StepInfo info = s->advance(1.0 / 24.0, {});
+    CHECK(info.jets[0] == 0.0);
+    CHECK(info.unconverged == 0);
+    for (int i = 0; i <= 30; i += 6) CHECK(std::abs(flux_across(*s, i)) < 0.01 * 0.0144);
+  }
+  CHECK(static_cast<double>(s->state().fluid.velocity.c[0][s->grid().node(15, 10, 10)]) > 0.5);
+}
+
+TEST_CASE("A jet acts on a solid in its region through the pressure only, and no smoke gets into it") {
+  sim::Params p = channel();
+  p.energy_ledger = true;
+  sim::SolidDesc ball = ball_desc({0.22, 0.2, 0.2}, 0.08);
+  ball.density = 50.0;
+  auto s = make_simulation(p, {ball});
+  s->add_emitter(jet(Emitter::Shape::kBox, {0.15, 0.2, 0.2}, {0.14, 0.2, 0.2}, {2.0, 0, 0}));
+  for (int frame = 0; frame < 6; ++frame) {
+    const sim::StepInfo info = s->advance(1.0 / 24.0, {});
+    const auto changed = [&](sim::EnergyStage stage) {
+      return info.energy->change[static_cast<std::size_t>(stage)].solid_kinetic;
+    };
+    CHECK(changed(sim::EnergyStage::kOutside) == 0.0);
+    CHECK(info.jets[0] <= 2.0 * 0.04 * (1 + 1e-6));
+    CHECK(info.jets[0] > 0.5 * 2.0 * 0.04);
+    const std::vector<Real>& fraction = s->workspace().matter.cell_fraction;
+    int inside = 0;
+    for (std::size_t c = 0; c < fraction.size(); ++c) {
+      if (!(fraction[c] > Real(0.5))) continue;
+      ++inside;
+      CHECK(s->state().fluid.smoke[c] == 0);
+    }
+    CHECK(inside > 200);
+  }
+  const sim::SolidDiagnostics d = s->diagnose_solid(0);
+  CHECK(d.momentum[0] / d.mass > 0.01);  // blown away
+  CHECK(d.volume_mesh == Approx(d.rest_volume).epsilon(0.01));
+  CHECK(all_finite(s->state()));
+}
+
+TEST_CASE("Ledger: what a jet adds is outside work and work of the source; the rest loses energy", "[law]") {
+  for (const double h : {0.04, 0.02}) {
+    sim::Params p = channel(h);
+    p.energy_ledger = true;
+    auto s = make_simulation(p);
+    s->add_emitter(jet(Emitter::Shape::kBox, {0.15, 0.2, 0.2}, {0.1, 0.12, 0.12}, {2.0, 0, 0}));
+    double outside = 0.0, rest = 0.0, source = 0.0;
+    for (int step = 0; step < 12; ++step) {
+      const sim::StepInfo info = s->step(1.0 / 48.0);
+      const auto& change = info.energy->change;
+      double all = 0.0;
+      for (const sim::Energy& e : change) all += e.fluid_kinetic;
+      outside += change[static_cast<std::size_t>(sim::EnergyStage::kOutside)].fluid_kinetic;
+      source += info.energy->source_work;
+      rest += all - change[static_cast<std::size_t>(sim::EnergyStage::kOutside)].fluid_kinetic - info.energy->source_work;
+    }
+    INFO("voxel " << h << ": outside " << outside << " J, source " << source << " J, rest " << rest << " J");
+    CHECK(rest < 0.0);
+    CHECK(outside + source + rest == Approx(s->diagnose_fluid().kinetic_energy).epsilon(1e-3));
+  }
+}
+
+TEST_CASE("A run with a puff goes on from a checkpoint with the same bits, on any number of threads", "[determinism]") {
+  Emitter puff = jet(Emitter::Shape::kSphere, {0.15, 0.2, 0.2}, Vec3d::Constant(0.14), {2, 0.4, 0});
+  puff.keys = {
+      {0.0, 0.0, 0.0, {0, 0, 0}, true}, {0.1, 1.0, 20.0, {2, 0.4, 0}, true}, {0.15, 1.0, 0.0, {0, 0, 1}, false}};
+  const auto start = [&](int threads) {
+    sim::Params p = channel();
+    p.threads = threads;
+    auto s = make_simulation(p, {ball_desc({0.35, 0.2, 0.2}, 0.08)});
+    s->add_emitter(puff);
+    return s;
+  };
+  auto whole = start(1), first = start(2), second = start(1);
+  for (int frame = 0; frame < 5; ++frame) whole->advance(1.0 / 24.0, {});
+  for (int frame = 0; frame < 2; ++frame) first->advance(1.0 / 24.0, {});
+  second->set_state(first->state());
+  for (int frame = 2; frame < 5; ++frame) second->advance(1.0 / 24.0, {});
+  CHECK(sim::state_hash(second->state()) == sim::state_hash(whole->state()));
+  const std::uint64_t scene = second->scene_hash();
+  puff.keys[1].velocity[0] = 2.5;
+  CHECK(start(1)->scene_hash() != scene);
+}
+
+TEST_CASE("A fast jet shortens the first step that it acts in") {
+  auto s = make_simulation(channel());
+  Emitter fast = jet(Emitter::Shape::kBox, {0.15, 0.2, 0.2}, {0.1, 0.12, 0.12}, {8.0, 0, 0});
+  fast.start_time = 0.05;
+  s->add_emitter(fast);
+  CHECK(s->step(1.0 / 24.0).dt == Approx(1.0 / 24.0));
+  CHECK(s->step(1.0 / 24.0).dt <= 5 * 0.02 / 8.0 * 1.001);
 }
