@@ -35,7 +35,7 @@ std::uint64_t advect_velocity(const Parallel& parallel, const Grid& g, bool corr
                               FluidState& state, AdvectWorkspace& work);
 
 // Smoke and temperature; from cells that are more than half solid (cell_fraction, may be empty) comes what is beside
-// them. sources: where fluid comes in, with what is in those cells. settle_smoke has to follow. Returns the number of
+// them. sources: where fluid comes in with smoke of its own. settle_smoke has to follow. Returns the number of
 // tiles of cells visited.
 std::uint64_t advect_smoke(const Parallel& parallel, const Grid& g, bool corrected, double dt, const VectorField& flow,
                            const std::vector<Real>& cell_fraction, FluidState& state, AdvectWorkspace& work,

@@ -342,6 +342,12 @@ std::uint64_t advect_scalar(const Parallel& parallel, const Grid& g, bool correc
 std::uint64_t advect_smoke(const Parallel& parallel, const Grid& g, bool corrected, double dt, const VectorField& flow,
                            const std::vector<Real>& cell_fraction, FluidState& state, AdvectWorkspace& work,
                            std::span<const SourceCell> sources) {
+  for (const SourceCell& source : sources) {
+    const std::size_t c = g.cell(source.place[0], source.place[1], source.place[2]);
+    if (!cell_fraction.empty() && cell_fraction[c] > Real(0.5)) continue;
+    if (!state.smoke.empty()) state.smoke[c] = source.smoke;
+    if (!state.temperature.empty()) state.temperature[c] = source.temperature;
+  }
   std::uint64_t tiles = 0;
   if (!state.smoke.empty())
     tiles +=

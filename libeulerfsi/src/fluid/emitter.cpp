@@ -308,7 +308,8 @@ double find_sources(const Grid& g, const Emitter& emitter, const Emission& emiss
     alone += std::max(0.0, all);
     if (!(here > 0.0)) return;
     total += here;
-    sources.push_back({place, static_cast<Real>(here)});
+    sources.push_back(
+        {place, static_cast<Real>(here), static_cast<Real>(emission.density), static_cast<Real>(emission.temperature)});
   });
   if (!(alone > 0.0) || !(total > 0.0)) return 0.0;
   const double flux = std::min(wanted, total * wanted / alone);

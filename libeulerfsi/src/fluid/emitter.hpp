@@ -87,7 +87,8 @@ void apply_emitters(const Grid& g, const std::vector<Emitter>& emitters, double 
 // A cell into which an emitter brings fluid.
 struct SourceCell {
   Vec3i place{0, 0, 0};
-  Real rate = 0;  // volume per time and volume of the cell [1/s]
+  Real rate = 0;                    // volume per time and volume of the cell [1/s]
+  Real smoke = 0, temperature = 0;  // of that fluid
 };
 
 // What a jet brings in with this emission: where the velocities that it gives, and 0 elsewhere, at walls and in solids,
