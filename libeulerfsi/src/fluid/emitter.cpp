@@ -12,6 +12,7 @@ namespace {
 
 constexpr double kInstant = 1e-9;   // s: being on for less is being off
 constexpr double kOnBorder = 1e-3;  // cells: what is so near to the border of a mesh is in it
+constexpr double kRounding = 1e-6;  // of a box or a ball: what is so near to its border is in it
 constexpr int kSamples = 4;         // along each axis of a cell, for the part of it that a region fills
 
 // A region as place_emitter() sees it: whether a place lies in it, and the box around it.
@@ -20,7 +21,12 @@ struct Shape {
   const geometry::Surface* volume;
   double border;  // [m]
 
-  bool contains(const Vec3d& x) const { return volume ? volume->distance.sample(x) <= border : emitter.contains(x); }
+  bool contains(const Vec3d& x) const {
+    if (volume) return volume->distance.sample(x) <= border;
+    const Vec3d p = (emitter.from_world * x.homogeneous()).head<3>();
+    return emitter.shape == Region::Shape::kBox ? p.cwiseAbs().maxCoeff() <= 0.5 + kRounding
+                                                : p.squaredNorm() <= 0.25 + kRounding;
+  }
   Eigen::AlignedBox3d extent() const {
     if (volume) return {volume->report.extent_min, volume->report.extent_max};
     const Mat3d to_world = emitter.from_world.topLeftCorner<3, 3>().inverse();
@@ -83,20 +89,31 @@ Vec3i end_of(const NodeCover& cover) {
   return {cover.low[0] + cover.size[0], cover.low[1] + cover.size[1], cover.low[2] + cover.size[2]};
 }
 
-double sampled_part(const Grid& g, const Shape& shape, const Vec3i& at) {
-  int in = 0;
+// The part of the cube around a node that a region fills, and of what of the cube lies in the box.
+std::pair<double, double> sampled_part(const Grid& g, const Shape& shape, const Vec3i& at) {
+  int in = 0, in_box = 0, box = 0;
   const Vec3d middle = g.node_position(at[0], at[1], at[2]);
   for_block({0, 0, 0}, {kSamples, kSamples, kSamples}, [&](const Vec3i& s) {
     const Vec3d offset = (Vec3d(s[0], s[1], s[2]) + Vec3d::Constant(0.5)) / kSamples - Vec3d::Constant(0.5);
-    in += shape.contains(middle + g.h * offset);
+    bool inside = true;
+    for (std::size_t a = 0; a < 3; ++a) {
+      const double cell = at[a] + offset[static_cast<Eigen::Index>(a)];
+      inside = inside && (g.periodic[a] || (cell > 0.0 && cell < g.cells[a]));
+    }
+    const bool held = shape.contains(middle + g.h * offset);
+    in += held;
+    in_box += held && inside;
+    box += inside;
   });
-  return static_cast<double>(in) / (kSamples * kSamples * kSamples);
+  return {static_cast<double>(in) / (kSamples * kSamples * kSamples),
+          box > 0 ? static_cast<double>(in_box) / box : 0.0};
 }
 
 void find_cover(const Grid& g, const Shape& shape, NodeCover& cover) {
   const auto count = static_cast<std::size_t>(cover.size[0]) * static_cast<std::size_t>(cover.size[1]) *
                      static_cast<std::size_t>(cover.size[2]);
   cover.part.assign(count, 0);
+  cover.inner.assign(count, 0);
   cover.holds.assign(count, 0);
   const Vec3i end = end_of(cover);
   for_block(cover.low, end, [&](const Vec3i& at) {
@@ -106,8 +123,9 @@ void find_cover(const Grid& g, const Shape& shape, NodeCover& cover) {
     int around = 0;  // of its 27 neighbours
     for_block({at[0] - 1, at[1] - 1, at[2] - 1}, {at[0] + 2, at[1] + 2, at[2] + 2},
               [&](const Vec3i& near) { around += cover.within(near) && cover.holds[cover.index(near)]; });
-    cover.part[cover.index(at)] =
-        around == 27 ? Real(1) : static_cast<Real>(around == 0 && !shape.volume ? 0.0 : sampled_part(g, shape, at));
+    const auto [part, inner] = around == 27 ? std::pair(1.0, 1.0) : sampled_part(g, shape, at);
+    cover.part[cover.index(at)] = static_cast<Real>(part);
+    cover.inner[cover.index(at)] = static_cast<Real>(inner);
   });
 }
 
@@ -204,8 +222,8 @@ double Emitter::fastest(double from, double to) const {
 }
 
 std::size_t Emitter::bytes() const {
-  return cells.capacity() * sizeof(std::size_t) + cover.part.capacity() * sizeof(Real) + cover.holds.capacity() +
-         faces.capacity() * sizeof(Vec3d) + keys.capacity() * sizeof(EmitterKey);
+  return cells.capacity() * sizeof(std::size_t) + (cover.part.capacity() + cover.inner.capacity()) * sizeof(Real) +
+         cover.holds.capacity() + faces.capacity() * sizeof(Vec3d) + keys.capacity() * sizeof(EmitterKey);
 }
 
 double Emitter::area_across(const Vec3d& direction) const {
@@ -296,13 +314,14 @@ double find_sources(const Grid& g, const Emitter& emitter, const Emission& emiss
     for (const auto& corner : grid::kCorner) {
       const Vec3i node = {at[0] + corner[0], at[1] + corner[1], at[2] + corner[2]};
       if (!cover.within(node)) continue;
-      const double part = static_cast<double>(cover.part[cover.index(node)]);
+      const double part = static_cast<double>(cover.part[cover.index(node)]),
+                   inner = static_cast<double>(cover.inner[cover.index(node)]);
       const std::size_t n = inside ? g.node(place[0] + corner[0], place[1] + corner[1], place[2] + corner[2]) : 0;
       const bool flows = inside && (specific_volume.empty() || specific_volume[n] == fluid_volume);
       for (int a = 0; a < 3; ++a) {
-        const double out = (corner[a] ? 0.25 : -0.25) * g.h * g.h * part * v[a];
-        all += out;
-        if (flows && !(fixed[n] & (1u << a))) here += out;
+        const double out = (corner[a] ? 0.25 : -0.25) * g.h * g.h * v[a];
+        all += part * out;
+        if (flows && !(fixed[n] & (1u << a))) here += inner * out;
       }
     }
     alone += std::max(0.0, all);

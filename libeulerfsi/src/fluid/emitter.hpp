@@ -33,6 +33,7 @@ struct Emission {
 struct NodeCover {
   Vec3i low{0, 0, 0}, size{0, 0, 0};
   std::vector<Real> part;           // x fastest; empty: the emitter has no velocity
+  std::vector<Real> inner;          // the same of what of the cube lies in the box
   std::vector<std::uint8_t> holds;  // 1: the node itself lies in the region
 
   bool within(const Vec3i& at) const {

@@ -258,6 +258,20 @@ TEST_CASE("A jet brings its volume on the side that it comes from, at a wall and
   CHECK(s.flux(e, owned).first == 0.0);
 }
 
+TEST_CASE("A jet beside walls, or as wide as a slab of one cell, brings all of its flux") {
+  Scene s;
+  Emitter corner = jet(emitter(Emitter::Shape::kBox, {0.5, 0.1, 0.1}, {0.3, 0.2, 0.2}), {2, 0, 0});
+  place_emitter(s.g, nullptr, corner);
+  CHECK(s.flux(corner).first == Approx(2.0 * 0.04).epsilon(1e-5));
+  s.g.cells = {20, 20, 1};
+  s.clear();
+  Emitter slab = jet(emitter(Emitter::Shape::kBox, {0.5, 0.5, 0.025}, {0.3, 0.22, 0.05}), {0, 2, 0});
+  place_emitter(s.g, nullptr, slab);
+  CHECK(s.flux(slab).first == Approx(2.0 * 0.3 * 0.05).epsilon(1e-5));
+  s.apply(slab, 0.0);
+  for (const int k : {0, 1}) CHECK(s.velocity.at(s.g.node(10, 10, k)) == Vec3(0, 2, 0));
+}
+
 TEST_CASE("A jet goes round periodic faces") {
   Scene s;
   s.g.periodic = {true, false, false};
