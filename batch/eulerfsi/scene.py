@@ -226,10 +226,10 @@ class Scene:
         """{prim path: {field of the C definition: SI value}}: all that was used."""
         result = {self.domain_path: self.domain}
         for item in [*self.solids, *self.emitters, *self.forces, *self.colliders]:
-            result[item.path] = item.values
+            result[item.path] = dict(item.values)
         for emitter in self.emitters:
-            if emitter.keys:
-                result[emitter.path] = {**emitter.values, "keys": emitter.keys}
+            for field in emitter.keys[0] if emitter.keys else ():
+                result[emitter.path] |= {f"key_{field}": emitter.over_time(field).ravel().tolist()}
         for passenger in self.passengers:
             result[passenger.path] = {"carried_by": passenger.solid}
         for pin in self.pins:
