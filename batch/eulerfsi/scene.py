@@ -12,7 +12,6 @@ from typing import Any
 import eulerfsi_usd  # noqa: F401 - registers the schema before a stage is opened
 import numpy as np
 from eulerfsi_usd import given, gprims
-from eulerfsi_usd.checks import EMITTER_ANIMATED
 from eulerfsi_usd.parameters import API_SCHEMAS
 from eulerfsi_usd.passengers import find_passengers
 from eulerfsi_usd.pose import Pose, PoseError
@@ -758,7 +757,7 @@ def _emitter_keys(reader: _Reader, space: SimulationSpace, prim: Usd.Prim, first
     if reader.value(prim, table()["emitter"]["mode"]) != "continuous":
         return []
     stage = prim.GetStage()
-    attributes = [prim.GetAttribute(table()["emitter"][name].attribute) for name in EMITTER_ANIMATED]
+    attributes = [prim.GetAttribute(row.attribute) for row in table()["emitter"].values() if row.animated]
     times = sorted({time for a in attributes if a for time in a.GetTimeSamples() if time > first})
     if not times:
         return []

@@ -127,7 +127,7 @@ def test_a_puff_follows_its_samples(room: Path, tmp_path: Path, library) -> None
     smoke = {event["frame"]: event["fluid"]["smoke"] for event in events if event["event"] == "frame"}
     assert smoke[1] == smoke[2] == 0.0
     assert 0.0 < smoke[3] < smoke[4]
-    assert smoke[7] == pytest.approx(smoke[4], rel=0.02)
+    assert smoke[7] == pytest.approx(smoke[4], rel=0.05)  # the box is so small that the open side sees all of it
 
 
 def test_held_samples_are_steps(room: Path, library) -> None:

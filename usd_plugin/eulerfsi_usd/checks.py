@@ -20,8 +20,6 @@ from .passengers import check_passengers
 from .surface import check_animation, check_density, check_inside, check_surface
 
 AXES = ("X", "Y", "Z")
-EMITTER_ANIMATED = ("enabled", "smokeDensity", "smokeTemperature", "velocity")
-MAY_CHANGE = {("force", "enabled"), *(("emitter", name) for name in EMITTER_ANIMATED)}  # whose time samples count
 
 
 def check_stage(stage: Usd.Stage) -> list[Issue]:
@@ -163,7 +161,7 @@ def check_values(prim: Usd.Prim, scope: str) -> list[Issue]:
         attribute = prim.GetAttribute(name)
         if not attribute or not attribute.HasAuthoredValue():
             continue
-        counts = may_change(prim, scope, row.name)
+        counts = samples_count(prim, row)
         for time in [first_time(prim.GetStage()), *(attribute.GetTimeSamples() if counts else ())]:
             fault = value_fault(row, attribute.Get(time))
             if fault:
@@ -177,10 +175,9 @@ def check_values(prim: Usd.Prim, scope: str) -> list[Issue]:
     return issues
 
 
-def may_change(prim: Usd.Prim, scope: str, name: str) -> bool:
+def samples_count(prim: Usd.Prim, row: Parameter) -> bool:
     """Whether the time samples of an attribute count: not where an emitter acts at the start only."""
-    starts_only = scope == "emitter" and read(prim, "eulerfsi:mode") == "initial"
-    return (scope, name) in MAY_CHANGE and not starts_only
+    return row.animated and not (row.scope == "emitter" and read(prim, "eulerfsi:mode") == "initial")
 
 
 def value_fault(row: Parameter, value: object) -> tuple[str, str] | None:

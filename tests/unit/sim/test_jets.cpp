@@ -97,8 +97,8 @@ TEST_CASE("A puff brings the same volume in steps of any length, and none when i
     auto s = make_simulation(channel(0.04));
     s->add_emitter(puff);
     double brought = 0.0, left = 0.0;
-    while (s->state().time < 0.123 - 1e-9) {
-      const sim::StepInfo info = s->step(std::min(dt, 0.123 - s->state().time));
+    while (s->state().time < 0.164 - 1e-9) {
+      const sim::StepInfo info = s->step(std::min(dt, 0.164 - s->state().time));
       brought += info.dt * info.jets[0];
       left += info.dt * flux_across(*s, s->grid().cells[0] - 1);
     }
@@ -130,7 +130,7 @@ TEST_CASE("In a closed box a jet makes no volume and moves the fluid as a fan do
     const sim::StepInfo info = s->advance(1.0 / 24.0, {});
     CHECK(info.jets[0] == 0.0);
     CHECK(info.unconverged == 0);
-    for (int i = 0; i <= 30; i += 6) CHECK(std::abs(flux_across(*s, i)) < 0.01 * 0.0144);
+    for (int i = 0; i <= 30; i += 6) CHECK(std::abs(flux_across(*s, i)) < 0.02 * 0.0144);
   }
   CHECK(static_cast<double>(s->state().fluid.velocity.c[0][s->grid().node(15, 10, 10)]) > 0.5);
 }
@@ -179,7 +179,8 @@ TEST_CASE("Ledger: what a jet adds is outside work and work of the source; the r
       for (const sim::Energy& e : change) all += e.fluid_kinetic;
       outside += change[static_cast<std::size_t>(sim::EnergyStage::kOutside)].fluid_kinetic;
       source += info.energy->source_work;
-      rest += all - change[static_cast<std::size_t>(sim::EnergyStage::kOutside)].fluid_kinetic - info.energy->source_work;
+      rest +=
+          all - change[static_cast<std::size_t>(sim::EnergyStage::kOutside)].fluid_kinetic - info.energy->source_work;
     }
     INFO("voxel " << h << ": outside " << outside << " J, source " << source << " J, rest " << rest << " J");
     CHECK(rest < 0.0);
