@@ -247,7 +247,8 @@ def test_puff_blows_two_rings_of_its_volume(tmp_path: Path) -> None:
     assert puffs[2] == pytest.approx(area * (2 * 2.25 + 2 * 3.0) / 24, rel=0.01)
     smoke = {event["frame"]: event["fluid"]["smoke"] for event in events if event["event"] == "frame"}
     assert smoke[7] - smoke[2] == pytest.approx(puffs[0] - brought[2], rel=0.15)
-    assert smoke[30] - smoke[25] == pytest.approx(0.6 * puffs[2], rel=0.15)
+    # Its first step fills the pipe, too.
+    assert smoke[30] - smoke[26] == pytest.approx(0.6 * (puffs[2] - brought[26]), rel=0.15)
 
 
 def test_other_scenes_are_what_their_names_say() -> None:
