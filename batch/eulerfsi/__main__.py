@@ -1,4 +1,4 @@
-"""The command line: simulate, validate, info, new, bench, test.
+"""The command line: simulate, validate, info, plot, new, bench, test.
 
 Exit codes: 0 ok, 1 internal, 2 usage (unknown option, frame range, --set name), 3 scene, 4 diverged, 5 disk or I/O,
 130 and 143 after Ctrl-C and SIGTERM.
@@ -51,6 +51,13 @@ def build_parser() -> argparse.ArgumentParser:
     info = add("info", "Describe the program, a scene or a cache folder (and verify its files).")
     info.add_argument("path", type=Path, nargs="?", metavar="SCENE_OR_CACHE")
 
+    draw = add("plot", "Draw a cache's statistics: sizes of steps, volumes, energies, time per frame.")
+    draw.add_argument("kind", choices=("step", "volume", "energy", "time"))
+    draw.add_argument("cache", type=Path, metavar="CACHE")
+    draw.add_argument(
+        "-o", "--output", type=Path, metavar="FILE", help="png, svg or pdf; default: ./<cache>_<kind>.png"
+    )
+
     new = add("new", "Write a ready scene around mesh files.")
     new.add_argument("scene", type=Path, metavar="SCENE.usda")
     formats = f"mesh file, named as one of: {', '.join(mesh_file.FORMATS)}; may be repeated"
@@ -89,7 +96,15 @@ def _positive(text: str) -> int:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs one command; returns the exit code. A wrong option leaves through SystemExit(2), as argparse does."""
     options = build_parser().parse_args(arguments)
-    run = {"simulate": _simulate, "validate": _validate, "info": _info, "new": _new, "bench": _bench, "test": _test}
+    run = {
+        "simulate": _simulate,
+        "validate": _validate,
+        "info": _info,
+        "plot": _plot,
+        "new": _new,
+        "bench": _bench,
+        "test": _test,
+    }
     try:
         return run[options.command](options)
     except errors.Cancelled as error:
@@ -157,6 +172,13 @@ def _info(options: argparse.Namespace) -> int:
     with usd_messages():
         lines = info(options.path)
     say("\n".join(lines), sys.stdout)
+    return errors.EXIT_OK
+
+
+def _plot(options: argparse.Namespace) -> int:
+    from .plot import plot
+
+    say(str(plot(options.kind, options.cache, options.output)), sys.stdout)
     return errors.EXIT_OK
 
 

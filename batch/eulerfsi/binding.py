@@ -374,6 +374,7 @@ class SolidDef(Structure):
         ("plastic_yield_stress", c_double),
         ("plastic_flow_rate", c_double),
         ("plastic_hardening", c_double),
+        ("stretch", Vec3),
         ("reserved", c_uint64 * 2),
     ]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import os
 from collections.abc import Iterable
 from pathlib import Path
@@ -15,6 +16,7 @@ from pxr import Usd
 from . import memory
 from .errors import CacheIOError, SceneError
 from .scene import Collider, Emitter, Scene, Solid
+from .solver import Surface
 from .usd_messages import composition_faults
 
 __all__ = ["Issue", "check_output", "check_scene", "check_stage", "raise_errors", "stage_issues"]
@@ -23,6 +25,8 @@ __all__ = ["Issue", "check_output", "check_scene", "check_stage", "raise_errors"
 _TOLERANCE = 1e-6
 # Voxels by which solids may overlap where they start; the library refuses more.
 _MOST_OVERLAP = 0.5
+# Of the volume of a solid where it starts; the library refuses others.
+_GROWTH = (0.1, 10.0)
 
 
 def stage_issues(stage: Usd.Stage) -> list[Issue]:
@@ -55,6 +59,7 @@ def check_scene(scene: Scene) -> list[Issue]:
     for solid in scene.solids:
         issues += _check_mesh(scene, solid)
         issues += _check_inside(scene, solid)
+        issues += _check_stretch(scene, solid)
     for first, second in itertools.combinations(scene.solids, 2):
         issues += _check_apart(scene, first, second)
     for collider in scene.colliders:
@@ -75,7 +80,7 @@ def _check_mesh(scene: Scene, solid: Solid) -> list[Issue]:
         found = solid.surface.repairs
         message = f"{where}: the surface was repaired: {found}"
         issues.append(Issue(solid.path, field, found, "a closed surface", message, "warning", "RepairedMesh"))
-    voxel, thinnest = scene.domain["voxel_size"], report["thinnest_feature"]
+    voxel, thinnest = scene.domain["voxel_size"], solid.start.report["thinnest_feature"]
     if 0 < thinnest < 2 * voxel:
         fitting = thinnest / 2 / unit
         value, limit = f"{thinnest / unit:.4g}", f"at least two voxels of {voxel / unit:.4g}"
@@ -88,8 +93,8 @@ def _check_mesh(scene: Scene, solid: Solid) -> list[Issue]:
 
 def _check_inside(scene: Scene, solid: Solid) -> list[Issue]:
     low, size = np.array(scene.domain["domain_min"]), np.array(scene.domain["domain_size"])
-    start = np.subtract(solid.report["extent_min"], low)
-    end = np.subtract(solid.report["extent_max"], low)
+    start = np.subtract(solid.start.report["extent_min"], low)
+    end = np.subtract(solid.start.report["extent_max"], low)
     if (start >= -_TOLERANCE * size).all() and (end <= (1 + _TOLERANCE) * size).all():
         return []
     unit, axis = scene.units.meters_per_unit, int(np.argmax(np.maximum(-start, end - size)))
@@ -128,7 +133,7 @@ def _check_emitter(scene: Scene, emitter: Emitter) -> list[Issue]:
 
 
 def _check_apart(scene: Scene, first: Solid | Collider, second: Solid) -> list[Issue]:
-    depth, volume = first.surface.overlap(second.surface)
+    depth, volume = _at_start(first).overlap(_at_start(second))
     unit, most = scene.units.meters_per_unit, _MOST_OVERLAP * scene.domain["voxel_size"]
     if depth <= most:
         return []
@@ -138,6 +143,25 @@ def _check_apart(scene: Scene, first: Solid | Collider, second: Solid) -> list[I
         f"must be {limit}; move them apart"
     )
     return [Issue(second.path, "points", value, limit, message, "error", "Overlap")]
+
+
+def _at_start(body: Solid | Collider) -> Surface:
+    return body.start if isinstance(body, Solid) else body.surface
+
+
+def _check_stretch(scene: Scene, solid: Solid) -> list[Issue]:
+    factors = solid.values["stretch"]
+    field, growth = "eulerfsi:stretch", math.prod(factors)
+    value = f"({', '.join(f'{factor:g}' for factor in factors)})"
+    if not _GROWTH[0] <= growth <= _GROWTH[1]:
+        limit = f"a product from {_GROWTH[0]:g} to {_GROWTH[1]:g}"
+        message = f"{solid.path}: {field} = {value}: the product is {growth:.3g}: must be {limit}"
+        return [Issue(solid.path, field, value, limit, message, "error", "Stretch")]
+    if set(factors) != {1.0} and any(pin.solid == solid.path for pin in scene.pins):
+        limit = "(1, 1, 1) for a solid that is pinned"
+        message = f"{solid.path}: {field} = {value}: must be {limit}"
+        return [Issue(solid.path, field, value, limit, message, "error", "Stretch")]
+    return []
 
 
 def check_output(folder: Path) -> None:

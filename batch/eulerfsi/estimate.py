@@ -177,7 +177,7 @@ def _flight_reach(scene: Scene) -> float:
 
 def _body(solid: Solid, domain: dict, low: np.ndarray, high: np.ndarray, gravity: np.ndarray) -> Body:
     """A solid of a scene: it falls, or rises where the fluid is heavier, until it is near a wall."""
-    values, report = solid.values, solid.report
+    values, report = solid.values, solid.start.report
     start, end = np.array(report["extent_min"]), np.array(report["extent_max"])
     velocity = np.array(values["velocity"], float)
     rho = values["density"]

@@ -55,6 +55,7 @@ class Solid:
     local: solver.Mesh
     values: dict[str, Any]  # fields of EfsiSolidDef
     surface: solver.Surface | None = None  # the mesh as the library examined it
+    start: solver.Surface | None = None  # the same where it starts, where it may be stretched
     surface_file: str = ""
     subdivision: str = "none"
     left_handed: bool = False
@@ -387,6 +388,9 @@ def read_scene(stage: Usd.Stage, path: Path, memory_limit: int = 0, threads: int
     memory.demand(where, domain, [solid.mesh for solid in solids], memory_limit, units.meters_per_unit)
     for solid in solids:
         _examine(solid, domain["voxel_size"], threads or available_threads())
+        solid.start = solid.surface
+        if solid.values["stretch"] != [1.0, 1.0, 1.0]:
+            solid.start = solver.Surface(_stretched(solid), domain["voxel_size"], threads or available_threads())
         prim = stage.GetPrimAtPath(solid.path)
         solid.values["density"] = _density(reader, prim, solid.report["solid_volume"])
     emitters = [emitter for p in find_prims(stage, "emitter") for emitter in _emitters(reader, space, p, frames)]
@@ -612,6 +616,13 @@ def _examine(solid: Solid | Pin | Collider | Emitter, voxel_size: float, threads
         source = getattr(solid, "surface_file", "")
         file = f"{source}: " if source else ""
         raise SceneError(f"{solid.path}: {file}{mesh_reason(source, error)}") from error
+
+
+def _stretched(solid: Solid) -> solver.Mesh:
+    """The solid's surface where it starts, as the library stretches it."""
+    mesh, factors = solid.mesh, solid.values["stretch"]
+    center = volume_center(mesh.points, mesh.triangles())
+    return solver.Mesh(center + (mesh.points - center) * factors, mesh.counts, mesh.indices)
 
 
 def _free_child(prim: Usd.Prim, name: str) -> str:

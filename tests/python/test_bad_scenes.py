@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from conftest import make_scene
 from eulerfsi import report
-from pxr import Gf, Usd, UsdGeom, UsdPhysics
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 
 def no_mesh(stage: Usd.Stage) -> None:
@@ -49,6 +50,32 @@ def small_domain(stage: Usd.Stage) -> None:
 
 def outside(stage: Usd.Stage) -> None:
     UsdGeom.Xformable(stage.GetPrimAtPath("/World/Ball")).AddTranslateOp().Set(Gf.Vec3d(5, 0, 0))
+
+
+def stretch(x: float, y: float, z: float) -> Callable[[Usd.Stage], None]:
+    def change(stage: Usd.Stage) -> None:
+        attribute = stage.GetPrimAtPath("/World/Ball").CreateAttribute("eulerfsi:stretch", Sdf.ValueTypeNames.Double3)
+        attribute.Set(Gf.Vec3d(x, y, z))
+
+    return change
+
+
+def small_product(stage: Usd.Stage) -> None:
+    stretch(0.4, 0.4, 0.4)(stage)
+
+
+def too_stretched(stage: Usd.Stage) -> None:
+    stretch(1.0, 6.0, 1.0)(stage)
+
+
+def stretched_outside(stage: Usd.Stage) -> None:
+    stretch(3.0, 0.5, 1.0)(stage)
+
+
+def stretched_and_pinned(stage: Usd.Stage) -> None:
+    stretch(1.2, 1.0, 1.0)(stage)
+    held = UsdGeom.Cube.Define(stage, "/World/Held").GetPrim()
+    stage.GetPrimAtPath("/World/Ball").CreateRelationship("eulerfsi:pins", False).SetTargets([held.GetPath()])
 
 
 def huge_grid(stage: Usd.Stage) -> None:
@@ -96,6 +123,10 @@ CASES = {
     zero_density: ["/World/Ball", "physics:density", "0", "> 0"],
     negative_modulus: ["/World/Ball", "youngsModulus", "-5", "> 0"],
     small_domain: ["/World/Ball", "/World/Domain", "0.2"],
+    small_product: ["/World/Ball: eulerfsi:stretch = (0.4, 0.4, 0.4)", "0.064", "a product from 0.1 to 10"],
+    too_stretched: ["/World/Ball", "eulerfsi:stretch", "6", "5"],
+    stretched_outside: ["/World/Ball", "inside the domain /World/Domain"],
+    stretched_and_pinned: ["/World/Ball: eulerfsi:stretch = (1.2, 1, 1)", "for a solid that is pinned"],
     outside: ["/World/Ball", "inside the domain /World/Domain"],
     huge_grid: ["/World/Domain", "voxelSize = 0.0001", "needs", "iB of memory", "fits"],
     coarse_grid: ["/World/Domain", "voxelSize", "0.5"],

@@ -150,7 +150,7 @@ def test_message_names_prim_field_value_and_limit() -> None:
         ("/Domain", "eulerfsi:voxelSize", 2.5, "VoxelTooLarge"),
         ("/Domain", "eulerfsi:voxelSize", "small", "WrongType"),
         ("/Domain", "eulerfsi:cflSolid", -math.inf, "OutOfRange"),
-        ("/Domain", "eulerfsi:cflSolid", 4.1, "OutOfRange"),
+        ("/Domain", "eulerfsi:cflSolid", 1000.1, "OutOfRange"),
         ("/Domain", "eulerfsi:wallYMin", "periodic", "UnpairedPeriodic"),
         ("/Domain", "size", 0.0, "EmptyDomain"),
         ("/Domain", "eulerfsi:voxelsize", 0.1, "UnknownAttribute"),

@@ -96,6 +96,7 @@ typedef struct EfsiSolidDef {
   double plastic_yield_stress; /* von Mises' equivalent Kirchhoff stress at which it yields [Pa]; 0: never */
   double plastic_flow_rate;    /* at which stress above the yield stress relaxes [1/s] */
   double plastic_hardening;    /* growth of the yield stress per accumulated plastic strain [Pa] */
+  EfsiVec3 stretch;            /* initial, along x y z about the centre of volume; its product is 0.1 to 10 */
   uint64_t reserved[2];
 } EfsiSolidDef;
 

@@ -88,6 +88,7 @@ inline sim::SolidDesc to_solid(const EfsiSolidDef& def) {
   d.law = static_cast<material::Law>(def.material);
   d.velocity = to_vector(def.velocity);
   d.angular_velocity = to_vector(def.angular_velocity);
+  d.stretch = to_vector(def.stretch);
   return d;
 }
 

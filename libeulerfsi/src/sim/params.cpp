@@ -67,7 +67,7 @@ void validate(const Params& p) {
   demand_positive("EfsiSimulationDef.fluid_density", p.fluid.density);
   demand_positive("EfsiSimulationDef.cfl_solid", p.cfl_solid);
   demand_positive("EfsiSimulationDef.cfl_fluid", p.cfl_fluid);
-  if (p.cfl_solid > 4.0) refuse("EfsiSimulationDef.cfl_solid", p.cfl_solid, "at most 4");
+  if (p.cfl_solid > 1000.0) refuse("EfsiSimulationDef.cfl_solid", p.cfl_solid, "at most 1000");
   if (p.cfl_fluid > 8.0) refuse("EfsiSimulationDef.cfl_fluid", p.cfl_fluid, "at most 8");
   if (!(p.max_time_step >= 0.0)) refuse("EfsiSimulationDef.max_time_step", p.max_time_step, ">= 0");
   if (!(p.fluid.vorticity_confinement >= 0.0))

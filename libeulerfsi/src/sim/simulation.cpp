@@ -29,6 +29,9 @@ constexpr double kRetryStrain = 0.5;        // strain of a compressible solid, w
 constexpr double kLostShare = 0.1;          // of a solid's elements; more degenerate ones than that: its shape is lost
 constexpr std::uint64_t kLostElements = 8;  // and no fewer than these
 
+// Of a solid where it starts: along an axis, and of its volume. Further away det F is not told apart.
+constexpr double kLeastStretch = 0.2, kMostStretch = 5.0, kLeastGrowth = 0.1, kMostGrowth = 10.0;
+
 std::string number(double value) {
   std::ostringstream text;
   text << value;
@@ -63,7 +66,21 @@ void validate(const SolidDesc& d) {
   for (int a = 0; a < 3; ++a) {
     if (!std::isfinite(d.velocity[a])) refuse("EfsiSolidDef.velocity", d.velocity[a], "finite");
     if (!std::isfinite(d.angular_velocity[a])) refuse("EfsiSolidDef.angular_velocity", d.angular_velocity[a], "finite");
+    if (!(d.stretch[a] >= kLeastStretch && d.stretch[a] <= kMostStretch))
+      refuse("EfsiSolidDef.stretch", d.stretch[a], "between 0.2 and 5");
   }
+  if (!(d.stretch.prod() >= kLeastGrowth && d.stretch.prod() <= kMostGrowth))
+    refuse("EfsiSolidDef.stretch: product", d.stretch.prod(), "between 0.1 and 10");
+}
+
+// A solid's shape where it starts: that at rest, or that stretched about its centre of volume.
+std::shared_ptr<const geometry::Surface> stretched(const SolidDesc& desc, const Vec3d& center, double spacing,
+                                                   std::shared_ptr<const geometry::Surface> rest,
+                                                   const Parallel& parallel) {
+  if (desc.stretch == Vec3d::Ones()) return rest;
+  geometry::TriangleMesh mesh = rest->mesh;
+  for (Vec3d& x : mesh.points) x = center + desc.stretch.cwiseProduct(x - center);
+  return geometry::examine(std::move(mesh), spacing, parallel);
 }
 
 constexpr double kOnBorder = 1e-3;  // cells: what is so near to the border of a region is in it
@@ -167,7 +184,8 @@ void Simulation::demand_inside(const geometry::MeshReport& report) const {
 void Simulation::demand_apart(bool collider, const geometry::SignedDistance& distance) const {
   for (std::size_t other = 0; other < solids_.size(); ++other) {
     if (collider && is_collider(pins_, other)) continue;
-    const geometry::Overlap found = geometry::overlap(solids_[other].distance, distance, parallel_);
+    const geometry::Overlap found =
+        geometry::overlap(starts_[other] ? starts_[other]->distance : solids_[other].distance, distance, parallel_);
     if (found.depth <= kMostOverlap * grid_.h) continue;
     throw Error(ErrorCode::kArgument,
                 "EfsiSolidDef.mesh: solid " + std::to_string(solids_.size() + 1) + " overlaps solid " +
@@ -201,35 +219,39 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
   rest.volume = report.solid_volume;
   rest.area = geometry::surface_area(rest.surface);
   if (!(rest.volume > 0.0)) throw Error(ErrorCode::kMesh, "EfsiSolidDef.mesh: encloses no volume");
-  if (!collider) demand_inside(report);
-  demand_apart(collider, rest.distance);
-  if (report.thinnest_feature < 2.0 * grid_.h) {
+  const Vec3d center = geometry::center_of_volume(rest.surface);
+  auto start = stretched(desc, center, spacing, surface, parallel_);
+  const geometry::MeshReport& placed = start->report;
+  if (!collider) demand_inside(placed);
+  demand_apart(collider, start->distance);
+  if (placed.thinnest_feature < 2.0 * grid_.h) {
     std::ostringstream text;
-    text << "solid " << solids_.size() + 1 << ": its thinnest feature is about " << report.thinnest_feature
-         << " m, less than two voxels of " << grid_.h << " m; voxel size " << 0.5 * report.thinnest_feature
+    text << "solid " << solids_.size() + 1 << ": its thinnest feature is about " << placed.thinnest_feature
+         << " m, less than two voxels of " << grid_.h << " m; voxel size " << 0.5 * placed.thinnest_feature
          << " m would resolve it";
     log_.warning(text.str());
   }
 
-  // Band and initial state: u = 0, v = velocity + angular velocity x (x - centre).
+  // Band and initial state: u = x - X, v = velocity + angular velocity x (x - centre).
   solid::SolidState state;
   Vec3i lo, hi;
   for (int a = 0; a < 3; ++a) {
     const auto s = static_cast<std::size_t>(a);
-    lo[s] = static_cast<int>(std::floor((report.extent_min[a] - grid_.origin[a]) / grid_.h));
-    hi[s] = static_cast<int>(std::ceil((report.extent_max[a] - grid_.origin[a]) / grid_.h));
+    lo[s] = static_cast<int>(std::floor((placed.extent_min[a] - grid_.origin[a]) / grid_.h));
+    hi[s] = static_cast<int>(std::ceil((placed.extent_max[a] - grid_.origin[a]) / grid_.h));
   }
   solid::move_band(state, solid::make_band(grid_, lo, hi));
   const grid::Grid& g = state.band.grid;
   std::fill(state.valid.begin(), state.valid.end(), solid::kKnown);
-  const Vec3d center = geometry::center_of_volume(rest.surface);
+  const Vec3d shift = Vec3d::Ones() - desc.stretch.cwiseInverse();
   for (int k = 0; k <= g.cells[2]; ++k)
     for (int j = 0; j <= g.cells[1]; ++j)
       for (int i = 0; i <= g.cells[0]; ++i) {
-        const Vec3d v = desc.velocity + desc.angular_velocity.cross(g.node_position(i, j, k) - center);
+        const Vec3d arm = g.node_position(i, j, k) - center, v = desc.velocity + desc.angular_velocity.cross(arm);
+        state.u.set(g.node(i, j, k), shift.cwiseProduct(arm).cast<Real>());
         state.v.set(g.node(i, j, k), v.cast<Real>());
       }
-  state.surface = rest.surface.points;
+  state.surface = start->mesh.points;
   if (rest.plastic.yields()) {
     rest.plastic_lattice = solid::make_plastic_lattice(report.extent_min, report.extent_max, grid_.h);
     state.plastic.resize(rest.plastic_lattice.node_count());
@@ -243,11 +265,12 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
   if (work.element_cell.empty() && !collider) {
     std::ostringstream text;
     text << "EfsiSolidDef.mesh: no cell of size " << grid_.h
-         << " m lies inside the solid; its thinnest feature is about " << report.thinnest_feature << " m";
+         << " m lies inside the solid; its thinnest feature is about " << placed.thinnest_feature << " m";
     throw Error(ErrorCode::kMesh, text.str());
   }
-  state.rest_volume_cells = work.volume;
+  state.rest_volume_cells = start == surface ? work.volume : rest.volume;  // few cells measure what is pressed
   state.speed = speed;
+  starts_.push_back(start == surface ? nullptr : std::move(start));
   solids_.push_back(std::move(rest));
   state_.solids.push_back(std::move(state));
   work_.solids.push_back(std::move(work));
@@ -292,6 +315,9 @@ std::size_t Simulation::add_pin(Pin pin) {
   const std::string name = "pin " + std::to_string(pins_.size() + 1) + " of solid " + std::to_string(pin.solid + 1);
   if (is_collider(pins_, pin.solid))
     throw Error(ErrorCode::kArgument, name + ": must hold a solid that moves, and that is a collider");
+  if (starts_[pin.solid])
+    throw Error(ErrorCode::kArgument,
+                name + ": must hold a solid that starts in its shape at rest, and that is stretched");
   const solid::SolidState& state = state_.solids[pin.solid];
   const grid::Grid& g = state.band.grid;
   std::size_t held = 0;
@@ -420,11 +446,12 @@ StepInfo Simulation::checked_step(double remaining) {
         if (work_.solids[l].element_cell.empty() && !given) reason = "solid " + std::to_string(l + 1) + " has vanished";
         if (!finite(parallel_, state_.solids[l].u) || !finite(parallel_, state_.solids[l].v))
           reason = "solid " + std::to_string(l + 1) + ": a value is not finite";
-        if (solids_[l].compressible && !given &&
+        if (solids_[l].compressible && !given && params_.cfl_solid <= kRetryTravel &&
             solid::largest_strain_rate(parallel_, state_.solids[l], state_.solids[l].valid) * info.dt > kRetryStrain)
           reason = "solid " + std::to_string(l + 1) + " was strained by more than " + std::to_string(kRetryStrain);
-        if (work_.solids[l].max_speed * info.dt > kRetryTravel * grid_.h)
-          reason = "solid " + std::to_string(l + 1) + " moved more than " + std::to_string(kRetryTravel) + " cells";
+        const double travel = std::max(kRetryTravel, params_.cfl_solid);
+        if (work_.solids[l].max_speed * info.dt > travel * grid_.h)
+          reason = "solid " + std::to_string(l + 1) + " moved more than " + std::to_string(travel) + " cells";
       }
     }
     if (reason.empty()) {

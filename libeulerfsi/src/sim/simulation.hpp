@@ -43,6 +43,7 @@ struct SolidDesc {
   material::Law law = material::Law::kCorotational;
   Vec3d velocity = Vec3d::Zero();
   Vec3d angular_velocity = Vec3d::Zero();
+  Vec3d stretch = Vec3d::Ones();  // of the rest shape where it starts, about its centre of volume
 };
 
 struct SolidDiagnostics {
@@ -145,6 +146,7 @@ class Simulation {
   Parallel parallel_;
   grid::Grid grid_;
   std::vector<solid::SolidRest> solids_;
+  std::vector<std::shared_ptr<const geometry::Surface>> starts_;  // of solids that are stretched where they start
   std::vector<fluid::Emitter> emitters_;
   std::vector<Pin> pins_;
   std::vector<std::pair<std::size_t, solid::Passenger>> passengers_;  // with their solids

@@ -1,0 +1,114 @@
+"""`plot`: what the curves of a cache show, and what is refused."""
+
+from __future__ import annotations
+
+import json
+
+import matplotlib
+import numpy as np
+import pytest
+from conftest import make_scene
+from eulerfsi.__main__ import main
+from eulerfsi.errors import CacheIOError, UsageError
+from eulerfsi.plot import KINDS, Statistics, plot
+from PIL import Image
+
+matplotlib.use("Agg")
+
+
+@pytest.fixture(scope="module")
+def cache(library, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("plot")
+    make_scene(folder / "small.usda")
+    arguments = [
+        "simulate",
+        str(folder / "small.usda"),
+        "-o",
+        str(folder / "cache"),
+        "--set",
+        "Domain.energyLedger=true",
+    ]
+    assert main([*arguments, "--set", "Domain.maxTimeStep=0.01"]) == 0
+    return folder / "cache"
+
+
+def draw(kind, cache):
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots()
+    KINDS[kind](Statistics(cache), axes)
+    pyplot.close(figure)
+    return axes
+
+
+def rows(cache, event):
+    lines = [json.loads(line) for line in (cache / "stats.jsonl").read_text().splitlines()]
+    return [line for line in lines if line["event"] == event]
+
+
+def test_step_shows_every_step_and_the_mean(cache):
+    axes = draw("step", cache)
+    steps = [1e3 * row["dt"] for row in rows(cache, "step")]
+    assert len(steps) >= 4
+    sizes, mean, frame = axes.get_lines()
+    assert np.allclose(sizes.get_ydata(), steps)
+    assert np.allclose(mean.get_ydata(), np.mean(steps))
+    assert np.allclose(frame.get_ydata(), 1e3 / json.loads((cache / "manifest.json").read_text())["fps"])
+
+
+def test_volume_has_a_curve_by_mesh_and_by_cells_for_every_solid(cache):
+    frames = rows(cache, "frame")
+    solids = list(frames[-1]["solids"])
+    *curves, one = draw("volume", cache).get_lines()
+    assert len(curves) == 2 * len(solids)
+    last = frames[-1]["solids"][solids[0]]
+    assert curves[0].get_ydata()[-1] == pytest.approx(last["volume_mesh"] / last["rest_volume"])
+    assert curves[1].get_ydata()[-1] == pytest.approx(last["volume_cells"] / last["rest_volume_cells"])
+
+
+def test_energy_adds_up(cache):
+    *parts, total = draw("energy", cache).get_lines()
+    assert len(parts) == 4
+    assert np.allclose(total.get_ydata(), sum(part.get_ydata() for part in parts))
+    last = rows(cache, "frame")[-1]["solids"].values()
+    assert parts[0].get_ydata()[-1] == pytest.approx(sum(solid["kinetic_energy"] for solid in last), rel=1e-3)
+
+
+def test_time_has_a_bar_per_frame(cache):
+    bars = draw("time", cache).patches
+    assert [bar.get_height() for bar in bars] == [row["seconds"] for row in rows(cache, "frame")]
+
+
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_command_writes_a_picture_beside_the_cache(cache, kind, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["plot", kind, str(cache)]) == 0
+    path = tmp_path / f"cache_{kind}.png"
+    assert capsys.readouterr().out.strip() == path.name
+    with Image.open(path) as picture:
+        assert picture.size[0] > 800
+        assert len(set(picture.convert("L").get_flattened_data())) > 2
+    before = sorted(cache.iterdir())
+    assert sorted(cache.iterdir()) == before
+
+
+def test_svg_and_pdf(cache, tmp_path):
+    assert plot("step", cache, tmp_path / "a.svg").read_text().startswith("<?xml")
+    assert plot("step", cache, tmp_path / "a.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_what_is_refused(cache, tmp_path):
+    with pytest.raises(UsageError, match=r"a\.gif: must end with one of \.png, \.svg, \.pdf"):
+        plot("step", cache, tmp_path / "a.gif")
+    with pytest.raises(CacheIOError, match=r"manifest\.json: No such file"):
+        plot("step", tmp_path, None)
+    broken = tmp_path / "broken"
+    broken.mkdir()
+    (broken / "manifest.json").write_text((cache / "manifest.json").read_text())
+    (broken / "stats.jsonl").write_text('{"event": "step"\n')
+    with pytest.raises(CacheIOError, match=r"stats\.jsonl: line 1: is damaged"):
+        plot("step", broken, tmp_path / "a.png")
+    (broken / "stats.jsonl").write_text("")
+    with pytest.raises(CacheIOError, match=r"stats\.jsonl: holds no step"):
+        plot("step", broken, tmp_path / "a.png")
+    assert not (tmp_path / "a.png").exists()
