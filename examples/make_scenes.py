@@ -40,7 +40,8 @@ def make_ball() -> Usd.Stage:
     """A rubber ball (lambda = 5000 Pa, mu = 10000 Pa) thrown onto a carpet of smoke."""
     stage = new_stage("An elastic ball of radius 0.1 m is thrown down onto a carpet of smoke and bounces.", 48)
     lower, size = (-0.3, -0.5, -0.3), (0.6, 0.7, 0.6)
-    add_domain(stage, lower, size, "noSlip", voxelSize=0.01, fluidDensity=1.0, vorticityConfinement=1.5)
+    domain = add_domain(stage, lower, size, "noSlip", voxelSize=0.01, fluidDensity=1.0, vorticityConfinement=1.5)
+    paper_scenes.note_table_1(domain, "1000:1", 10000.0, 0.5)
     lam, mu = 5000.0, 10000.0
     ball = add_mesh(stage, "/World/Ball", box_mesh(16, on_sphere(0.1)), (0.8, 0.15, 0.1)).GetPrim()
     youngs_modulus, poissons_ratio = mu * (3.0 * lam + 2.0 * mu) / (lam + mu), lam / (2.0 * (lam + mu))

@@ -8,7 +8,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from pieces import BUNNY_FILE, add_camera, add_domain, apply_schema, bind_material, new_stage, set_density
+from pieces import (
+    BUNNY_FILE,
+    DIGITS,
+    add_camera,
+    add_cube,
+    add_domain,
+    apply_schema,
+    bind_material,
+    new_stage,
+    set_density,
+)
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 
@@ -48,8 +58,132 @@ def make_squash_flat() -> Usd.Stage:
     return make_squash("A bunny pressed flat, with its volume, springs back in vacuum.", (wide, 0.5, wide), False)
 
 
+def add_character(stage: Usd.Stage, name: str, place: tuple, turn: tuple, scale: float, **values: object) -> Usd.Prim:
+    """A character of examples/assets as a solid whose eyes ride along; returns its body."""
+    root = UsdGeom.Xform.Define(stage, f"/World/{name}")
+    root.AddTranslateOp().Set(Gf.Vec3d(*place))
+    root.AddRotateXYZOp().Set(Gf.Vec3f(*turn))
+    root.AddScaleOp().Set(Gf.Vec3f(scale))
+    root.GetPrim().GetPayloads().AddPayload(f"../assets/{name.lower()}.usda")
+    body = stage.OverridePrim(f"/World/{name}/Body")
+    apply_schema(body, "solid", **values)
+    body.CreateRelationship("eulerfsi:carried", False).SetTargets([f"/World/{name}/Eyes"])
+    return body
+
+
+def note_table_1(prim: Usd.Prim, ratio: str, stiffness: float, friction: float) -> None:
+    """The scene's row of the paper's Table 1. `production` has no use for the spring's stiffness k."""
+    prim.SetCustomDataByKey("paper:densityRatio", ratio)
+    prim.SetCustomDataByKey("paper:k", stiffness)
+    prim.SetCustomDataByKey("paper:mu", friction)
+
+
+def make_buoyancy(title: str, density: float, youngs_modulus: float, row: tuple) -> Usd.Stage:
+    """Fig. 6: a bunny falls in a box whose floor gives off hot smoke, which rises."""
+    stage = new_stage(f"{title} The paper's Fig. 6, there with voxels of 0.005.", 96)
+    lower, size = (-0.36, 0.0, -0.36), (0.72, 1.0, 0.72)
+    hot = {"temperatureBuoyancy": 0.04, "vorticityConfinement": 0.5}
+    domain = add_domain(stage, lower, size, "slip", voxelSize=0.015, fluidDensity=1.0, **hot)
+    note_table_1(domain, *row)
+    bunny = UsdGeom.Xform.Define(stage, "/World/Bunny")
+    bunny.AddTranslateOp().Set(Gf.Vec3d(0.0, 0.5, 0.0))
+    bunny.AddRotateXYZOp().Set(Gf.Vec3f(0.0, 30.0, 0.0))
+    bunny.AddScaleOp().Set(Gf.Vec3f(0.125))
+    surface, friction = Sdf.AssetPath(BUNNY_FILE), row[2]
+    values = {"surfaceFile": surface, "youngsModulus": youngs_modulus, "poissonsRatio": 0.3, "friction": friction}
+    apply_schema(bunny.GetPrim(), "solid", rayleighBeta=0.002, **values)
+    set_density(bunny.GetPrim(), density)
+    bind_material(stage, bunny.GetPrim(), (0.75, 0.6, 0.45))
+    jet = add_cube(stage, "/World/Jet", (-0.15, 0.0, -0.15), (0.3, 0.06, 0.3))
+    apply_schema(jet, "emitter", mode="continuous", smokeDensity=1.0, smokeTemperature=300.0)
+    add_camera(stage, (0.6, 0.6, 2.2), (0.0, 0.5, 0.0))
+    return stage
+
+
+def make_bunny_light() -> Usd.Stage:
+    """1.3 times as dense as the fluid."""
+    return make_buoyancy("A hot jet lifts a light bunny to the ceiling.", 1.3, 260.0, ("1.3:1", 2000.0, 0.2))
+
+
+def make_bunny_heavy() -> Usd.Stage:
+    """A thousand times as dense as the fluid."""
+    return make_buoyancy("A heavy bunny falls through a hot jet.", 1000.0, 2e5, ("1000:1", 2000.0, 0.5))
+
+
+def make_cheb(title: str, pinned: bool, **values: object) -> Usd.Stage:
+    """Fig. 7: a puff of air at the head of a soft fellow."""
+    stage = new_stage(f"{title} The paper's Fig. 7, there with voxels of 0.005.", 48)
+    lower, size = (-0.25, 0.0, -0.25), (0.5, 0.5, 0.6)
+    domain = add_domain(stage, lower, size, "slip", voxelSize=0.0125, fluidDensity=1.0, wallYMax="open")
+    note_table_1(domain, "1.3:1", 2000.0, 0.5)
+    values |= {"poissonsRatio": 0.3, "rayleighBeta": 0.004, "friction": 0.5}
+    body = add_character(stage, "Cheb", (0.0, 0.0, -0.03), (0, 0, 0), 0.4, youngsModulus=400.0, **values)
+    set_density(body, 1.3)
+    if pinned:
+        foot = add_cube(stage, "/World/Feet", (-0.15, 0.0, -0.15), (0.3, 0.05, 0.3))
+        body.CreateRelationship("eulerfsi:pins", False).SetTargets([foot.GetPath()])
+    puff = add_cube(stage, "/World/Puff", (-0.05, 0.23, 0.15), (0.1, 0.1, 0.1))
+    velocity = Gf.Vec3d(0.0, 0.0, -6.0)
+    blow = {"mode": "continuous", "smokeDensity": 1.0, "emitVelocity": True, "velocity": velocity}
+    apply_schema(puff, "emitter", startTime=0.1, endTime=0.35, **blow)
+    add_camera(stage, (0.9, 0.4, 0.9), (0.0, 0.2, 0.0))
+    return stage
+
+
+CLAY = {"plasticYieldStress": 25.0, "plasticFlowRate": 300.0}
+
+
+def make_cheb_elastic() -> Usd.Stage:
+    """Held by his feet."""
+    return make_cheb("A puff of air at the head of Cheb, who is held by his feet.", True)
+
+
+def make_cheb_plastic() -> Usd.Stage:
+    """Held by his feet, of clay."""
+    return make_cheb("A puff of air at the head of Cheb, of clay and held by his feet, leaves a dent.", True, **CLAY)
+
+
+def make_cheb_free() -> Usd.Stage:
+    """Free to go."""
+    return make_cheb("A puff of air at the head of Cheb, who stands free, blows him over.", False)
+
+
+def make_party() -> Usd.Stage:
+    """Figs. 1, 8, 9: three elastic and two plastic characters are thrown at each other and fall in a heap."""
+    title = "Five characters, two of them of clay, are thrown at each other, pile up and come to rest."
+    stage = new_stage(f"{title} The paper's Fig. 1, there with voxels of 0.005.", 120)
+    lower, size = (-0.5, 0.0, -0.5), (1.0, 0.9, 1.0)
+    domain = add_domain(stage, lower, size, "slip", voxelSize=0.02, fluidDensity=1.0, vorticityConfinement=0.5)
+    note_table_1(domain, "1000:1, 500:1", 10000.0, 0.2)
+    clay = {"plasticYieldStress": 3000.0, "plasticHardening": 3000.0}
+    guests = {
+        "Cheb": (1000.0, 2e5, {}),
+        "Duck": (500.0, 4e4, clay),
+        "Whale": (1000.0, 2e5, {}),
+        "Penguin": (500.0, 4e4, clay),
+        "Octopus": (1000.0, 2e5, {}),
+    }
+    for number, (name, (density, modulus, values)) in enumerate(guests.items()):
+        angle = math.tau * number / len(guests)
+        out = Gf.Vec3d(math.sin(angle), 0.0, math.cos(angle))
+        place = tuple(round(x, DIGITS) for x in out * 0.3 + Gf.Vec3d(0.0, 0.32, 0.0))
+        velocity = Gf.Vec3d(*(round(x, DIGITS) for x in out * -2.2 + Gf.Vec3d(0.0, 1.2, 0.0)))
+        turn = (0.0, round(180.0 + math.degrees(angle), 3), 0.0)
+        values = values | {"youngsModulus": modulus, "poissonsRatio": 0.3, "rayleighBeta": 0.002, "friction": 0.2}
+        body = add_character(stage, name, place, turn, 0.36, velocity=velocity, **values)
+        set_density(body, density)
+    add_camera(stage, (0.9, 0.9, 2.1), (0.0, 0.3, 0.0))
+    return stage
+
+
 MAKERS: dict[str, Callable[[], Usd.Stage]] = {
     "squash_half.usda": make_squash_half,
     "squash_height.usda": make_squash_height,
     "squash_flat.usda": make_squash_flat,
+    "bunny_light.usda": make_bunny_light,
+    "bunny_heavy.usda": make_bunny_heavy,
+    "cheb.usda": make_cheb_elastic,
+    "cheb_plastic.usda": make_cheb_plastic,
+    "cheb_free.usda": make_cheb_free,
+    "party.usda": make_party,
 }

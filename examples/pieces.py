@@ -82,7 +82,7 @@ def on_rounded_box(half: float, bevel: float) -> Callable[[Gf.Vec3d], Gf.Vec3d]:
 
 def new_stage(title: str, frames: int) -> Usd.Stage:
     """Stage with units, frame range, gravity 9.8 m/s^2 and lights."""
-    stage = Usd.Stage.CreateInMemory()
+    stage = Usd.Stage.CreateInMemory(Usd.Stage.LoadNone)  # a payload beside the file is not found from memory
     layer = stage.GetRootLayer()
     layer.documentation = title
     layer.comment = "Written by examples/make_scenes.py. CC0."

@@ -65,7 +65,7 @@ def build_parser() -> argparse.ArgumentParser:
     new.add_argument("--smoke", choices=("carpet", "none"), default="carpet", help="default: carpet")
 
     bench = add("bench", "Measure speed and quality against the bars (in a checkout).")
-    bench.add_argument("name", choices=("speed", "loop", "random", "estimate", "meshes"))
+    bench.add_argument("name", choices=("speed", "loop", "random", "table", "estimate", "meshes"))
     bench.add_argument("rest", nargs=argparse.REMAINDER, help="options of the benchmark; --help lists them")
 
     test = add("test", "Run the tests (in a checkout).")

@@ -55,11 +55,11 @@ class Solid:
     local: solver.Mesh
     values: dict[str, Any]  # fields of EfsiSolidDef
     surface: solver.Surface | None = None  # the mesh as the library examined it
-    start: solver.Surface | None = None  # the same where it starts, where it may be stretched
     surface_file: str = ""
     subdivision: str = "none"
     left_handed: bool = False
     pose: str = ""  # what the start follows from, '' for a mesh that stands still as it is
+    start: solver.Surface | None = None  # `surface` where the solid starts, where it may be stretched
 
     @property
     def report(self) -> dict[str, Any]:

@@ -96,7 +96,7 @@ def cheb() -> Distance:
         ball((0, 0.7, 0), 0.22),
         *both_sides(lambda s: ellipsoid((0.36 * s, 0.8, 0), (0.19, 0.19, 0.085))),
         *both_sides(lambda s: capsule((0.17 * s, 0.42, 0.02), (0.33 * s, 0.26, 0.07), 0.075)),
-        *both_sides(lambda s: ellipsoid((0.12 * s, 0.07, 0.05), (0.1, 0.075, 0.14))),
+        *both_sides(lambda s: ellipsoid((0.12 * s, 0.09, 0.05), (0.1, 0.075, 0.14))),
         ball((0, 0.66, 0.2), 0.05),
     )
 
@@ -163,11 +163,19 @@ WHITE, BLACK = (0.95, 0.95, 0.92), (0.04, 0.04, 0.06)
 
 def surface(distance: Distance) -> tuple[np.ndarray, np.ndarray]:
     """Points (n, 3) and triangles (m, 3), faces outwards."""
-    low, high = np.array([-0.75, -0.15, -0.85]), np.array([0.75, 1.25, 0.85])
+    low, high = np.array([-0.7537, -0.1519, -0.8523]), np.array([0.7463, 1.2481, 0.8477])
     count = np.round((high - low) / SPACING).astype(int) + 1
     grid = np.stack(np.meshgrid(*(low[a] + SPACING * np.arange(count[a]) for a in range(3)), indexing="ij"), axis=-1)
-    points, faces, *_ = marching_cubes(distance(grid), 0.0, spacing=(SPACING,) * 3, gradient_direction="ascent")
-    return points + low, faces
+    points, faces, *_ = marching_cubes(distance(grid), 0.0, spacing=(SPACING,) * 3, gradient_direction="descent")
+    return weld(points + low, faces)
+
+
+def weld(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points that are one when written become one; faces that have shrunk to nothing go."""
+    points, numbers = np.unique(np.round(points, DIGITS), axis=0, return_inverse=True)
+    faces = numbers.ravel()[faces]
+    kept = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+    return points, faces[kept]
 
 
 def add_mesh(stage: Usd.Stage, path: str, points: np.ndarray, faces: np.ndarray, color: tuple) -> UsdGeom.Mesh:
@@ -216,10 +224,10 @@ def make(name: str) -> Usd.Stage:
 def round_ball(radius: float) -> tuple[np.ndarray, np.ndarray]:
     """A ball of a few triangles."""
     step = radius / 4.0
-    line = np.arange(-radius - 2 * step, radius + 2.5 * step, step)
+    line = np.arange(-radius - 2.3 * step, radius + 2.5 * step, step)
     grid = np.stack(np.meshgrid(line, line, line, indexing="ij"), axis=-1)
     points, faces, *_ = marching_cubes(
-        np.linalg.norm(grid, axis=-1) - radius, 0.0, spacing=(step,) * 3, gradient_direction="ascent"
+        np.linalg.norm(grid, axis=-1) - radius, 0.0, spacing=(step,) * 3, gradient_direction="descent"
     )
     return points + line[0], faces
 

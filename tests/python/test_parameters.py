@@ -53,7 +53,7 @@ def test_check_reports_a_changed_output(tmp_path: Path, monkeypatch, capsys) -> 
         ('field = "voxel_size"', 'field = "voxel_length"', r"voxelSize: EfsiSimulationDef.voxel_length is missing"),
         ('field = "voxel_size"', 'field = "preset"', r"voxelSize: EfsiSimulationDef.preset is int32_t, must be double"),
         ('field = "wall[5]"', 'field = "wall[6]"', r"wallZMax: EfsiSimulationDef.wall\[6\] is missing"),
-        ("default = 1.8", "default = 4500", r"cflSolid: default = 4500.0 is outside hard = \[0.0, 1000.0\]"),
+        ("default = 1.8", "default = 4500.0", r"cflSolid: default = 4500.0 is outside hard = \[0.0, 1000.0\]"),
         ("default = 1.8", "default = 2", r"cflSolid: default = 2 is not of type double"),
         ("default = 0.02", "default = 0.0", r"voxelSize: default = 0.0 is outside"),
         ("soft = [0.3, 3.0]", "soft = [0.3, 9000.0]", r"cflSolid: soft = \[0.3, 9000.0\] must be finite and within"),

@@ -99,7 +99,7 @@ TEST_CASE("Values outside their limits are refused with field, value and limit")
       {[](auto& d) { d.wall[0] = EFSI_WALL_PERIODIC; }, "periodic on both faces"},
       {[](auto& d) { d.ambient_fluid = 7; }, "EfsiSimulationDef.ambient_fluid = 7: must be between 0 and 1"},
       {[](auto& d) { d.fluid_density = 0.0; }, "EfsiSimulationDef.fluid_density = 0: must be > 0"},
-      {[](auto& d) { d.cfl_solid = 5.0; }, "EfsiSimulationDef.cfl_solid = 5: must be > 0 and at most 4"},
+      {[](auto& d) { d.cfl_solid = 5000.0; }, "EfsiSimulationDef.cfl_solid = 5000: must be > 0 and at most 1000"},
       {[](auto& d) { d.max_time_step = -0.1; }, "EfsiSimulationDef.max_time_step = -0.1: must be >= 0"},
       {[](auto& d) { d.pressure_tolerance = 0.6; }, "EfsiSimulationDef.pressure_tolerance = 0.6"},
       {[](auto& d) { d.threads = -1; }, "EfsiSimulationDef.threads = -1"},

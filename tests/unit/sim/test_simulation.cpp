@@ -155,7 +155,7 @@ TEST_CASE("Parameters that make no sense are refused by name, value and limit") 
       {[&](auto& p) { p.domain_min[2] = nan; }, "domain_min.z"},
       {[&](auto& p) { p.gravity[0] = nan; }, "gravity.x"},
       {[](auto& p) { p.fluid.density = 0; }, "fluid_density = 0"},
-      {[](auto& p) { p.cfl_solid = 9; }, "cfl_solid = 9"},
+      {[](auto& p) { p.cfl_solid = 1001; }, "cfl_solid = 1001"},
       {[](auto& p) { p.cfl_fluid = -1; }, "cfl_fluid = -1"},
       {[](auto& p) { p.max_time_step = -1; }, "max_time_step = -1"},
       {[](auto& p) { p.walls.face[2] = grid::Wall::kPeriodic; }, "wall.y"},

@@ -1,0 +1,161 @@
+"""The paper's scenes and its Tables 1 and 2 beside ours: `./eulerfsi bench table --scale 0.5`.
+
+Every scene is simulated whole by the command line, one after the other, at --scale times the paper's resolution; what a
+frame costs is that of its statistics. The paper's machine had 8 cores of 3 GHz and 16 threads.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+for folder in (ROOT / "batch", ROOT / "usd_plugin", Path(__file__).resolve().parent):
+    if str(folder) not in sys.path:
+        sys.path.insert(0, str(folder))
+
+import eulerfsi_usd  # noqa: E402, F401 - registers the schema
+from bench_loop import machine  # noqa: E402
+from eulerfsi import binding, files  # noqa: E402
+from pxr import Usd  # noqa: E402
+
+SCENES = ROOT / "examples" / "scenes"
+PAPER_VOXEL = 0.005  # m, of all scenes
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """A row of Table 2: average and least step [s], seconds per frame: in all, compute G, velocity, pressure, ..."""
+
+    grid: tuple[int, int, int]
+    mean_step: float
+    least_step: float
+    frame: float
+    compute_g: float
+    velocity: float
+    pressure: float
+    advection: float
+    collision: float
+
+
+# Scene file -> the paper's row.
+PAPER = {
+    "ball": Row((120, 140, 120), 0.025, 0.0016, 6.54, 0.84, 0.12, 2.83, 1.12, 0.01),
+    "bunny_light": Row((144, 200, 144), 0.0369, 0.0064, 17.4, 1.32, 5.02, 6.21, 1.72, 0.016),
+    "bunny_heavy": Row((144, 200, 144), 0.0236, 0.00058, 16.9, 1.35, 2.47, 8.31, 1.68, 0.016),
+    "cheb": Row((120, 100, 80), 0.021, 0.0023, 6.97, 1.55, 1.10, 1.10, 1.37, 0.01),
+    "party": Row((200, 180, 200), 0.0133, 0.00083, 54.1, 13.6, 6.72, 12.1, 14.46, 0.25),
+}
+# Stages of the profile that a column adds up. Contact is part of the velocity solve in `production`.
+STAGES = {
+    "compute_g": ("compute_g", "solid_mass"),
+    "velocity": ("velocity_solve",),
+    "pressure": ("pressure_solve",),
+    "advection": ("solid_advection", "fluid_advection", "surface", "smoke"),
+    "collision": ("contact",),
+}
+
+
+def run(name: str, voxel: float, preset: str, frames: str | None, folder: Path) -> tuple[Row, int]:
+    """Simulates a scene; returns its row and the frames. Raises CalledProcessError."""
+    setting = f"/World/Domain.voxelSize={voxel:g}"
+    options = ["--preset", preset, "--set", setting, "-o", str(folder), "--progress", "none"]
+    if frames:
+        options += ["--frames", frames]
+    command = [sys.executable, "-m", "eulerfsi", "simulate", str(SCENES / f"{name}.usda"), *options]
+    path = os.pathsep.join((str(ROOT / "batch"), str(ROOT / "usd_plugin")))
+    subprocess.run(command, env=os.environ | {"PYTHONPATH": path}, check=True, stdout=subprocess.DEVNULL)
+    lines = [json.loads(line) for line in (folder / "stats.jsonl").read_text(encoding="utf-8").splitlines()]
+    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    domain = manifest["parameters"]["/World/Domain"]
+    grid = tuple(round(edge / domain["voxel_size"]) for edge in domain["domain_size"])
+    steps = [line["dt"] for line in lines if line["event"] == "step"]
+    done = [line for line in lines if line["event"] == "frame"]
+    count = len(done) - 1  # the first is the start
+    seconds = done[-1]["profile"]["seconds"]
+    columns = {column: sum(seconds[stage] for stage in stages) / count for column, stages in STAGES.items()}
+    frame = sum(line["seconds"] for line in done) / count
+    return Row(grid, sum(steps) / len(steps), min(steps), frame, **columns), count
+
+
+def table_1() -> list[str]:
+    """The parameters that the scenes author, which are the paper's."""
+    lines = ["| scene | density | spring stiffness k (unused in production) | friction |", "|---|---|---|---|"]
+    for name in PAPER:
+        data = Usd.Stage.Open(str(SCENES / f"{name}.usda")).GetPrimAtPath("/World/Domain").GetCustomDataByKey("paper")
+        lines.append(f"| {name} | {data['densityRatio']} | {data['k']:g} | {data['mu']:g} |")
+    return lines
+
+
+def line(name: str, who: str, row: Row) -> str:
+    """A line of Table 2."""
+    grid = " x ".join(map(str, row.grid))
+    costs = (row.frame, row.compute_g, row.velocity, row.pressure, row.advection, row.collision)
+    cells = row.grid[0] * row.grid[1] * row.grid[2]
+    per_step = 1e6 * row.frame * row.mean_step * 24 / cells
+    times = " | ".join(f"{cost:.3g}" for cost in costs)
+    return f"| {name} | {who} | {grid} | {row.mean_step:.3g} | {row.least_step:.2g} | {times} | {per_step:.2f} |"
+
+
+HEAD = (
+    "| scene | | grid | mean step [s] | least step | s per frame | compute G | velocity | pressure | advection | "
+    "collision | us per cell and step |"
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(prog="eulerfsi bench table", description=__doc__.splitlines()[0])
+    parser.add_argument("--scale", type=float, default=0.5, help="of the paper's resolution, default 0.5")
+    parser.add_argument("--preset", choices=tuple(binding.PRESETS), default="production")
+    parser.add_argument("--frames", metavar="A-B", help="default: all of each scene")
+    parser.add_argument("--only", metavar="NAME,...", help=f"of {', '.join(PAPER)}")
+    parser.add_argument("--output", type=Path, help="also write the tables there, as Markdown")
+    options = parser.parse_args(arguments)
+    names = options.only.split(",") if options.only else list(PAPER)
+    unknown = [name for name in names if name not in PAPER]
+    if unknown:
+        parser.error(f"--only {unknown[0]}: must be of {', '.join(PAPER)}")
+    if not 0.1 <= options.scale <= 2.0:
+        parser.error(f"--scale {options.scale:g}: must be between 0.1 and 2")
+    text = [
+        "# The paper's tables",
+        "",
+        f"`./eulerfsi bench table --scale {options.scale:g} --preset {options.preset}`; {machine()}.",
+        "The paper: 8 cores of 3 GHz, 16 threads.",
+        "",
+        "Table 1, as the scenes author it.",
+        "",
+        *table_1(),
+        "",
+        "Table 2. Seconds per frame of 1/24 s and of its stages.",
+        "",
+        HEAD,
+        "|" + "---|" * (HEAD.count("|") - 1),
+    ]
+    print("\n".join(text), flush=True)
+    failed = False
+    for name in names:
+        rows = [line(name, "paper", PAPER[name])]
+        with tempfile.TemporaryDirectory() as folder:
+            try:
+                row, _ = run(name, PAPER_VOXEL / options.scale, options.preset, options.frames, Path(folder) / "cache")
+                rows.append(line(name, "here", row))
+            except subprocess.CalledProcessError as error:
+                failed = True
+                rows.append(f"| {name} | here | ended with exit code {error.returncode} |" + " |" * 9)
+        text += rows
+        print("\n".join(rows), flush=True)
+    if options.output:
+        files.write_text(options.output, "\n".join(text) + "\n")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
