@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kInstant = 1e-9;   // s: being on for less is being off
 constexpr double kOnBorder = 1e-3;  // cells: what is so near to the border of a mesh is in it
-constexpr double kRounding = 1e-6;  // of a box or a ball: what is so near to its border is in it
+constexpr double kOnEdge = 1e-6;    // of a box or a ball: what is so near to its border is in it
 constexpr int kSamples = 4;         // along each axis of a cell, for the part of it that a region fills
 
 // A region as place_emitter() sees it: whether a place lies in it, and the box around it.
@@ -24,8 +24,8 @@ struct Shape {
   bool contains(const Vec3d& x) const {
     if (volume) return volume->distance.sample(x) <= border;
     const Vec3d p = (emitter.from_world * x.homogeneous()).head<3>();
-    return emitter.shape == Region::Shape::kBox ? p.cwiseAbs().maxCoeff() <= 0.5 + kRounding
-                                                : p.squaredNorm() <= 0.25 + kRounding;
+    return emitter.shape == Region::Shape::kBox ? p.cwiseAbs().maxCoeff() <= 0.5 + kOnEdge
+                                                : p.squaredNorm() <= 0.25 + kOnEdge;
   }
   Eigen::AlignedBox3d extent() const {
     if (volume) return {volume->report.extent_min, volume->report.extent_max};

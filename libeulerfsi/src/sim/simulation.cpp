@@ -373,9 +373,14 @@ void Simulation::prepare() {
   }
   if (smoke && state_.fluid.smoke.empty()) state_.fluid.smoke.assign(grid_.cell_count(), 0);
   if (temperature && state_.fluid.temperature.empty()) state_.fluid.temperature.assign(grid_.cell_count(), 0);
-  // What the first frame shows; the steps apply emitters again.
-  if (state_.steps == 0)
-    fluid::apply_emitters(grid_, emitters_, state_.time, 0.0, solid_fraction(), {}, 0, state_.fluid, nullptr);
+  // What the first frame shows; the steps apply emitters again. Solids may have come since the last time.
+  if (state_.steps == 0) {
+    const std::vector<Real>& fraction = solid_fraction();
+    fluid::apply_emitters(grid_, emitters_, state_.time, 0.0, fraction, {}, 0, state_.fluid, nullptr);
+    for (auto* field : {&state_.fluid.smoke, &state_.fluid.temperature})
+      for (std::size_t c = 0; c < field->size() && c < fraction.size(); ++c)
+        if (fraction[c] > Real(0.5)) (*field)[c] = 0;
+  }
 }
 
 StepInfo Simulation::step(double max_dt) {
