@@ -18,8 +18,9 @@ struct EfsiSim;
 #define EFSI_EMIT_CONTINUOUS 1 /* holds its values from start_time to end_time */
 
 /* A region that carries smoke into the fluid, and blows it where has_velocity is 1. A continuous one with a velocity is
- * a jet: in a box with an open face it brings the volume that flows out of it. Solids are left as they are. The region is the image of the box [-1/2,1/2]^3 or of the
- * ball of radius 1/2 under `transform` (row-major 4x4, applied to column vectors (x,y,z,1), metres). */
+ * a jet: in a box with an open face it brings the volume that flows out of it. Solids are left as they are. The region
+ * is the image of the box [-1/2,1/2]^3 or of the ball of radius 1/2 under `transform` (row-major 4x4, applied to column
+ * vectors (x,y,z,1), metres). */
 typedef struct EfsiEmitterDef {
   uint32_t struct_size;
   uint32_t magic;
@@ -53,8 +54,8 @@ typedef struct EfsiEmitterKey {
   int32_t on;         /* 0: off until the next key */
   uint32_t reserved;
 } EfsiEmitterKey;
-/* Keys in the order of their times, in the place of the definition's values; start_time and end_time still count. Before
- * the first step. */
+/* Keys in the order of their times, in the place of the definition's values; start_time and end_time still count.
+ * Before the first step. */
 EFSI_API EfsiStatus efsi_emitter_set_keys(struct EfsiSim* sim, uint32_t id, const EfsiEmitterKey* keys, uint64_t count);
 /* Volume per time that an emitter has brought into the box in the last step [m^3/s]; 0 before, and where no face of the
  * box is open. */
