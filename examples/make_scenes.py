@@ -97,6 +97,31 @@ def make_smoke_only() -> Usd.Stage:
     return stage
 
 
+def make_puff() -> Usd.Stage:
+    """A pipe in the floor puffs twice."""
+    stage = new_stage("A pipe in the floor puffs twice: two rings of smoke, the second faster.", 48)
+    add_domain(stage, (-0.3, 0.0, -0.3), (0.6, 0.9, 0.6), "slip", wallYMax="open", voxelSize=0.02, fluidDensity=1.0)
+    pipe = UsdGeom.Cylinder.Define(stage, "/World/Pipe")
+    pipe.CreateAxisAttr(UsdGeom.Tokens.y)
+    pipe.CreateRadiusAttr(0.07)
+    pipe.CreateHeightAttr(0.16)
+    pipe.CreateExtentAttr(Vt.Vec3fArray([(-0.07, -0.08, -0.07), (0.07, 0.08, 0.07)]))
+    pipe.CreatePurposeAttr(UsdGeom.Tokens.guide)
+    pipe.AddTranslateOp().Set(Gf.Vec3d(0.0, 0.02, 0.0))  # most of it below the floor
+    up = Gf.Vec3d(0.0, 1.0, 0.0)
+    apply_schema(
+        pipe.GetPrim(),
+        "emitter",
+        mode="continuous",
+        emitVelocity=True,
+        enabled={1: True, 6: False, 25: True, 29: False},
+        velocity={1: up * 0.0, 3: up * 1.5, 25: up * 1.5, 27: up * 3.0},
+        smokeDensity={6: 1.0, 25: 0.6},
+    )
+    add_camera(stage, (0.3, 0.6, 2.0), (0.0, 0.42, 0.0))
+    return stage
+
+
 def make_jelly_drop_no_fluid() -> Usd.Stage:
     """A soft box drops onto the floor in vacuum."""
     stage = new_stage("A soft box with rounded edges drops, tilted, onto the floor. No fluid around it.", 48)
@@ -237,6 +262,7 @@ MAKERS: dict[str, Callable[[], Usd.Stage]] = {
     "ball.usda": make_ball,
     "falling_bunny.usda": make_falling_bunny,
     "smoke_only.usda": make_smoke_only,
+    "puff.usda": make_puff,
     "jelly_drop_no_fluid.usda": make_jelly_drop_no_fluid,
     "heap.usda": make_heap,
     "struck.usda": make_struck,

@@ -109,13 +109,19 @@ def new_stage(title: str, frames: int) -> Usd.Stage:
 
 
 def apply_schema(prim: Usd.Prim, scope: str, **values: object) -> None:
-    """Applies one schema of eulerfsi and authors attributes; raises KeyError for an unknown name."""
+    """Applies one schema of eulerfsi and authors attributes, a dictionary as time samples.
+
+    Raises KeyError for an unknown name.
+    """
     prim.AddAppliedSchema(API_SCHEMAS[scope])
     table = stage_attributes(scope)
     for name, value in values.items():
         row = table[f"eulerfsi:{name}"]
         type_name = Sdf.ValueTypeNames.Find(row.usd_type)
-        prim.CreateAttribute(row.attribute, type_name, False, Sdf.VariabilityUniform).Set(value)
+        variability = Sdf.VariabilityVarying if row.animated else Sdf.VariabilityUniform
+        attribute = prim.CreateAttribute(row.attribute, type_name, False, variability)
+        for time, now in value.items() if isinstance(value, dict) else [(Usd.TimeCode.Default(), value)]:
+            attribute.Set(now, time)
 
 
 def add_cube(stage: Usd.Stage, path: str, lower: tuple, size: tuple) -> Usd.Prim:

@@ -26,7 +26,7 @@ USD_TYPES = {"double": "double", "int": "int", "bool": "bool", "token": "token",
 PRIM_TYPES = {
     "domain": ("Cube", "Xform"),
     "solid": ("Mesh", "Xform"),
-    "emitter": ("Cube", "Sphere"),
+    "emitter": ("Mesh", "Sphere", "Cube", "Cylinder", "Cone", "Capsule"),
     "force": ("Cube", "Sphere"),
     "collider": ("Mesh", "Sphere", "Cube", "Cylinder", "Cone", "Capsule", "Plane"),
 }
@@ -207,7 +207,8 @@ def schema_attribute(scope: str, parameter: Parameter) -> str:
     lines.append(f"doc = {json.dumps(doc)}")
     lines += limit_lines(parameter, usd_type)
     body = "".join(f"        {line}\n" for line in lines)
-    return f"    uniform {usd_type} eulerfsi:{parameter['name']} = {usd_value(parameter, fallback)} (\n{body}    )\n"
+    kind = usd_type if parameter.get("animated") else f"uniform {usd_type}"
+    return f"    {kind} eulerfsi:{parameter['name']} = {usd_value(parameter, fallback)} (\n{body}    )\n"
 
 
 def schema_relationship(scope: str, relationship: dict) -> str:

@@ -22,7 +22,16 @@ STRUCTS = {
 C_TYPES = {"double": "double", "int": "int32_t", "bool": "int32_t", "token": "int32_t", "vector": "EfsiVec3"}
 TYPES = {*C_TYPES, "asset"}
 REQUIRED_KEYS = {"name", "field", "symbol", "type", "default", "doc"}
-KNOWN_KEYS = REQUIRED_KEYS | {"tokens", "hard", "soft", "min_exclusive", "unit", "stage_unit", "usd_physics"}
+KNOWN_KEYS = REQUIRED_KEYS | {
+    "tokens",
+    "hard",
+    "soft",
+    "min_exclusive",
+    "unit",
+    "stage_unit",
+    "usd_physics",
+    "animated",
+}
 
 Parameter = dict
 Table = dict[str, dict]

@@ -122,6 +122,17 @@ class EmitterDef(Structure):
     ]
 
 
+class EmitterKey(Structure):
+    _fields_ = [
+        ("time", c_double),
+        ("density", c_double),
+        ("temperature", c_double),
+        ("velocity", Vec3),
+        ("on", c_int32),
+        ("reserved", c_uint32),
+    ]
+
+
 class ForceDef(Structure):
     _fields_ = [
         ("struct_size", c_uint32),
@@ -378,6 +389,7 @@ STRUCTURES = {
     "EfsiVec3": Vec3,
     "EfsiFieldView": FieldView,
     "EfsiEmitterDef": EmitterDef,
+    "EfsiEmitterKey": EmitterKey,
     "EfsiForceDef": ForceDef,
     "EfsiVdbDef": VdbDef,
     "EfsiStepInfo": StepInfo,
@@ -444,6 +456,9 @@ PROTOTYPES: dict[str, list] = {
     "efsi_passenger_get_points": [_SIM, c_uint32, c_void_p, c_void_p, c_uint64],
     "efsi_emitter_def_init": [_P(EmitterDef)],
     "efsi_emitter_add": [_SIM, _P(EmitterDef), _P(c_uint32)],
+    "efsi_emitter_add_volume": [_SIM, _P(EmitterDef), _SURFACE, _P(c_uint32)],
+    "efsi_emitter_set_keys": [_SIM, c_uint32, _P(EmitterKey), c_uint64],
+    "efsi_emitter_get_flux": [_SIM, c_uint32, _P(c_double)],
     "efsi_force_def_init": [_P(ForceDef)],
     "efsi_force_add": [_SIM, _P(ForceDef), _P(c_uint32)],
     "efsi_field_get_view": [_SIM, c_int32, c_uint32, _P(FieldView)],

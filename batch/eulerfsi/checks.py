@@ -15,7 +15,7 @@ from pxr import Usd
 
 from . import memory
 from .errors import CacheIOError, SceneError
-from .scene import Collider, Scene, Solid
+from .scene import Collider, Emitter, Scene, Solid
 from .solver import Surface
 from .usd_messages import composition_faults
 
@@ -66,6 +66,8 @@ def check_scene(scene: Scene) -> list[Issue]:
         issues += _check_closed(collider)
         for solid in scene.solids:
             issues += _check_apart(scene, collider, solid)
+    for emitter in scene.emitters:
+        issues += _check_emitter(scene, emitter)
     return issues
 
 
@@ -105,13 +107,29 @@ def _check_inside(scene: Scene, solid: Solid) -> list[Issue]:
     return [Issue(solid.path, field, value, limit, message, "error", "OutsideDomain")]
 
 
-def _check_closed(collider: Collider) -> list[Issue]:
-    edges = collider.report["open_edges"]
+def _check_closed(body: Collider | Emitter) -> list[Issue]:
+    edges = body.report["open_edges"]
     if not edges:
         return []
-    limit = "0: a collider is a closed mesh"
-    message = f"{collider.path}: the mesh has {edges} open edges: must be {limit}"
-    return [Issue(collider.path, "faceVertexIndices", str(edges), limit, message, "error", "OpenCollider")]
+    kind = type(body).__name__
+    limit = f"0: {'an' if kind == 'Emitter' else 'a'} {kind.lower()} is a closed mesh"
+    message = f"{body.path}: the mesh has {edges} open edges: must be {limit}"
+    return [Issue(body.path, "faceVertexIndices", str(edges), limit, message, "error", f"Open{kind}")]
+
+
+def _check_emitter(scene: Scene, emitter: Emitter) -> list[Issue]:
+    """A closed region of which a part lies in the domain."""
+    issues = _check_closed(emitter) if emitter.mesh else []
+    low, size = np.array(scene.domain["domain_min"]), np.array(scene.domain["domain_size"])
+    start, end = (corner - low for corner in emitter.extent())
+    beside = np.maximum(start - size, -end)
+    if (beside < 0).all():
+        return issues
+    unit, axis = scene.units.meters_per_unit, int(np.argmax(beside))
+    value = f"{start[axis] / unit:.4g} to {end[axis] / unit:.4g} along the box's {'xyz'[axis]}"
+    limit = f"at least partly inside the domain {scene.domain_path}, 0 to {size[axis] / unit:.4g}"
+    message = f"{emitter.path}: the emitter reaches from {value}: must be {limit}"
+    return [*issues, Issue(emitter.path, "xformOpOrder", value, limit, message, "error", "OutsideDomain")]
 
 
 def _check_apart(scene: Scene, first: Solid | Collider, second: Solid) -> list[Issue]:

@@ -141,11 +141,10 @@ def plan_of(scene: Scene) -> Plan:
     heights = float(np.linalg.norm(domain["domain_size"]))
     lift, jet = 0.0, 0.0
     for emitter in scene.emitters:
-        values = emitter.values
-        push = abs(domain["temperature_buoyancy"] * values["temperature"])
-        lift = max(lift, push, abs(domain["smoke_buoyancy"] * values["density"]))
-        if values["has_velocity"]:
-            jet = max(jet, float(np.linalg.norm(values["velocity"])))
+        push = abs(domain["temperature_buoyancy"]) * np.abs(emitter.over_time("temperature")).max()
+        lift = max(lift, float(push), abs(domain["smoke_buoyancy"]) * emitter.over_time("density").max())
+        if emitter.values["has_velocity"]:
+            jet = max(jet, float(np.linalg.norm(emitter.over_time("velocity"), axis=-1).max()))
     for force in scene.forces:
         values = force.values
         if values["kind"] == binding.FORCE_KINDS["wind"]:

@@ -220,5 +220,6 @@ def _author(prim: Usd.Prim, scope: str, **values: float | str) -> None:
     kinds = {"double": Sdf.ValueTypeNames.Double, "token": Sdf.ValueTypeNames.Token}
     for name, value in values.items():
         row = table()[scope][name]
-        attribute = prim.CreateAttribute(row.attribute, kinds[row.type], False, Sdf.VariabilityUniform)
+        variability = Sdf.VariabilityVarying if row.animated else Sdf.VariabilityUniform
+        attribute = prim.CreateAttribute(row.attribute, kinds[row.type], False, variability)
         attribute.Set(value)

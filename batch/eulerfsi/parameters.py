@@ -29,6 +29,7 @@ class Parameter:
     tokens: tuple[str, ...] = ()
     usd_physics: bool = False
     unit: str = ""
+    animated: bool = False
 
     @property
     def attribute(self) -> str:

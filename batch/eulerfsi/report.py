@@ -61,7 +61,10 @@ def describe_scene(scene: Scene) -> list[str]:
             lines.append(f"{solid.path}: {solid.pose}")
     for emitter in scene.emitters:
         mode = next(name for name, number in binding.EMITTER_MODES.items() if number == emitter.values["mode"])
-        lines.append(f"{emitter.path}: {mode} emitter, smoke density {emitter.values['density']:g}")
+        text = f"{emitter.path}: {mode} emitter, smoke density {emitter.over_time('density').max():g}"
+        if emitter.values["has_velocity"]:
+            text += f", blows at {np.linalg.norm(emitter.over_time('velocity'), axis=-1).max():.4g} m/s"
+        lines.append(text + (f", {len(emitter.keys)} keys" if emitter.keys else ""))
     for force in scene.forces:
         kind, on = (
             next(name for name, number in names.items() if number == force.values[field])

@@ -143,10 +143,40 @@ class Passenger:
 
 @dataclasses.dataclass
 class Emitter:
-    """One emitter. values: fields of EfsiEmitterDef."""
+    """One emitter. values: fields of EfsiEmitterDef; keys: of EfsiEmitterKey, empty where nothing changes in time.
+
+    mesh: the region in simulation space where it is no box or ball; surface: as the library examined it.
+    """
 
     path: str
     values: dict[str, Any]
+    keys: list[dict[str, Any]] = dataclasses.field(default_factory=list)
+    mesh: solver.Mesh | None = None
+    surface: solver.Surface | None = None
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """Fields of EfsiMeshReport, of a mesh."""
+        return self.surface.report
+
+    @property
+    def is_jet(self) -> bool:
+        """Whether it blows, for longer than the first step."""
+        return bool(self.values["has_velocity"]) and self.values["mode"] == binding.EMITTER_MODES["continuous"]
+
+    def extent(self) -> tuple[np.ndarray, np.ndarray]:
+        """Corners of the box around the region, simulation space [m]."""
+        if self.mesh:
+            return np.array(self.report["extent_min"]), np.array(self.report["extent_max"])
+        matrix = np.reshape(self.values["transform"], (4, 4))[:3]
+        rows = matrix[:, :3]
+        ball = self.values["shape"] == binding.EMITTER_SHAPES["sphere"]
+        reach = (np.sqrt((rows * rows).sum(axis=1)) if ball else np.abs(rows).sum(axis=1)) / 2
+        return matrix[:, 3] - reach, matrix[:, 3] + reach
+
+    def over_time(self, field: str) -> np.ndarray:
+        """(times, ...) all values that a field has."""
+        return np.array([key[field] for key in self.keys or [self.values]], float)
 
 
 @dataclasses.dataclass
@@ -196,7 +226,10 @@ class Scene:
         """{prim path: {field of the C definition: SI value}}: all that was used."""
         result = {self.domain_path: self.domain}
         for item in [*self.solids, *self.emitters, *self.forces, *self.colliders]:
-            result[item.path] = item.values
+            result[item.path] = dict(item.values)
+        for emitter in self.emitters:
+            for field in emitter.keys[0] if emitter.keys else ():
+                result[emitter.path] |= {f"key_{field}": emitter.over_time(field).ravel().tolist()}
         for passenger in self.passengers:
             result[passenger.path] = {"carried_by": passenger.solid}
         for pin in self.pins:
@@ -213,8 +246,8 @@ class Scene:
                 digest.update(array.tobytes())
         for pin in self.pins:
             digest.update((pin.mesh.points if pin.mesh else pin.vertices).tobytes())
-        for collider in self.colliders:
-            digest.update(collider.mesh.points.tobytes() + collider.mesh.indices.tobytes())
+        for body in [*self.colliders, *(emitter for emitter in self.emitters if emitter.mesh)]:
+            digest.update(body.mesh.points.tobytes() + body.mesh.indices.tobytes())
         for moved in [*self.pins, *self.colliders]:
             if moved.motion.moves:
                 digest.update(given.motion_text(self.stage.GetPrimAtPath(moved.motion.driver)).encode())
@@ -360,16 +393,16 @@ def read_scene(stage: Usd.Stage, path: Path, memory_limit: int = 0, threads: int
             solid.start = solver.Surface(_stretched(solid), domain["voxel_size"], threads or available_threads())
         prim = stage.GetPrimAtPath(solid.path)
         solid.values["density"] = _density(reader, prim, solid.report["solid_volume"])
-    for given_body in [*(pin for pin in pins if pin.mesh), *colliders]:
-        _examine(given_body, domain["voxel_size"], threads or available_threads())
+    emitters = [emitter for p in find_prims(stage, "emitter") for emitter in _emitters(reader, space, p, frames)]
+    if not domain["ambient_fluid"]:
+        emitters = []  # nothing carries the smoke; check_stage warns
+    for body in [*(pin for pin in pins if pin.mesh), *colliders, *(emitter for emitter in emitters if emitter.mesh)]:
+        _examine(body, domain["voxel_size"], threads or available_threads())
     passengers = [
         _passenger(reader, space, stage.GetPrimAtPath(solid.path), prim)
         for solid in solids
         for prim in find_passengers(stage.GetPrimAtPath(solid.path))
     ]
-    emitters = [_emitter(reader, space, p) for p in find_prims(stage, "emitter") if reader.value(p, enabled)]
-    if not domain["ambient_fluid"]:
-        emitters = []  # nothing carries the smoke; check_stage warns
     forces = [force for prim in find_prims(stage, "force") for force in _forces(reader, space, prim, frames)]
     fps = stage.GetTimeCodesPerSecond()
     return Scene(
@@ -566,7 +599,7 @@ def _collider(reader: _Reader, space: SimulationSpace, prim: Usd.Prim, first: in
     return Collider(str(prim.GetPath()), _closed_mesh(reader, space, prim), reader.fields(prim, "collider"), motion)
 
 
-def _examine(solid: Solid | Pin | Collider, voxel_size: float, threads: int) -> None:
+def _examine(solid: Solid | Pin | Collider | Emitter, voxel_size: float, threads: int) -> None:
     """Adds the surface that the library makes of the mesh."""
     waiting, signals = Waiting(f"{solid.path}: examining the surface"), Signals()
 
@@ -713,11 +746,49 @@ def _region(reader: _Reader, space: SimulationSpace, prim: Usd.Prim, api: str) -
     return {"shape": binding.EMITTER_SHAPES[shape], "transform": to_sim.T.ravel().tolist()}
 
 
-def _emitter(reader: _Reader, space: SimulationSpace, prim: Usd.Prim) -> Emitter:
+def _emitters(reader: _Reader, space: SimulationSpace, prim: Usd.Prim, frames: FrameRange) -> list[Emitter]:
+    """The emitter of a prim; none where it is never on."""
     values = reader.fields(prim, "emitter")
-    values |= _region(reader, space, prim, EMITTER_API)
     values["velocity"] = space.vector_to_sim(values["velocity"]).tolist()
-    return Emitter(str(prim.GetPath()), values)
+    keys = _emitter_keys(reader, space, prim, frames.first)
+    on = any(key["on"] for key in keys) if keys else reader.value(prim, table()["emitter"]["enabled"])
+    if not on:
+        return []
+    path = str(prim.GetPath())
+    if prim.IsA(UsdGeom.Cube) or prim.IsA(UsdGeom.Sphere):
+        return [Emitter(path, values | _region(reader, space, prim, EMITTER_API), keys)]
+    return [Emitter(path, values, keys, _closed_mesh(reader, space, prim))]
+
+
+def _emitter_keys(reader: _Reader, space: SimulationSpace, prim: Usd.Prim, first: int) -> list[dict[str, Any]]:
+    """Fields of EfsiEmitterKey at the first frame and at the time samples after it; none where nothing changes.
+
+    Where the stage holds values between samples two keys of one time make the step.
+    """
+    if reader.value(prim, table()["emitter"]["mode"]) != "continuous":
+        return []
+    stage = prim.GetStage()
+    attributes = [prim.GetAttribute(row.attribute) for row in table()["emitter"].values() if row.animated]
+    times = sorted({time for a in attributes if a for time in a.GetTimeSamples() if time > first})
+    if not times:
+        return []
+
+    def key(time: float, at: float) -> dict[str, Any]:
+        now = _Reader(reader.units, Usd.TimeCode(at))
+        fields = now.fields(prim, "emitter")
+        return {
+            "time": (time - first) / stage.GetTimeCodesPerSecond(),
+            "density": fields["density"],
+            "temperature": fields["temperature"],
+            "velocity": space.vector_to_sim(fields["velocity"]).tolist(),
+            "on": int(now.value(prim, table()["emitter"]["enabled"])),
+        }
+
+    keys = [key(first, first)]
+    held = stage.GetInterpolationType() == Usd.InterpolationTypeHeld
+    for before, time in zip([first, *times], times, strict=False):
+        keys += [key(time, before), key(time, time)] if held else [key(time, time)]
+    return keys
 
 
 def _forces(reader: _Reader, space: SimulationSpace, prim: Usd.Prim, frames: FrameRange) -> list[Force]:

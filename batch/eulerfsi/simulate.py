@@ -88,6 +88,7 @@ class Ids:
     passengers: list[int] = dataclasses.field(default_factory=list)
     pins: list[int] = dataclasses.field(default_factory=list)
     colliders: list[int] = dataclasses.field(default_factory=list)
+    emitters: list[int] = dataclasses.field(default_factory=list)
     collider_solids: list[int] = dataclasses.field(default_factory=list)  # which the library sees as solids, too
 
 
@@ -121,7 +122,7 @@ def build_simulation(scene: Scene, threads: int, memory_limit: int, log: Log) ->
             ids.colliders.append(pin_id)
         for emitter in scene.emitters:
             place[0] = f"{emitter.path}: "
-            simulation.add_emitter(**emitter.values)
+            ids.emitters.append(simulation.add_emitter(emitter.surface, emitter.keys, **emitter.values))
         for force in scene.forces:
             place[0] = f"{force.path}: "
             simulation.add_force(**force.values)
@@ -165,7 +166,7 @@ def _last_checkpoint(folder: Path, mode: str) -> int | None:
 
 def _grids(scene: Scene) -> list[str]:
     """Names of the grids in each volume file."""
-    heated = any(emitter.values["temperature"] != 0 for emitter in scene.emitters)
+    heated = any(emitter.over_time("temperature").any() for emitter in scene.emitters)
     return ["density", "vel", *(["temperature"] if heated else [])]
 
 
@@ -300,6 +301,10 @@ class _Run:
         }
         if self._given:
             columns["impulses"] = {body.path: self.simulation.pin_impulse(pin) for body, pin in self._given}
+        emitters = zip(self.scene.emitters, self.ids.emitters, strict=True)
+        jets = {emitter.path: self.simulation.emitter_flux(number) for emitter, number in emitters if emitter.is_jet}
+        if jets:
+            columns["jets"] = jets
         if self.scene.domain["energy_ledger"]:
             columns["energy"] = self.simulation.energy_ledger()
         return columns

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from ctypes import POINTER, byref, c_double, c_float, c_int32, c_uint32, c_uint64, c_void_p
 from pathlib import Path
 from typing import Any
@@ -248,13 +248,34 @@ class Simulation:
         self._check(self._lib.efsi_pin_get_impulse(self._handle, pin, byref(out)))
         return list(out)
 
-    def add_emitter(self, **values: Any) -> int:
-        """Adds an emitter before the first step. values: fields of EfsiEmitterDef (SI). Returns its id."""
+    def add_emitter(self, volume: Surface | None = None, keys: Sequence[Mapping] = (), **values: Any) -> int:
+        """Adds an emitter before the first step. values: fields of EfsiEmitterDef (SI). Returns its id.
+
+        volume: a closed mesh in the place of box or ball. keys: fields of EfsiEmitterKey in the order of their times,
+        in the place of constant values.
+        """
         definition, identifier = binding.EmitterDef(), c_uint32()
         self._lib.efsi_emitter_def_init(byref(definition))
         _fill(definition, values)
-        self._check(self._lib.efsi_emitter_add(self._handle, byref(definition), byref(identifier)))
+        if volume:
+            status = self._lib.efsi_emitter_add_volume(
+                self._handle, byref(definition), volume.handle, byref(identifier)
+            )
+        else:
+            status = self._lib.efsi_emitter_add(self._handle, byref(definition), byref(identifier))
+        self._check(status)
+        if keys:
+            array = (binding.EmitterKey * len(keys))()
+            for key, fields in zip(array, keys, strict=True):
+                _fill(key, fields)
+            self._check(self._lib.efsi_emitter_set_keys(self._handle, identifier, array, len(keys)))
         return identifier.value
+
+    def emitter_flux(self, emitter: int) -> float:
+        """Volume per time that an emitter has brought into the box in the last step [m^3/s]."""
+        out = c_double()
+        self._check(self._lib.efsi_emitter_get_flux(self._handle, emitter, byref(out)))
+        return out.value
 
     def add_passenger(self, solid: int, points: np.ndarray) -> int:
         """Adds points, (n, 3) [m] in the solid's rest shape, that ride along with it. Returns their id."""

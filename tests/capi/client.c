@@ -402,6 +402,51 @@ static void check_given_motion(void) {
   efsi_simulation_destroy(sim);
 }
 
+/* A cube that blows through an open face, from its first key to its last. */
+static void check_jet(void) {
+  EfsiSimulationDef def = box_def();
+  def.wall[1] = EFSI_WALL_OPEN;
+  def.max_time_step = 0.0;
+  EfsiSim* sim = NULL;
+  CHECK_OK(NULL, efsi_simulation_create(&def, &sim, NULL));
+  if (!sim) exit(100);
+  EfsiEmitterDef jet;
+  CHECK_OK(NULL, efsi_emitter_def_init(&jet));
+  jet.has_velocity = 1;
+  EfsiMeshView view = cube_view(); /* 0.2 m wide */
+  EfsiSurface* surface = NULL;
+  uint32_t id = 0;
+  CHECK_OK(NULL, efsi_surface_create(&view, 2.0 * def.voxel_size, 1, NULL, NULL, &surface, NULL));
+  CHECK(efsi_emitter_add_volume(sim, &jet, surface, &id) == EFSI_ERROR_ARGUMENT);
+  CHECK(strstr(efsi_simulation_last_error(sim), "made for voxel_size"));
+  efsi_surface_destroy(surface);
+  CHECK_OK(NULL, efsi_surface_create(&view, def.voxel_size, 1, NULL, NULL, &surface, NULL));
+  CHECK_OK(sim, efsi_emitter_add_volume(sim, &jet, surface, &id));
+  efsi_surface_destroy(surface);
+  CHECK(id == 1);
+  EfsiEmitterKey keys[3] = {
+      {0.0, 1.0, 0.0, {0, 0, 0}, 1, 0}, {0.04, 1.0, 0.0, {1, 0, 0}, 1, 0}, {0.08, 1.0, 0.0, {1, 0, 0}, 0, 0}};
+  CHECK_OK(sim, efsi_emitter_set_keys(sim, id, keys, 3));
+  CHECK(efsi_emitter_set_keys(sim, 2, keys, 3) == EFSI_ERROR_ARGUMENT);
+  CHECK(efsi_emitter_set_keys(sim, id, keys, 0) == EFSI_ERROR_ARGUMENT);
+  keys[2].time = 0.03;
+  CHECK(efsi_emitter_set_keys(sim, id, keys, 3) == EFSI_ERROR_ARGUMENT);
+  CHECK(strstr(efsi_simulation_last_error(sim), "keys[2].time = 0.03: must be >= 0.04"));
+  double flux = -1.0;
+  CHECK_OK(sim, efsi_emitter_get_flux(sim, id, &flux));
+  CHECK(flux == 0.0);
+  CHECK_OK(sim, efsi_simulation_step(sim, 0.04, NULL));
+  CHECK_OK(sim, efsi_emitter_get_flux(sim, id, &flux));
+  CHECK(fabs(flux / 0.02 - 1.0) < 1e-3); /* half the speed over the first step */
+  CHECK_OK(sim, efsi_simulation_advance(sim, 0.04, NULL, NULL, NULL));
+  CHECK_OK(sim, efsi_simulation_advance(sim, 0.04, NULL, NULL, NULL));
+  CHECK_OK(sim, efsi_emitter_get_flux(sim, id, &flux));
+  CHECK(flux == 0.0);
+  CHECK(efsi_emitter_get_flux(sim, id, NULL) == EFSI_ERROR_ARGUMENT);
+  CHECK(efsi_emitter_set_keys(sim, id, keys, 2) == EFSI_ERROR_ARGUMENT); /* too late */
+  efsi_simulation_destroy(sim);
+}
+
 /* The cube lies on another one on the floor: one pair, whose impulse is the upper one's weight. */
 static void check_contacts(void) {
   EfsiSimulationDef def = box_def();
@@ -454,6 +499,7 @@ int main(int argc, char** argv) {
   check_refusals();
   check_fall(argv[1]);
   check_given_motion();
+  check_jet();
   check_contacts();
   if (failures) fprintf(stderr, "%d checks failed\n", failures);
   return failures > 100 ? 100 : failures;

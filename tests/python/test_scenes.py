@@ -255,6 +255,26 @@ def test_ball_has_the_published_set_up() -> None:
     assert carpet.GetAttribute("eulerfsi:smokeDensity").Get() == 0.8
 
 
+def test_puff_blows_two_rings_of_its_volume(tmp_path: Path) -> None:
+    """The pipe's area across the flow is that of its round, the speeds are those of its samples."""
+    voxel = ("/World/Domain.voxelSize=0.03",)
+    folder = simulate(SCENES / "puff.usda", Options(output=tmp_path / "cache", progress="none", settings=voxel)).folder
+    events = [json.loads(line) for line in (folder / "stats.jsonl").read_text().splitlines()]
+    brought: Counter = Counter()
+    for step in events:
+        if step["event"] == "step":
+            brought[step["frame"]] += step["dt"] * step["jets"]["/World/Pipe"]
+    puffs = [sum(brought[frame] for frame in frames) for frames in (range(2, 7), range(7, 26), range(26, 30))]
+    area = math.pi * 0.07**2
+    assert puffs[0] == pytest.approx(area * (2 * 0.75 + 3 * 1.5) / 24, rel=0.01)
+    assert puffs[1] == 0.0
+    assert puffs[2] == pytest.approx(area * (2 * 2.25 + 2 * 3.0) / 24, rel=0.01)
+    smoke = {event["frame"]: event["fluid"]["smoke"] for event in events if event["event"] == "frame"}
+    assert smoke[7] - smoke[2] == pytest.approx(puffs[0] - brought[2], rel=0.15)
+    # Its first step fills the pipe, too.
+    assert smoke[30] - smoke[26] == pytest.approx(0.6 * (puffs[2] - brought[26]), rel=0.15)
+
+
 def test_other_scenes_are_what_their_names_say() -> None:
     jelly = Usd.Stage.Open(str(SCENES / "jelly_drop_no_fluid.usda"))
     assert jelly.GetPrimAtPath("/World/Domain").GetAttribute("eulerfsi:ambientFluid").Get() is False

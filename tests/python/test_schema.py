@@ -72,7 +72,7 @@ def test_schema_attributes_equal_the_table(scope: str) -> None:
     for name, row in stage_attributes(scope).items():
         attribute = definition.GetAttributeDefinition(name)
         assert attribute.GetTypeName() == Sdf.ValueTypeNames.Find(row.usd_type)
-        assert attribute.GetVariability() == Sdf.VariabilityUniform
+        assert attribute.GetVariability() == (Sdf.VariabilityVarying if row.animated else Sdf.VariabilityUniform)
         fallback = attribute.GetFallbackValue()
         if row.depends_on_stage_units:
             assert fallback == -math.inf

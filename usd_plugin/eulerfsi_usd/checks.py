@@ -13,13 +13,13 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from .given import check_collider as check_given_collider
 from .given import check_pins
-from .issues import Issue, domain_box, first_time, is_enabled, make_issue, read, scopes_of
+from .gprims import dimensions
+from .issues import Issue, domain_box, first_time, is_enabled, is_ever_enabled, make_issue, read, scopes_of
 from .parameters import API_SCHEMAS, NAMESPACE, Parameter, load, prim_types, stage_attributes, stage_relationships
 from .passengers import check_passengers
 from .surface import check_animation, check_density, check_inside, check_surface
 
 AXES = ("X", "Y", "Z")
-MAY_CHANGE = {("force", "enabled")}  # attributes whose time samples count
 
 
 def check_stage(stage: Usd.Stage) -> list[Issue]:
@@ -50,7 +50,7 @@ def check_scene(stage: Usd.Stage) -> list[Issue]:
     for prim in stage.Traverse():
         issues += check_names(prim)
         for scope in scopes_of(prim):
-            if scope == "domain" or is_enabled(prim):
+            if scope == "domain" or (is_ever_enabled if scope == "emitter" else is_enabled)(prim):
                 prims[scope].append(prim)
     if not prims["domain"]:
         issues.append(make_issue(None, "domain", None, "exactly one prim with EulerFsiDomainAPI", "MissingDomain"))
@@ -68,10 +68,25 @@ def check_scene(stage: Usd.Stage) -> list[Issue]:
                 hint = f"{domain.GetPath()}.eulerfsi:ambientFluid is off: nothing carries the smoke"
                 issue = make_issue(prim, "eulerfsi:enabled", True, "false", "NoFluid", hint, severity="warning")
                 issues.append(issue)
+        issues += _check_outflow(domain, prims["emitter"])
         if not _box_fault(domain):
             for prim in prims["solid"]:
                 issues += check_inside(prim, domain)
     return issues
+
+
+def _check_outflow(domain: Usd.Prim, emitters: list[Usd.Prim]) -> list[Issue]:
+    """What a jet brings in has to leave."""
+    walls = [read(domain, f"eulerfsi:wall{axis}{side}") for axis in AXES for side in ("Min", "Max")]
+    if "open" in walls or read(domain, "eulerfsi:ambientFluid") is False:
+        return []
+    limit = f"false, or one of the walls of {domain.GetPath()} open"
+    hint = "the box has no open side: the jet makes no volume and moves the fluid as a fan does"
+    return [
+        make_issue(prim, "eulerfsi:emitVelocity", True, limit, "ClosedJet", hint, severity="warning")
+        for prim in emitters
+        if read(prim, "eulerfsi:emitVelocity") and read(prim, "eulerfsi:mode") != "initial"
+    ]
 
 
 def check_units(stage: Usd.Stage) -> list[Issue]:
@@ -146,15 +161,23 @@ def check_values(prim: Usd.Prim, scope: str) -> list[Issue]:
         attribute = prim.GetAttribute(name)
         if not attribute or not attribute.HasAuthoredValue():
             continue
-        fault = value_fault(row, attribute.Get(first_time(prim.GetStage())))
-        if fault:
-            limit, code = fault
-            issues.append(make_issue(prim, name, attribute.Get(first_time(prim.GetStage())), limit, code))
-        if attribute.GetNumTimeSamples() > 1 and (scope, row.name) not in MAY_CHANGE:
+        counts = samples_count(prim, row)
+        for time in [first_time(prim.GetStage()), *(attribute.GetTimeSamples() if counts else ())]:
+            fault = value_fault(row, attribute.Get(time))
+            if fault:
+                limit, code = fault
+                issues.append(make_issue(prim, name, attribute.Get(time), limit, code))
+                break
+        if attribute.GetNumTimeSamples() > 1 and not counts:
             hint = "only the value at the first time code counts"
             number = f"{attribute.GetNumTimeSamples()} time samples"
             issues.append(make_issue(prim, name, number, "constant", "Animated", hint, severity="warning"))
     return issues
+
+
+def samples_count(prim: Usd.Prim, row: Parameter) -> bool:
+    """Whether the time samples of an attribute count: not where an emitter acts at the start only."""
+    return row.animated and not (row.scope == "emitter" and read(prim, "eulerfsi:mode") == "initial")
 
 
 def value_fault(row: Parameter, value: object) -> tuple[str, str] | None:
@@ -235,7 +258,8 @@ def check_collider(prim: Usd.Prim) -> list[Issue]:
 
 def check_emitter(prim: Usd.Prim) -> list[Issue]:
     """Values, region and times of a prim with EulerFsiEmitterAPI."""
-    return check_values(prim, "emitter") + check_animation(prim, "emitter") + _check_region(prim, "EmptyEmitter")
+    issues = check_values(prim, "emitter") + check_animation(prim, "emitter") + _check_region(prim, "EmptyEmitter")
+    return issues + (check_surface(prim) if prim.IsA(UsdGeom.Mesh) else [])
 
 
 def check_force(prim: Usd.Prim) -> list[Issue]:
@@ -244,10 +268,10 @@ def check_force(prim: Usd.Prim) -> list[Issue]:
 
 
 def _check_region(prim: Usd.Prim, code: str) -> list[Issue]:
-    """Size and times of a prim whose Cube or Sphere is a region."""
+    """Size and times of a prim that is a region."""
     issues = []
-    for prim_type, field in ((UsdGeom.Cube, "size"), (UsdGeom.Sphere, "radius")):
-        extent = read(prim, field) if prim.IsA(prim_type) else 1.0
+    for field in dimensions(prim):
+        extent = read(prim, field)
         if not (math.isfinite(extent) and extent > 0.0):
             issues.append(make_issue(prim, field, extent, "> 0", code))
     start, end = (read(prim, f"eulerfsi:{name}") for name in ("startTime", "endTime"))

@@ -76,6 +76,13 @@ def is_enabled(prim: Usd.Prim) -> bool:
     return read(prim, "eulerfsi:enabled") is not False
 
 
+def is_ever_enabled(prim: Usd.Prim) -> bool:
+    """False when it is off at the start and no time sample switches it on."""
+    attribute = prim.GetAttribute("eulerfsi:enabled")
+    samples = attribute.GetTimeSamples() if attribute else []
+    return is_enabled(prim) or any(attribute.Get(time) for time in samples)
+
+
 def domain_box(prim: Usd.Prim) -> tuple[tuple[float, float, float], Gf.Matrix4d]:
     """Edge lengths of the domain's box in its local space (centred at the origin) and its local-to-world matrix."""
     if prim.IsA(UsdGeom.Cube):

@@ -20,7 +20,7 @@ class Parameter:
     """One row of the table.
 
     `default` and the limits are SI; a hard limit other than 0 belongs to a quantity without stage units, so limits hold
-    for values on a stage too. `usd_type` is the Sdf type name of the attribute.
+    for values on a stage too. `usd_type` is the Sdf type name of the attribute; `animated`: its time samples count.
     """
 
     scope: str
@@ -35,6 +35,7 @@ class Parameter:
     unit: str
     stage_unit: str
     usd_physics: bool
+    animated: bool
     label: str
     doc: str
 
@@ -85,6 +86,7 @@ def load() -> dict[str, dict[str, Parameter]]:
             unit=row.get("unit", ""),
             stage_unit=row.get("stage_unit", ""),
             usd_physics=row.get("usd_physics", False),
+            animated=row.get("animated", False),
             label=row["label"],
             doc=row["doc"],
         )

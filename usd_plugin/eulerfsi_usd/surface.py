@@ -7,6 +7,7 @@ import math
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
 
+from .gprims import dimensions
 from .issues import Issue, domain_box, first_time, make_issue, read
 from .pose import Pose, PoseError, transform_drivers
 
@@ -124,7 +125,8 @@ def check_animation(prim: Usd.Prim, scope: str) -> list[Issue]:
         drivers = Pose(prim, prim.IsA(UsdGeom.Mesh) and not surface_file(prim)).drivers(after)
         effect = "it starts from that pose and motion at frame {}; the animation after it does not act"
     else:
-        drivers = transform_drivers(prim, after)
+        drivers = Pose(prim, True).drivers(after) if prim.IsA(UsdGeom.Mesh) else transform_drivers(prim, after)
+        drivers += [f"its {name}" for name in dimensions(prim) if prim.GetAttribute(name).ValueMightBeTimeVarying()]
         effect = "it stays where it is at frame {}"
     if not drivers:
         return []

@@ -7,7 +7,7 @@
 #include <array>
 
 #include "base/parallel.hpp"
-#include "fluid/fluid.hpp"
+#include "fluid/emitter.hpp"
 #include "fluid/keep_smoke.hpp"
 #include "grid/tiles.hpp"
 
@@ -35,9 +35,11 @@ std::uint64_t advect_velocity(const Parallel& parallel, const Grid& g, bool corr
                               FluidState& state, AdvectWorkspace& work);
 
 // Smoke and temperature; from cells that are more than half solid (cell_fraction, may be empty) comes what is beside
-// them. settle_smoke has to follow. Returns the number of tiles of cells visited.
+// them. sources: where fluid comes in with smoke of its own. settle_smoke has to follow. Returns the number of
+// tiles of cells visited.
 std::uint64_t advect_smoke(const Parallel& parallel, const Grid& g, bool corrected, double dt, const VectorField& flow,
-                           const std::vector<Real>& cell_fraction, FluidState& state, AdvectWorkspace& work);
+                           const std::vector<Real>& cell_fraction, FluidState& state, AdvectWorkspace& work,
+                           std::span<const SourceCell> sources = {});
 
 // The rest of it, once the solids have moved, too: their cells are emptied and, where the transport was corrected, the
 // amount that it has lost or made is given back or taken nearby (keep_smoke.hpp).

@@ -284,8 +284,8 @@ void clear_idle(const Parallel& parallel, const Grid& g, const TileMask& tiles, 
 }
 
 std::uint64_t advect_scalar(const Parallel& parallel, const Grid& g, bool corrected, double dt, const VectorField& flow,
-                            const std::vector<Real>& fraction, std::vector<Real>& field, AdvectWorkspace& work,
-                            ScalarBudget& budget) {
+                            const std::vector<Real>& fraction, std::span<const SourceCell> sources,
+                            std::vector<Real>& field, AdvectWorkspace& work, ScalarBudget& budget) {
   TileMask tiles(g.cells);
   std::vector<Real> top(static_cast<std::size_t>(tiles.count()));
   parallel.for_each(tiles.count(), [&](std::int64_t t) {
@@ -319,6 +319,7 @@ std::uint64_t advect_scalar(const Parallel& parallel, const Grid& g, bool correc
     }
   });
   budget.open(parallel, g, corrected, tiles, top, field, work.solid_cells);
+  budget.bring_in(g, dt, sources, field);
   tiles.for_runs(parallel, [&](int j, int k, int begin, int end, bool active) {
     const CellRow row = {{j, k, begin, end, g.cell(0, j, k)}, g.node(0, j, k)};
     if (active) carry_row(transport, row, source.data(), first.data(), work.first);
@@ -339,12 +340,21 @@ std::uint64_t advect_scalar(const Parallel& parallel, const Grid& g, bool correc
 }  // namespace
 
 std::uint64_t advect_smoke(const Parallel& parallel, const Grid& g, bool corrected, double dt, const VectorField& flow,
-                           const std::vector<Real>& cell_fraction, FluidState& state, AdvectWorkspace& work) {
+                           const std::vector<Real>& cell_fraction, FluidState& state, AdvectWorkspace& work,
+                           std::span<const SourceCell> sources) {
+  for (const SourceCell& source : sources) {
+    const std::size_t c = g.cell(source.place[0], source.place[1], source.place[2]);
+    if (!cell_fraction.empty() && cell_fraction[c] > Real(0.5)) continue;
+    if (!state.smoke.empty()) state.smoke[c] = source.smoke;
+    if (!state.temperature.empty()) state.temperature[c] = source.temperature;
+  }
   std::uint64_t tiles = 0;
   if (!state.smoke.empty())
-    tiles += advect_scalar(parallel, g, corrected, dt, flow, cell_fraction, state.smoke, work, work.budgets[0]);
+    tiles +=
+        advect_scalar(parallel, g, corrected, dt, flow, cell_fraction, sources, state.smoke, work, work.budgets[0]);
   if (!state.temperature.empty())
-    tiles += advect_scalar(parallel, g, corrected, dt, flow, cell_fraction, state.temperature, work, work.budgets[1]);
+    tiles += advect_scalar(parallel, g, corrected, dt, flow, cell_fraction, sources, state.temperature, work,
+                           work.budgets[1]);
   return tiles;
 }
 

@@ -1,4 +1,4 @@
-// Purpose: state of the ambient fluid and the smoke that it carries; emitters.
+// Purpose: state of the ambient fluid and the smoke that it carries; regions of simple shape.
 #pragma once
 
 #include <vector>
@@ -38,17 +38,6 @@ struct Region {
     return shape == Shape::kBox ? p.cwiseAbs().maxCoeff() <= 0.5 : p.squaredNorm() <= 0.25;
   }
   Vec3d middle() const { return -from_world.topLeftCorner<3, 3>().inverse() * from_world.topRightCorner<3, 1>(); }
-};
-
-// A region that carries smoke into the fluid.
-struct Emitter : Region {
-  enum class Mode : std::int32_t { kInitial = 0, kContinuous = 1 };
-  Mode mode = Mode::kInitial;
-  double density = 1.0;
-  double temperature = 0.0;
-  Vec3d velocity = Vec3d::Zero();
-  bool has_velocity = false;
-  double start_time = 0.0, end_time = 0.0;
 };
 
 }  // namespace efsi::fluid

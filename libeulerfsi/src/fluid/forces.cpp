@@ -180,31 +180,4 @@ std::uint64_t add_body_forces(const Parallel& parallel, const Grid& g, const Flu
   return visited;
 }
 
-void apply_emitters(const Parallel& parallel, const Grid& g, const std::vector<Emitter>& emitters, double time,
-                    FluidState& state, VectorField& velocity) {
-  for (const Emitter& emitter : emitters) {
-    const bool on = emitter.mode == Emitter::Mode::kInitial
-                        ? time == 0.0
-                        : time >= emitter.start_time - 1e-9 && time < emitter.end_time - 1e-9;
-    if (!on) continue;
-    parallel.for_each(g.cells[2], [&](std::int64_t kk) {
-      const int k = static_cast<int>(kk);
-      for (int j = 0; j < g.cells[1]; ++j)
-        for (int i = 0; i < g.cells[0]; ++i) {
-          if (!emitter.contains(g.cell_center(i, j, k))) continue;
-          const std::size_t c = g.cell(i, j, k);
-          if (!state.smoke.empty()) state.smoke[c] = static_cast<Real>(emitter.density);
-          if (!state.temperature.empty()) state.temperature[c] = static_cast<Real>(emitter.temperature);
-        }
-    });
-    if (!emitter.has_velocity) continue;
-    parallel.for_each(g.cells[2] + 1, [&](std::int64_t kk) {
-      const int k = static_cast<int>(kk);
-      for (int j = 0; j <= g.cells[1]; ++j)
-        for (int i = 0; i <= g.cells[0]; ++i)
-          if (emitter.contains(g.node_position(i, j, k))) velocity.set(g.node(i, j, k), emitter.velocity.cast<Real>());
-    });
-  }
-}
-
 }  // namespace efsi::fluid

@@ -1,4 +1,4 @@
-// Purpose: body forces on the fluid: buoyancy of smoke, vorticity confinement, emitters.
+// Purpose: body forces on the fluid: buoyancy of smoke, vorticity confinement.
 // Paper: Alg. 1 line 8 (f_ext); Sec. 4.4, Sec. 5.1; vorticity confinement: Fedkiw, Stam, Jensen 2001.
 #pragma once
 
@@ -13,9 +13,5 @@ namespace efsi::fluid {
 std::uint64_t add_body_forces(const Parallel& parallel, const Grid& g, const FluidParams& params, FluidState& state,
                               const Vec3d& gravity, double dt, const std::vector<Real>& specific_volume,
                               VectorField& velocity);
-
-// Applies the emitters that are on in [time, time + dt). The initial ones act when time is 0.
-void apply_emitters(const Parallel& parallel, const Grid& g, const std::vector<Emitter>& emitters, double time,
-                    FluidState& state, VectorField& velocity);
 
 }  // namespace efsi::fluid

@@ -330,6 +330,23 @@ void ScalarBudget::open(const Parallel& parallel, const Grid& g, bool keep, cons
 
 // psi(X) = psi(x) + (psi(X) - psi(x)), the first for every cell, what is in brackets for blocks of 2^3 cells: exact
 // where nothing moves.
+void ScalarBudget::bring_in(const Grid& g, double dt, std::span<const SourceCell> sources,
+                            const std::vector<Real>& field) {
+  if (!keep_) return;
+  for (const SourceCell& source : sources) {
+    const auto& [i, j, k] = source.place;
+    const std::int64_t number = tiles_.at({i / kTileSize, j / kTileSize, k / kTileSize});
+    if (!tiles_.active(number)) continue;
+    const Tile tile(tiles_, number, splines_);
+    const Real amount = static_cast<Real>(dt) * source.rate * field[g.cell(i, j, k)];
+    Sums sums;
+    for (std::size_t f = 0; f < kWithin; ++f)
+      sums[f] = amount * tile.axis[0]->cell[f % 3][i - tile.begin[0]] *
+                tile.axis[1]->cell[f / 3 % 3][j - tile.begin[1]] * tile.axis[2]->cell[f / 9][k - tile.begin[2]];
+    add(sums, 1, &parts_[kAround * static_cast<std::size_t>(number)]);
+  }
+}
+
 void ScalarBudget::count(const Parallel& parallel, const Grid& g, const grid::VectorField& back,
                          const std::vector<Real>& field, const std::vector<std::uint8_t>& solid) {
   if (!keep_) return;

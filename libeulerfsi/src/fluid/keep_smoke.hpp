@@ -11,6 +11,7 @@
 #include <array>
 
 #include "base/parallel.hpp"
+#include "fluid/emitter.hpp"
 #include "grid/boundary.hpp"
 #include "grid/tiles.hpp"
 
@@ -36,6 +37,8 @@ class ScalarBudget {
   // transport; top: its largest magnitude per tile.
   void open(const Parallel& parallel, const Grid& g, bool keep, const grid::TileMask& tiles,
             const std::vector<Real>& top, const std::vector<Real>& field, const std::vector<std::uint8_t>& solid);
+  // Fluid comes in and brings what is in these cells.
+  void bring_in(const Grid& g, double dt, std::span<const SourceCell> sources, const std::vector<Real>& field);
   // After it. back: per cell how far it is from its centre to where its content comes from [cells].
   void count(const Parallel& parallel, const Grid& g, const grid::VectorField& back, const std::vector<Real>& field,
              const std::vector<std::uint8_t>& solid);

@@ -139,6 +139,12 @@ std::uint64_t Simulation::scene_hash() const {
       hash.add_value(v);
     for (int v : {static_cast<int>(e.shape), static_cast<int>(e.mode), static_cast<int>(e.has_velocity)})
       hash.add_value(static_cast<std::int64_t>(v));
+    hash.add_array(e.cells);
+    for (const Vec3d& face : e.faces) vector(face);
+    for (const fluid::EmitterKey& key : e.keys) {
+      for (double v : {key.time, key.density, key.temperature, key.on ? 1.0 : 0.0}) hash.add_value(v);
+      vector(key.velocity);
+    }
   }
   for (const ForceField& f : forces_) {
     hash.add(f.from_world.data(), 16 * sizeof(double));

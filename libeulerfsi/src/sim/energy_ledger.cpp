@@ -198,6 +198,21 @@ void EnergyLedger::book_fluid(const grid::VectorField& fluid_velocity) {
   book(EnergyStage::kFluidTransport, now);
 }
 
+void EnergyLedger::book_inflow(const Jets& jets, const grid::VectorField& flow) {
+  if (!on()) return;
+  const double mass_of_cell = scene_.params.fluid.density * common_.h * common_.h * common_.h;
+  const auto corner = grid::corner_offsets(common_);
+  double brought = 0.0;
+  for (const fluid::SourceCell& source : jets.cells) {
+    const std::size_t n = common_.node(source.place[0], source.place[1], source.place[2]);
+    double square = 0.0;
+    for (const std::size_t o : corner) square += flow.at(n + o).cast<double>().squaredNorm() / 8.0;
+    brought += 0.5 * mass_of_cell * dt_ * static_cast<double>(source.rate) * square;
+  }
+  record_->change[static_cast<std::size_t>(EnergyStage::kOutside)].fluid_kinetic += brought;
+  record_->change[static_cast<std::size_t>(EnergyStage::kFluidTransport)].fluid_kinetic -= brought;
+}
+
 void EnergyLedger::arrive() {
   if (!on()) return;
   Energy transported = record_->end;

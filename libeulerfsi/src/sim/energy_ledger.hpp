@@ -46,6 +46,8 @@ class EnergyLedger {
   void leave(std::size_t l);
   // The fluid's transport, with the masses of the start.
   void book_fluid(const grid::VectorField& fluid_velocity);
+  // What emitters bring in with the fluid that the transport has spread: outside work. flow: that of the transport.
+  void book_inflow(const Jets& jets, const grid::VectorField& flow);
   // After the transport, with the solids' masses where they are now.
   void arrive();
   // What has changed the solids' states, masses or elements, and the fluid's masses or velocity.

@@ -26,8 +26,9 @@ void still_inflow(const Parallel& parallel, const Grid& g, const grid::Walls& wa
 
 }  // namespace
 
-void advect_fluid(const StepContext& step, grid::VectorField& flow, const system::SlipNodes& slip, Matter& matter,
-                  fluid::FluidState& fluid, fluid::AdvectWorkspace& work, system::PressureSystem& scratch) {
+void advect_fluid(const StepContext& step, grid::VectorField& flow, const system::SlipNodes& slip, const Jets& jets,
+                  Matter& matter, fluid::FluidState& fluid, fluid::AdvectWorkspace& work,
+                  system::PressureSystem& scratch) {
   const auto& [parallel, scene, time, dt, profile, info] = step;
   if (!scene.params.fluid.present) return;
   const bool corrected = scene.params.numerics.corrected_fluid_advection;
@@ -38,7 +39,7 @@ void advect_fluid(const StepContext& step, grid::VectorField& flow, const system
   {
     ScopedTimer timer(profile, Stage::kSmoke);
     const std::uint64_t tiles =
-        fluid::advect_smoke(parallel, g, corrected, dt, flow, matter.cell_fraction, fluid, work);
+        fluid::advect_smoke(parallel, g, corrected, dt, flow, matter.cell_fraction, fluid, work, jets.cells);
     timer.visited(512 * tiles, 6 * sizeof(Real));
   }
   for (const system::SlipNode& n : slip.nodes())  // fluid like any other: corrected

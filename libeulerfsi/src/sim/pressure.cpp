@@ -9,6 +9,7 @@
 #include "grid/boundary.hpp"
 #include "linalg/reduce.hpp"
 #include "sim/grid_loops.hpp"
+#include "sim/jets.hpp"
 #include "sim/prescribed.hpp"
 #include "sim/solid_contact.hpp"
 #include "sim/velocity_solve.hpp"
@@ -75,6 +76,7 @@ void assemble_pressure_system(const StepContext& step, const SolidStates& states
     compute_volume_source(parallel, scene, dt, states, holds, matter, solids, pressure.source);
   else
     pressure.source.clear();
+  add_jets(step, matter, pressure.jets, pressure.source);
 }
 
 // J^T q on the unknowns, where walls leave them free. Fills the ghosts of q.

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "fluid/fluid.hpp"
+#include "fluid/emitter.hpp"
 #include "grid/grid.hpp"
 #include "sim/given_motion.hpp"
 #include "sim/params.hpp"

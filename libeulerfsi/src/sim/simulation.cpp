@@ -10,7 +10,6 @@
 #include "base/byte_count.hpp"
 #include "base/error.hpp"
 #include "base/kernel.hpp"
-#include "fluid/forces.hpp"
 #include "geometry/overlap.hpp"
 #include "linalg/reduce.hpp"
 #include "sim/checkpoint.hpp"
@@ -282,11 +281,21 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
   return solids_.size() - 1;
 }
 
-std::size_t Simulation::add_emitter(const fluid::Emitter& emitter) {
+std::size_t Simulation::add_emitter(fluid::Emitter emitter, const geometry::Surface* volume) {
   if (state_.steps > 0) throw Error(ErrorCode::kArgument, "efsi_emitter_add: emitters are added before the first step");
-  emitters_.push_back(emitter);
+  if (volume && volume->distance.spacing != kRestSpacing * grid_.h)
+    refuse("efsi_emitter_add: volume: made for voxel_size", volume->distance.spacing / kRestSpacing,
+           "the simulation's, " + number(grid_.h));
+  fluid::place_emitter(grid_, volume, emitter);
+  emitters_.push_back(std::move(emitter));
   prepared_ = false;  // the first frame shows it, also when the fields were looked at before
   return emitters_.size() - 1;
+}
+
+void Simulation::set_keys(std::size_t emitter, std::vector<fluid::EmitterKey> keys) {
+  if (state_.steps > 0) throw Error(ErrorCode::kArgument, "efsi_emitter_set_keys: keys are set before the first step");
+  emitters_[emitter].keys = std::move(keys);
+  prepared_ = false;
 }
 
 std::size_t Simulation::add_pin(std::size_t solid, const geometry::SignedDistance& volume) {
@@ -362,15 +371,15 @@ void Simulation::prepare() {
   if (state_.fluid.pressure.size() != grid_.padded_count()) state_.fluid.pressure.assign(grid_.padded_count(), 0);
   bool smoke = false, temperature = false;
   for (const fluid::Emitter& e : emitters_) {
-    smoke = smoke || e.density > 0.0;
-    temperature = temperature || e.temperature != 0.0;
+    smoke = smoke || e.gives_smoke();
+    temperature = temperature || e.gives_heat();
   }
   if (smoke && state_.fluid.smoke.empty()) state_.fluid.smoke.assign(grid_.cell_count(), 0);
   if (temperature && state_.fluid.temperature.empty()) state_.fluid.temperature.assign(grid_.cell_count(), 0);
-  // What the first frame shows; the steps apply emitters again.
+  // What the first frame shows; the steps apply emitters again. Solids may have come since the last time.
   if (state_.steps == 0) {
-    fluid::apply_emitters(parallel_, grid_, emitters_, state_.time, state_.fluid, state_.fluid.velocity);
     const std::vector<Real>& fraction = solid_fraction();
+    fluid::apply_emitters(grid_, emitters_, state_.time, 0.0, fraction, {}, 0, state_.fluid, nullptr);
     for (auto* field : {&state_.fluid.smoke, &state_.fluid.temperature})
       for (std::size_t c = 0; c < field->size() && c < fraction.size(); ++c)
         if (fraction[c] > Real(0.5)) (*field)[c] = 0;
@@ -647,6 +656,7 @@ std::uint64_t Simulation::memory_bytes() const {
   for (const auto& solid : work_.solids) sum += solid.bytes();
   for (const auto& particles : work_.particles) sum += particles.bytes();
   for (const auto& solid : solids_) sum += solid.nearest.bytes();
+  for (const fluid::Emitter& emitter : emitters_) sum += emitter.bytes();
   return sum;
 }
 

@@ -71,7 +71,11 @@ class Simulation {
 
   // Before the first step. Returns the solid's index from 0.
   std::size_t add_solid(const SolidDesc& desc, geometry::MeshReport& report);
-  std::size_t add_emitter(const fluid::Emitter& emitter);
+  // volume: made for the voxel size; it stands in for the emitter's box or ball where it is given.
+  std::size_t add_emitter(fluid::Emitter emitter, const geometry::Surface* volume = nullptr);
+  // In the place of the values of an emitter; before the first step.
+  void set_keys(std::size_t emitter, std::vector<fluid::EmitterKey> keys);
+  const std::vector<fluid::Emitter>& emitters() const { return emitters_; }
   // Before the first step. A solid whose motion is given; of its description surface and friction count. It may lie
   // across the faces of the box. Returns the index of its pin; that of the solid is the last one's.
   std::size_t add_collider(const SolidDesc& desc, geometry::MeshReport& report);

@@ -8,6 +8,7 @@
 #include "sim/energy_ledger.hpp"
 #include "sim/fluid_transport.hpp"
 #include "sim/force_field.hpp"
+#include "sim/jets.hpp"
 #include "sim/masses.hpp"
 #include "sim/momentum_balance.hpp"
 #include "sim/node_velocity.hpp"
@@ -181,7 +182,8 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   fluid::FluidState& fluid = state.fluid;
   StepInfo info;
   begin_given(parallel, scene, state.time, remaining, states);
-  double dt = compute_time_step(parallel, scene, states, state.fluid_speed, state.steps, remaining);  // Alg. 1 line 1
+  const double fluid_speed = std::max(state.fluid_speed, fastest_jet(scene, state.time, remaining));
+  double dt = compute_time_step(parallel, scene, states, fluid_speed, state.steps, remaining);  // Alg. 1 line 1
   if (shrink < 1.0) dt = std::min(dt, shrink * remaining);
   info.dt = dt;
   const StepContext step{parallel, scene, state.time, dt, profile, info};
@@ -223,6 +225,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   remember_rows(dt, elasticity.walls, states);
   remember_contacts(dt, elasticity.contacts, states);
   info.pins = sum_impulses(scene.pins.size(), elasticity.given);
+  info.jets = pressure.jets.flux;
   info.contacts = record_contacts(scene, states, elasticity, pressure);
   if (numerics.conserve_momentum) measure_momenta(step, states, solids, matter, velocity, momenta);
   const std::vector<solid::RigidStep> frames = transport_frames(elasticity.holds, momenta.first, momenta.solids, dt);
@@ -235,8 +238,10 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
     transport_solid(step, l, frames[l], elasticity.holds.of(l), solids[l], states[l], solid_advect, particles, ledger);
   pressure.system.exchange_scratch(solid_advect.storage());
   still_fluid(elasticity.walls, velocity.field);
-  advect_fluid(step, velocity.field, velocity.slip, matter, fluid, advect, pressure.system);  // Alg. 1 line 22
+  advect_fluid(step, velocity.field, velocity.slip, pressure.jets, matter, fluid, advect,  // Alg. 1 line 22
+               pressure.system);
   ledger.book_fluid(fluid.velocity);
+  ledger.book_inflow(pressure.jets, velocity.field);
   settle(step, targets, state, work, ledger);
   finish(step, solids, state);
   close_ledger(step, state, work, ledger);

@@ -90,11 +90,18 @@ struct VelocityEquation {
   std::vector<Real> momentum;    // M v + dt f, which v* has to have [kg m/s]
 };
 
+// What emitters bring into the fluid in this step (sim/jets.hpp).
+struct Jets {
+  std::vector<fluid::SourceCell> cells;
+  std::vector<double> flux;  // per emitter of the scene [m^3/s]
+};
+
 // Eqs. 11 to 13. The multiplier q of J has v = v* - M^-1 J^T q [Pa s]; J^T is minus the gradient, so q = -dt p.
 struct PressureEquation {
   system::PressureSystem system;
   bool lasts = false;            // the system of a scene without solids is built
   std::vector<Real> source;      // wanted divergence per padded cell [1/s]; empty: none
+  Jets jets;                     // the part of it that emitters bring
   std::vector<Real> q;           // the multiplier, padded cells; the state's pressure is put away in it meanwhile
   std::vector<Real> taken;       // the part of q that acts before the projection, padded cells
   bool takes = false;            // if this

@@ -1,4 +1,4 @@
-// Purpose: emitters, buoyancy and vorticity confinement.
+// Purpose: buoyancy and vorticity confinement.
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <random>
@@ -29,73 +29,7 @@ struct Scene {
   }
 };
 
-// An emitter whose shape has the given centre and edges (or diameters).
-Emitter emitter(Emitter::Shape shape, const Vec3d& center, const Vec3d& size) {
-  Emitter e;
-  e.shape = shape;
-  e.from_world.topLeftCorner<3, 3>() = size.cwiseInverse().asDiagonal();
-  e.from_world.topRightCorner<3, 1>() = -center.cwiseQuotient(size);
-  return e;
-}
-
 }  // namespace
-
-TEST_CASE("Emitters fill the cells whose centres they contain") {
-  Scene s;
-  Emitter box = emitter(Emitter::Shape::kBox, {0.3, 0.5, 0.5}, {0.4, 0.2, 0.6});
-  CHECK(box.contains({0.49, 0.59, 0.79}));
-  CHECK_FALSE(box.contains({0.51, 0.5, 0.5}));
-  CHECK_FALSE(box.contains({0.3, 0.61, 0.5}));
-  Emitter ball = emitter(Emitter::Shape::kSphere, {0.7, 0.5, 0.5}, {0.4, 0.4, 0.4});
-  CHECK(ball.contains({0.89, 0.5, 0.5}));
-  CHECK_FALSE(ball.contains({0.89, 0.59, 0.5}));
-  box.density = 0.5;
-  ball.density = 2.0;
-  ball.temperature = 30.0;
-  apply_emitters(Parallel(1), s.g, {box, ball}, 0.0, s.state, s.velocity);
-  int in_box = 0, in_ball = 0;
-  for (int k = 0; k < 10; ++k)
-    for (int j = 0; j < 10; ++j)
-      for (int i = 0; i < 10; ++i) {
-        const Vec3d x = s.g.cell_center(i, j, k);
-        const double expected = ball.contains(x) ? 2.0 : (box.contains(x) ? 0.5 : 0.0);  // the later one wins
-        CHECK(static_cast<double>(s.state.smoke[s.g.cell(i, j, k)]) == expected);
-        CHECK(static_cast<double>(s.state.temperature[s.g.cell(i, j, k)]) == (ball.contains(x) ? 30.0 : 0.0));
-        in_box += expected == 0.5;
-        in_ball += expected == 2.0;
-      }
-  CHECK(in_box == 4 * 2 * 6);
-  CHECK(in_ball == 32);  // 4/3 pi 2^3 = 33.5 cells
-  for (const auto& c : s.velocity.c)
-    for (Real v : c) CHECK(v == 0);
-}
-
-TEST_CASE("Initial emitters act once, continuous ones in their interval, with a velocity when they have one") {
-  Scene s;
-  Emitter once = emitter(Emitter::Shape::kBox, {0.5, 0.5, 0.5}, {0.2, 0.2, 0.2});
-  Emitter jet = once;
-  jet.mode = Emitter::Mode::kContinuous;
-  jet.start_time = 1.0;
-  jet.end_time = 2.0;
-  jet.has_velocity = true;
-  jet.velocity = {1, 2, 3};
-  const std::size_t c = s.g.cell(5, 5, 5), n = s.g.node(5, 5, 5);
-  const auto smoke_at = [&](const Emitter& e, double time) {
-    s.state.smoke.assign(s.g.cell_count(), 0);
-    s.velocity.assign(s.g.node_count());
-    apply_emitters(Parallel(1), s.g, {e}, time, s.state, s.velocity);
-    return s.state.smoke[c] > 0;
-  };
-  CHECK(smoke_at(once, 0.0));
-  CHECK(s.velocity.at(n) == Vec3(0, 0, 0));
-  CHECK_FALSE(smoke_at(once, 0.01));
-  CHECK_FALSE(smoke_at(jet, 0.99));
-  CHECK(smoke_at(jet, 1.0));
-  CHECK(s.velocity.at(n) == Vec3(1, 2, 3));
-  CHECK(s.velocity.at(s.g.node(8, 8, 8)) == Vec3(0, 0, 0));
-  CHECK(smoke_at(jet, 1.5));
-  CHECK_FALSE(smoke_at(jet, 2.0));
-}
 
 TEST_CASE("Buoyancy: smoke sinks, heat rises, in proportion", "[law]") {
   Scene s;
