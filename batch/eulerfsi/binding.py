@@ -426,6 +426,7 @@ PROTOTYPES: dict[str, list] = {
     "efsi_surface_get_report": [_SURFACE, _P(MeshReport)],
     "efsi_surface_get_repairs": [_SURFACE],
     "efsi_surface_get_overlap": [_SURFACE, _SURFACE, _P(c_double), _P(c_double), _P(Error)],
+    "efsi_surface_lay_in_slab": [_SURFACE, c_int32, c_double, c_double, _P(_SURFACE), _P(Error)],
     "efsi_surface_destroy": [_SURFACE],
     "efsi_solid_def_init": [_P(SolidDef)],
     "efsi_solid_add": [_SIM, _P(SolidDef), _P(c_uint32), _P(MeshReport)],

@@ -353,11 +353,11 @@ def read_scene(stage: Usd.Stage, path: Path, memory_limit: int = 0, threads: int
     ]
     memory.demand(where, domain, [solid.mesh for solid in solids], memory_limit, units.meters_per_unit)
     for solid in solids:
-        _examine(solid, domain["voxel_size"], threads or available_threads())
+        _examine(solid, domain, threads or available_threads())
         prim = stage.GetPrimAtPath(solid.path)
         solid.values["density"] = _density(reader, prim, solid.report["solid_volume"])
     for given_body in [*(pin for pin in pins if pin.mesh), *colliders]:
-        _examine(given_body, domain["voxel_size"], threads or available_threads())
+        _examine(given_body, domain, threads or available_threads())
     passengers = [
         _passenger(reader, space, stage.GetPrimAtPath(solid.path), prim)
         for solid in solids
@@ -416,16 +416,28 @@ def _domain_values(reader: _Reader, prim: Usd.Prim, meters: np.ndarray, mirrored
     # A size that is a whole number of voxels up to rounding must not gain a voxel from that rounding.
     count = np.round(size / voxel)
     size = np.where(np.abs(size / voxel - count) < 1e-4 * np.maximum(count, 1), np.maximum(count, 1) * voxel, size)
-    if (size < 2 * voxel).any():
-        raise SceneError(
-            f"{prim.GetPath()}: eulerfsi:voxelSize = {voxel / reader.units.meters_per_unit:g}: the shortest edge "
-            f"{size.min() / reader.units.meters_per_unit:g} must hold at least 2 voxels"
-        )
     if mirrored:
         values["wall[0]"], values["wall[1]"] = values["wall[1]"], values["wall[0]"]
     values["domain_min"] = (-size / 2).tolist()
     values["domain_size"] = size.tolist()
+    slab = slab_axis(values)
+    if any(edge < 2 * voxel for axis, edge in enumerate(size) if axis != slab):
+        raise SceneError(
+            f"{prim.GetPath()}: eulerfsi:voxelSize = {voxel / reader.units.meters_per_unit:g}: the shortest edge "
+            f"{size.min() / reader.units.meters_per_unit:g} must hold at least 2 voxels; one edge may be 1 voxel "
+            "between slip walls, which makes a 2-D scene"
+        )
     return values
+
+
+def slab_axis(domain: dict[str, Any]) -> int | None:
+    """The axis along which the domain is one cell thick between slip walls: a 2-D scene; None: there is none."""
+    for axis in (2, 1, 0):
+        thin = math.ceil(domain["domain_size"][axis] / domain["voxel_size"] - 1e-6) <= 1
+        walls = {domain[f"wall[{2 * axis}]"], domain[f"wall[{2 * axis + 1}]"]}
+        if thin and walls == {binding.WALLS["slip"]}:
+            return axis
+    return None
 
 
 def _gravity(stage: Usd.Stage, units: StageUnits, warnings: list[str]) -> np.ndarray:
@@ -562,8 +574,8 @@ def _collider(reader: _Reader, space: SimulationSpace, prim: Usd.Prim, first: in
     return Collider(str(prim.GetPath()), _closed_mesh(reader, space, prim), reader.fields(prim, "collider"), motion)
 
 
-def _examine(solid: Solid | Pin | Collider, voxel_size: float, threads: int) -> None:
-    """Adds the surface that the library makes of the mesh."""
+def _examine(solid: Solid | Pin | Collider, domain: dict[str, Any], threads: int) -> None:
+    """Adds the surface that the library makes of the mesh; in a 2-D scene what of it lies in the slab."""
     waiting, signals = Waiting(f"{solid.path}: examining the surface"), Signals()
 
     def stop(fraction: float) -> bool:
@@ -572,7 +584,11 @@ def _examine(solid: Solid | Pin | Collider, voxel_size: float, threads: int) -> 
 
     try:
         with signals.installed():
-            solid.surface = solver.Surface(solid.mesh, voxel_size, threads, stop)
+            solid.surface = solver.Surface(solid.mesh, domain["voxel_size"], threads, stop)
+        axis = slab_axis(domain)
+        if axis is not None and not isinstance(solid, Pin):
+            low = domain["domain_min"][axis]
+            solid.surface = solid.surface.lay_in_slab(axis, low, low + domain["voxel_size"])
     except LibraryError as error:
         if error.status == binding.ERROR_CANCELLED:
             raise Cancelled(signals.number) from error

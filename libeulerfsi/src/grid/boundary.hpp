@@ -25,6 +25,15 @@ struct Walls {
   static bool blocks(Wall wall) { return wall == Wall::kSlip || wall == Wall::kNoSlip; }
 };
 
+// Along which axis a box is one cell thick between slip walls, so that nothing in it moves or changes along that axis
+// (docs/numerics/slabs.md); -1: none.
+inline int slab_axis(const Grid& g, const Walls& walls) {
+  for (const int a : {2, 1, 0})
+    if (g.cells[static_cast<std::size_t>(a)] == 1 && walls.lower(a) == Wall::kSlip && walls.upper(a) == Wall::kSlip)
+      return a;
+  return -1;
+}
+
 // Bit a of the result: component a of the velocity at node (i,j,k) is fixed to zero by a wall.
 inline unsigned fixed_components(const Grid& g, const Walls& walls, int i, int j, int k) {
   const int index[3] = {i, j, k};

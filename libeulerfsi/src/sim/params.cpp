@@ -69,6 +69,9 @@ void validate(const Params& p) {
   demand_positive("EfsiSimulationDef.cfl_fluid", p.cfl_fluid);
   if (p.cfl_solid > 4.0) refuse("EfsiSimulationDef.cfl_solid", p.cfl_solid, "at most 4");
   if (p.cfl_fluid > 8.0) refuse("EfsiSimulationDef.cfl_fluid", p.cfl_fluid, "at most 8");
+  if (p.fluid.vorticity_confinement > 0.0 && grid::slab_axis(make_grid(p), p.walls) == 0)
+    refuse("EfsiSimulationDef.vorticity_confinement", p.fluid.vorticity_confinement,
+           "0 in a slab along x; along y or z a slab can have it");
   if (!(p.max_time_step >= 0.0)) refuse("EfsiSimulationDef.max_time_step", p.max_time_step, ">= 0");
   if (!(p.fluid.vorticity_confinement >= 0.0))
     refuse("EfsiSimulationDef.vorticity_confinement", p.fluid.vorticity_confinement, ">= 0");

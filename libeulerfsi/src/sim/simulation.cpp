@@ -14,6 +14,7 @@
 #include "geometry/overlap.hpp"
 #include "linalg/reduce.hpp"
 #include "sim/checkpoint.hpp"
+#include "sim/slab_state.hpp"
 #include "solid/displacement.hpp"
 #include "solid/mass.hpp"
 #include "solid/material_force.hpp"
@@ -65,6 +66,16 @@ void validate(const SolidDesc& d) {
     if (!std::isfinite(d.velocity[a])) refuse("EfsiSolidDef.velocity", d.velocity[a], "finite");
     if (!std::isfinite(d.angular_velocity[a])) refuse("EfsiSolidDef.angular_velocity", d.angular_velocity[a], "finite");
   }
+}
+
+// In a slab solids start without a velocity across it.
+void demand_flat(const SolidDesc& d, int axis) {
+  const std::string name = std::string(".") + "xyz"[axis], limit = "0 in a slab, a domain one cell thick";
+  if (d.velocity[axis] != 0.0) refuse("EfsiSolidDef.velocity" + name, d.velocity[axis], limit + " along " + name[1]);
+  for (const int a : {(axis + 1) % 3, (axis + 2) % 3})
+    if (d.angular_velocity[a] != 0.0)
+      refuse(std::string("EfsiSolidDef.angular_velocity.") + "xyz"[a], d.angular_velocity[a],
+             limit + " along " + name[1]);
 }
 
 constexpr double kOnBorder = 1e-3;  // cells: what is so near to the border of a region is in it
@@ -190,14 +201,22 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
   rest.compressible = desc.compressible;
   rest.plastic = desc.plastic;
   const double spacing = kRestSpacing * grid_.h;
-  const auto surface = desc.examined ? desc.examined : geometry::examine(desc.surface, spacing, parallel_);
+  auto surface = desc.examined ? desc.examined : geometry::examine(desc.surface, spacing, parallel_);
   if (surface->distance.spacing != spacing)
     refuse("EfsiSolidDef.surface: made for voxel_size", surface->distance.spacing / kRestSpacing,
            "the simulation's, " + number(grid_.h));
+  const std::optional<geometry::Slab> slab = slab_of(params_, grid_);
+  if (slab) {
+    demand_flat(desc, slab->axis);
+    if (surface->distance.flat != slab->axis) surface = geometry::lay_in_slab(*surface, *slab, parallel_);
+  } else if (surface->distance.flat >= 0) {
+    throw Error(ErrorCode::kArgument, "EfsiSolidDef.surface: laid in a slab: must not be, where the domain is none");
+  }
   report = surface->report;
   if (report.repaired) log_.warning("mesh repaired: " + report.repairs);
   rest.distance = surface->distance;
   rest.surface = surface->mesh;
+  rest.along = surface->along;
   rest.clusters = solid::make_surface_clusters(rest.surface, rest.distance, grid_.h);
   rest.volume = report.solid_volume;
   rest.area = geometry::surface_area(rest.surface);
@@ -266,7 +285,8 @@ std::size_t Simulation::add_emitter(const fluid::Emitter& emitter) {
 std::size_t Simulation::add_pin(std::size_t solid, const geometry::SignedDistance& volume) {
   Pin pin;
   pin.solid = solid;
-  pin.region = volume;
+  const std::optional<geometry::Slab> slab = slab_of(params_, grid_);
+  pin.region = slab ? geometry::flattened(volume, *slab) : volume;
   for (float& distance : pin.region.values) distance -= static_cast<float>(kOnBorder * grid_.h);
   return add_pin(std::move(pin));
 }
@@ -275,6 +295,7 @@ std::size_t Simulation::add_pin(std::size_t solid, const std::vector<std::uint8_
   Pin pin;
   pin.solid = solid;
   pin.region = region_of(solids_[solid].surface, vertices, grid_.h);
+  if (const auto slab = slab_of(params_, grid_)) pin.region = geometry::flattened(pin.region, *slab);
   return add_pin(std::move(pin));
 }
 
@@ -554,6 +575,14 @@ FluidDiagnostics Simulation::diagnose_fluid() {
     d.max_divergence = std::max(d.max_divergence, s.divergence);
   }
   return d;
+}
+
+std::vector<Vec3d> Simulation::surface_points(std::size_t index) const {
+  std::vector<Vec3d> points = state_.solids[index].surface;
+  const std::vector<double>& along = solids_[index].along;
+  const int slab = grid::slab_axis(grid_, params_.walls);
+  for (std::size_t v = 0; v < along.size(); ++v) points[v][slab] = along[v];
+  return points;
 }
 
 std::vector<Vec3d> Simulation::surface_velocity(std::size_t index) const {

@@ -14,6 +14,7 @@
 #include "sim/prescribed.hpp"
 #include "sim/pressure.hpp"
 #include "sim/repair_maps.hpp"
+#include "sim/slab_state.hpp"
 #include "sim/solid_contact.hpp"
 #include "sim/time_step.hpp"
 #include "sim/velocity_solve.hpp"
@@ -62,10 +63,12 @@ void transport_solid(const StepContext& step, std::size_t l, const solid::RigidS
                      solid::SolidWork& work, solid::SolidState& state, solid::AdvectWorkspace& packed,
                      EnergyLedger& ledger) {
   const auto& [parallel, scene, time, dt, profile, info] = step;
+  const int slab = grid::slab_axis(scene.grid, scene.params.walls);
   if (is_collider(scene.pins, l)) {
     ScopedTimer timer(profile, Stage::kSolidAdvection);
     ledger.leave(l);
     place_collider(step, l, state, work);
+    if (slab >= 0) flatten(parallel, scene.solids[l], slab, state);
     return;
   }
   {
@@ -80,6 +83,7 @@ void transport_solid(const StepContext& step, std::size_t l, const solid::RigidS
   carry_surface(step, l, frame, packed, work, state);
   ScopedTimer timer(profile, Stage::kSolidAdvection);
   give_surface(step, l, state);
+  if (slab >= 0) flatten(parallel, scene.solids[l], slab, state);
   remember_elements(step, hold, work, state);
   solid::follow_solid(scene.grid, scene.solids[l], state);
 }
@@ -108,6 +112,8 @@ void settle(const StepContext& step, const std::vector<VolumeTarget>& targets, S
   }
   if (numerics.conserve_momentum) {
     restore_momenta(step, momenta, solids, matter, states, fluid.velocity);
+    if (const int slab = grid::slab_axis(scene.grid, scene.params.walls); slab >= 0)
+      for (std::size_t l = 0; l < states.size(); ++l) flatten(parallel, scene.solids[l], slab, states[l]);
     ledger.book_solids(EnergyStage::kMomentum);
     ledger.book_fluid(EnergyStage::kMomentum, matter, fluid.velocity);
   }
@@ -208,6 +214,8 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   pressure.system.exchange_scratch(solid_advect.storage());
   still_fluid(elasticity.walls, velocity.field);
   advect_fluid(step, velocity.field, velocity.slip, matter, fluid, advect, pressure.system);  // Alg. 1 line 22
+  if (const int slab = grid::slab_axis(scene.grid, scene.params.walls); slab >= 0 && scene.params.fluid.present)
+    flatten(parallel, common, slab, fluid.velocity);
   ledger.book_fluid(fluid.velocity);
   settle(step, targets, state, work, ledger);
   finish(step, solids, state);

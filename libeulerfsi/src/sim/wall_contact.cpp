@@ -52,6 +52,7 @@ Footprint footprint(const StepContext& step, const solid::SolidState& state, con
   Footprint out;
   const Grid &g = common.grid, &band = state.band.grid;
   if (!grid::Walls::blocks(common.walls.face[face])) return out;
+  if (static_cast<int>(face / 2) == grid::slab_axis(g, common.walls)) return out;  // a slab's faces hold it always
   const Vec3i lo = grid::offset(band, g);
   const std::size_t a = face / 2, u = (a + 1) % 3, v = (a + 2) % 3;
   const bool below = face % 2 == 0;

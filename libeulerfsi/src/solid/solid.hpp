@@ -29,7 +29,8 @@ struct SolidRest {
   double friction = 0.0;              // Coulomb's coefficient; of two solids the mean
   bool compressible = false;          // no pressure acts in its cells
   geometry::SignedDistance distance;  // material space
-  geometry::TriangleMesh surface;     // as given, material space
+  geometry::TriangleMesh surface;     // as given, material space; in a slab what lies beyond it is on its faces
+  std::vector<double> along;          // in a slab: where the surface's points were given along its axis [m]
   SurfaceClusters clusters;           // of its points; none: no vertex is mended
   double volume = 0.0;                // of the closed rest shape [m^3]
   double area = 0.0;                  // of the surface at rest [m^2]
