@@ -75,6 +75,7 @@ ENERGY_STAGES = (
     "repair",
     "momentum",
     "plastic_flow",
+    "viscosity",
 )
 LOG_INFO, LOG_WARNING = 0, 1
 
@@ -293,6 +294,8 @@ class SimulationDef(Structure):
         ("wall", c_int32 * 6),
         ("ambient_fluid", c_int32),
         ("fluid_density", c_double),
+        ("fluid_viscosity", c_double),
+        ("wall_velocity", Vec3 * 6),
         ("vorticity_confinement", c_double),
         ("smoke_buoyancy", c_double),
         ("temperature_buoyancy", c_double),

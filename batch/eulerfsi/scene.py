@@ -341,6 +341,8 @@ def read_scene(stage: Usd.Stage, path: Path, memory_limit: int = 0, threads: int
     where = str(domain_prim.GetPath())
     space, scale, mirrored = domain_space(where, reader.local_to_world(domain_prim), units.meters_per_unit)
     domain = _domain_values(reader, domain_prim, scale * units.meters_per_unit, mirrored)
+    for face in range(6):
+        domain[f"wall_velocity[{face}]"] = space.vector_to_sim(domain[f"wall_velocity[{face}]"]).tolist()
     warnings: list[str] = []
     domain["gravity"] = space.vector_to_sim(_gravity(stage, units, warnings)).tolist()
     enabled = table()["solid"]["enabled"]
@@ -417,7 +419,8 @@ def _domain_values(reader: _Reader, prim: Usd.Prim, meters: np.ndarray, mirrored
     count = np.round(size / voxel)
     size = np.where(np.abs(size / voxel - count) < 1e-4 * np.maximum(count, 1), np.maximum(count, 1) * voxel, size)
     if mirrored:
-        values["wall[0]"], values["wall[1]"] = values["wall[1]"], values["wall[0]"]
+        for name in ("wall", "wall_velocity"):
+            values[f"{name}[0]"], values[f"{name}[1]"] = values[f"{name}[1]"], values[f"{name}[0]"]
     values["domain_min"] = (-size / 2).tolist()
     values["domain_size"] = size.tolist()
     slab = slab_axis(values)

@@ -86,7 +86,9 @@ def _fill(struct: ctypes.Structure, values: Mapping[str, Any]) -> None:
         if base not in fields:
             raise KeyError(f"{type(struct).__name__} has no field {name!r}; it has {', '.join(sorted(fields))}")
         current = getattr(struct, base)
-        if index:
+        if index and isinstance(current[int(index[:-1])], binding.Vec3):
+            current[int(index[:-1])] = binding.Vec3(*(float(c) for c in value))
+        elif index:
             current[int(index[:-1])] = value
         elif isinstance(current, binding.Vec3):
             current.x, current.y, current.z = (float(c) for c in value)

@@ -82,7 +82,8 @@ EfsiStatus efsi_surface_lay_in_slab(const EfsiSurface* surface, int32_t axis, do
     demand(surface, "efsi_surface_lay_in_slab: surface");
     demand(slab, "efsi_surface_lay_in_slab: slab");
     if (axis < 0 || axis > 2)
-      throw Error(ErrorCode::kArgument, "efsi_surface_lay_in_slab: axis = " + std::to_string(axis) + ": must be 0 to 2");
+      throw Error(ErrorCode::kArgument,
+                  "efsi_surface_lay_in_slab: axis = " + std::to_string(axis) + ": must be 0 to 2");
     if (!(low < high) || !std::isfinite(high - low))
       throw Error(ErrorCode::kArgument, "efsi_surface_lay_in_slab: low = " + std::to_string(low) +
                                             ": must be below high = " + std::to_string(high));

@@ -15,9 +15,9 @@ namespace efsi::geometry {
 
 namespace {
 
-constexpr double kInset = 0.01;     // of the thickness: points on the faces lie in the slab to the last bit
-constexpr double kReach = 1e-5;     // of the thickness: a mesh that ends on a face reaches through
-constexpr int kRays = 4000;         // as geometry/thickness.cpp
+constexpr double kInset = 0.01;  // of the thickness: points on the faces lie in the slab to the last bit
+constexpr double kReach = 1e-5;  // of the thickness: a mesh that ends on a face reaches through
+constexpr int kRays = 4000;      // as geometry/thickness.cpp
 constexpr double kPercentile = 0.01, kFacingCosine = 0.7071;
 
 double cross(const Point2& a, const Point2& b) { return a[0] * b[1] - a[1] * b[0]; }
@@ -151,8 +151,8 @@ void demand_through(const MeshReport& report, const Slab& slab) {
   const double rounding = kReach * slab.thickness();
   if (low <= slab.low + rounding && high >= slab.high - rounding) return;
   std::ostringstream text;
-  text << "extends from " << low << " to " << high << " in " << "xyz"[slab.axis] << ": must reach through the slab, "
-       << slab.low << " to " << slab.high;
+  text << "extends from " << low << " to " << high << " in "
+       << "xyz"[slab.axis] << ": must reach through the slab, " << slab.low << " to " << slab.high;
   refuse(text.str());
 }
 

@@ -642,7 +642,7 @@ std::uint64_t Simulation::memory_bytes() const {
   count.array(matter.fixed);
   count.array(matter.owned);
   std::uint64_t sum = count.bytes + work_.velocity.slip.bytes() + elasticity.system.bytes() + pressure.system.bytes() +
-                      work_.advect.bytes() + work_.solid_advect.bytes();
+                      work_.advect.bytes() + work_.solid_advect.bytes() + work_.viscous.bytes();
   for (const auto& solid : work_.solids) sum += solid.bytes();
   return sum;
 }

@@ -102,7 +102,8 @@ void find_shared(const Scene& scene, const SolidStates& states, const SolidWorks
 system::SlipNodes find_slip_nodes(const Parallel& parallel, const Scene& scene, const SolidStates& states,
                                   const SolidWorks& solids, const Matter& matter) {
   const Numerics& numerics = scene.params.numerics;
-  const bool slips = numerics.fluid_slips && scene.params.fluid.present;
+  const fluid::FluidParams& fluid = scene.params.fluid;
+  const bool slips = numerics.fluid_slips && fluid.present && fluid.viscosity == 0.0;  // what is viscous sticks
   const bool shares = numerics.walls_push_only && states.size() > 1;
   if (states.empty() || (!slips && !shares)) return {};
   const Grid& g = matter.common.grid;

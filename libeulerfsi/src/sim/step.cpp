@@ -18,6 +18,7 @@
 #include "sim/solid_contact.hpp"
 #include "sim/time_step.hpp"
 #include "sim/velocity_solve.hpp"
+#include "sim/viscosity.hpp"
 #include "sim/wall_contact.hpp"
 #include "solid/displacement.hpp"
 #include "solid/mass.hpp"
@@ -94,7 +95,7 @@ void settle(const StepContext& step, const std::vector<VolumeTarget>& targets, S
             EnergyLedger& ledger) {
   const auto& [parallel, scene, time, dt, profile, info] = step;
   const Numerics& numerics = scene.params.numerics;
-  auto& [solids, matter, velocity, elasticity, pressure, momenta, advect, solid_advect, backup, ready] = work;
+  auto& [solids, matter, velocity, elasticity, pressure, momenta, advect, solid_advect, viscous, backup, ready] = work;
   SolidStates& states = state.solids;
   fluid::FluidState& fluid = state.fluid;
   ready = numerics.repair_map || numerics.conserve_momentum;
@@ -149,7 +150,7 @@ void finish(const StepContext& step, const SolidWorks& solids, State& state) {
 StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, double shrink, State& state,
               Workspace& work, Profile& profile) {
   const Numerics& numerics = scene.params.numerics;
-  auto& [solids, matter, velocity, elasticity, pressure, momenta, advect, solid_advect, backup, ready] = work;
+  auto& [solids, matter, velocity, elasticity, pressure, momenta, advect, solid_advect, viscous, backup, ready] = work;
   const grid::Grid& common = matter.common.grid;
   SolidStates& states = state.solids;
   fluid::FluidState& fluid = state.fluid;
@@ -184,6 +185,8 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   meet_walls(step, states, solids, matter, velocity, elasticity.walls);
   keep_given(elasticity.given, elasticity.walls, velocity);
   ledger.book_nodes(EnergyStage::kWalls, velocity);
+  diffuse_velocity(step, matter, velocity, viscous);
+  ledger.book_nodes(EnergyStage::kViscosity, velocity);
   assemble_velocity_system(step, states, solids, matter, velocity, elasticity);  // Alg. 1 line 8
   prepare_pressure(step, states, solids, matter, fluid.pressure, elasticity, velocity, pressure);
   ledger.book_nodes(EnergyStage::kPressure, velocity);

@@ -170,6 +170,7 @@ double compute_time_step(const Parallel& parallel, const Scene& scene, const Sol
     if (steps == 0 && params.numerics.resolve_impacts && is_dense(params.fluid, scene.solids[l]))
       limit = std::min(limit, time_to_move(states[l].speed, 0.0, kStart * g.h));
   }
+  for (const Vec3d& v : params.walls.velocity) fluid_speed = std::max(fluid_speed, v.cwiseAbs().maxCoeff());
   if (params.fluid.present) limit = std::min(limit, time_to_move(fluid_speed, 0.0, params.cfl_fluid * g.h));
   return remaining / std::ceil(remaining / limit - 1e-6);
 }

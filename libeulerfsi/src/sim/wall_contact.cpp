@@ -280,7 +280,7 @@ void meet_walls(const StepContext& step, const SolidStates& states, const SolidW
     else if (row.rub == Rub::kSticks && row.on_wall)
       matter.fixed[row.node] = static_cast<std::uint8_t>(matter.fixed[row.node] | row.tangents);
   }
-  enforce_walls(parallel, matter.common.grid, matter.fixed, velocity.field);
+  enforce_walls(parallel, matter.common, matter.fixed, velocity.field);
   for (std::size_t t = 0; t < slip.nodes().size(); ++t)
     for (int a = 0; a < 3; ++a)
       if (slip.nodes()[t].fixed & bit(a)) slip.solid_velocity()[t][a] = 0;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "fluid/advect.hpp"
+#include "fluid/viscosity.hpp"
 #include "sim/hold.hpp"
 #include "sim/scene.hpp"
 #include "sim/state.hpp"
@@ -119,8 +120,9 @@ struct Workspace {
   TransportMomenta momenta;
   fluid::AdvectWorkspace advect;
   solid::AdvectWorkspace solid_advect;
-  State backup;               // the last good state
-  bool masses_ready = false;  // solids' masses and matter are those of the state
+  fluid::ViscousWorkspace viscous;  // empty unless the fluid is viscous
+  State backup;                     // the last good state
+  bool masses_ready = false;        // solids' masses and matter are those of the state
 
   // Another state: nothing that was made of the last one holds.
   void forget() { masses_ready = pressure.lasts = false; }

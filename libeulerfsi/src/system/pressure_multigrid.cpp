@@ -61,7 +61,8 @@ bool can_coarsen(const Grid& g, int slab) {
   for (std::size_t a = 0; a < 3; ++a)
     if (static_cast<int>(a) == slab)
       continue;  // its one cell stays
-    else if (g.cells[a] <= kCoarsestCells || (g.periodic[a] && g.cells[a] % 2 != 0)) return false;
+    else if (g.cells[a] <= kCoarsestCells || (g.periodic[a] && g.cells[a] % 2 != 0))
+      return false;
   return true;
 }
 
