@@ -342,7 +342,9 @@ def read_scene(stage: Usd.Stage, path: Path, memory_limit: int = 0, threads: int
     space, scale, mirrored = domain_space(where, reader.local_to_world(domain_prim), units.meters_per_unit)
     domain = _domain_values(reader, domain_prim, scale * units.meters_per_unit, mirrored)
     for face in range(6):
-        domain[f"wall_velocity[{face}]"] = space.vector_to_sim(domain[f"wall_velocity[{face}]"]).tolist()
+        velocity = np.array(space.vector_to_sim(domain[f"wall_velocity[{face}]"]))
+        velocity[np.abs(velocity) < 1e-9 * np.abs(velocity).max()] = 0.0  # what turning it has left
+        domain[f"wall_velocity[{face}]"] = velocity.tolist()
     warnings: list[str] = []
     domain["gravity"] = space.vector_to_sim(_gravity(stage, units, warnings)).tolist()
     enabled = table()["solid"]["enabled"]

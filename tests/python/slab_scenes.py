@@ -29,7 +29,13 @@ def disc(radius: float, height: float, around: int = 48) -> tuple[np.ndarray, li
 
 
 def slab_stage(
-    path: Path, size: tuple[float, float], voxel: float, cells: int = 1, frames: int = 12, gravity: float = 0.0, **domain
+    path: Path,
+    size: tuple[float, float],
+    voxel: float,
+    cells: int = 1,
+    frames: int = 12,
+    gravity: float = 0.0,
+    **domain,
 ) -> Usd.Stage:
     """A stage in metres, y up, with a box of `size` around the origin, `cells` voxels thick along z, slip walls."""
     stage = Usd.Stage.CreateNew(str(path))

@@ -132,7 +132,10 @@ double estimate_memory(const Params& p, double solid_volume) {
   constexpr double kBytesPerCell = 150.0, kBytesPerBandCell = 520.0;
   double cells = 1.0;
   for (int a = 0; a < 3; ++a) cells *= std::ceil(p.domain_size[a] / p.voxel_size) + 1.0;
+  const bool flat = grid::slab_axis(make_grid(p), p.walls) >= 0;
   const auto around_solids = [&](double margin) {  // cells of a box with that many more on each side
+    if (flat && solid_volume > 0.0)
+      return 2.0 * std::pow(std::sqrt(solid_volume / p.voxel_size) / p.voxel_size + 2.0 * margin, 2);
     return solid_volume > 0.0 ? std::pow(std::cbrt(solid_volume) / p.voxel_size + 2.0 * margin, 3) : 0.0;
   };
   if (!p.fluid.present) cells = std::min(cells, around_solids(kWindowMargin + 0.25 * kWindowStep));

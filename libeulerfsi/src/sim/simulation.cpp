@@ -68,14 +68,16 @@ void validate(const SolidDesc& d) {
   }
 }
 
-// In a slab solids start without a velocity across it.
+// In a slab solids start without a velocity across it, but for rounding.
 void demand_flat(const SolidDesc& d, int axis) {
-  const std::string name = std::string(".") + "xyz"[axis], limit = "0 in a slab, a domain one cell thick";
-  if (d.velocity[axis] != 0.0) refuse("EfsiSolidDef.velocity" + name, d.velocity[axis], limit + " along " + name[1]);
+  constexpr double kRounding = 1e-6;
+  constexpr const char* name[3] = {".x", ".y", ".z"};
+  const std::string limit = std::string("0 in a slab, a domain one cell thick along ") + name[axis][1];
+  if (std::abs(d.velocity[axis]) > kRounding * d.velocity.norm())
+    refuse(std::string("EfsiSolidDef.velocity") + name[axis], d.velocity[axis], limit);
   for (const int a : {(axis + 1) % 3, (axis + 2) % 3})
-    if (d.angular_velocity[a] != 0.0)
-      refuse(std::string("EfsiSolidDef.angular_velocity.") + "xyz"[a], d.angular_velocity[a],
-             limit + " along " + name[1]);
+    if (std::abs(d.angular_velocity[a]) > kRounding * d.angular_velocity.norm())
+      refuse(std::string("EfsiSolidDef.angular_velocity") + name[a], d.angular_velocity[a], limit);
 }
 
 constexpr double kOnBorder = 1e-3;  // cells: what is so near to the border of a region is in it
@@ -250,6 +252,7 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
         state.v.set(g.node(i, j, k), v.cast<Real>());
       }
   state.surface = rest.surface.points;
+  if (slab) flatten(parallel_, rest, slab->axis, state);
   if (rest.plastic.yields()) {
     rest.plastic_lattice = solid::make_plastic_lattice(report.extent_min, report.extent_max, grid_.h);
     state.plastic.resize(rest.plastic_lattice.node_count());

@@ -9,31 +9,6 @@ namespace {
 
 constexpr double kH = 0.02;
 
-// A cylinder along an axis.
-geometry::TriangleMesh bar(int axis, const Vec3d& center, double radius, double length, double along_x = 1.0) {
-  constexpr int kAround = 40;
-  constexpr double kTurn = 2.0 * 3.14159265358979323846;
-  const int u = (axis + 1) % 3, v = (axis + 2) % 3;
-  geometry::TriangleMesh mesh;
-  const auto point = [&](double r, double turn, double at) {
-    Vec3d x = center;
-    x[axis] += at;
-    x[u] += along_x * r * std::cos(turn);
-    x[v] += r * std::sin(turn) / along_x;
-    mesh.points.push_back(x);
-  };
-  for (const double at : {-0.5 * length, 0.5 * length}) {
-    point(0.0, 0.0, at);
-    for (int i = 0; i < kAround; ++i) point(radius, kTurn * i / kAround, at);
-  }
-  for (int i = 0; i < kAround; ++i) {
-    const int a = 1 + i, b = 1 + (i + 1) % kAround, top = kAround + 1;
-    mesh.triangles.insert(mesh.triangles.end(),
-                          {{0, b, a}, {top, top + a, top + b}, {a, b, top + b}, {a, top + b, top + a}});
-  }
-  return mesh;
-}
-
 sim::Params slab_params(int axis, double edge = 0.5) {
   Vec3d size = Vec3d::Constant(edge);
   size[axis] = kH;
@@ -44,7 +19,7 @@ sim::Params slab_params(int axis, double edge = 0.5) {
 
 sim::SolidDesc disc(int axis, const Vec3d& center, double radius, double length, double along_x = 1.0) {
   sim::SolidDesc d = ball_desc(center);
-  d.surface = bar(axis, center, radius, length, along_x);
+  d.surface = cylinder_mesh(axis, center, radius, length, along_x);
   return d;
 }
 
