@@ -70,13 +70,13 @@ void validate(const SolidDesc& d) {
 
 // In a slab solids start without a velocity across it, but for rounding.
 void demand_flat(const SolidDesc& d, int axis) {
-  constexpr double kRounding = 1e-6;
+  constexpr double kTurning = 1e-6;  // what turning a scene to the axes of the box leaves
   constexpr const char* name[3] = {".x", ".y", ".z"};
   const std::string limit = std::string("0 in a slab, a domain one cell thick along ") + name[axis][1];
-  if (std::abs(d.velocity[axis]) > kRounding * d.velocity.norm())
+  if (std::abs(d.velocity[axis]) > kTurning * d.velocity.norm())
     refuse(std::string("EfsiSolidDef.velocity") + name[axis], d.velocity[axis], limit);
   for (const int a : {(axis + 1) % 3, (axis + 2) % 3})
-    if (std::abs(d.angular_velocity[a]) > kRounding * d.angular_velocity.norm())
+    if (std::abs(d.angular_velocity[a]) > kTurning * d.angular_velocity.norm())
       refuse(std::string("EfsiSolidDef.angular_velocity") + name[a], d.angular_velocity[a], limit);
 }
 
