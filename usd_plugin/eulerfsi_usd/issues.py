@@ -79,7 +79,7 @@ def slab_axis(domain: Usd.Prim) -> int | None:
     if not isinstance(voxel, (int, float)) or not 0.0 < voxel < math.inf:
         return None
     for axis in (2, 1, 0):
-        thin = edges[axis] * matrix.GetRow3(axis).GetLength() <= voxel * (1.0 + 1e-4)
+        thin = abs(edges[axis] * matrix.GetRow3(axis).GetLength() / voxel - 1.0) < 1e-4
         walls = {read(domain, f"eulerfsi:wall{'XYZ'[axis]}{side}") for side in ("Min", "Max")}
         if thin and walls == {"slip"}:
             return axis
