@@ -68,9 +68,10 @@ void validate(const SolidDesc& d) {
   }
 }
 
+constexpr double kTurning = 1e-6;  // what turning a scene to the axes of the box leaves
+
 // In a slab solids start without a velocity across it, but for rounding.
 void demand_flat(const SolidDesc& d, int axis) {
-  constexpr double kTurning = 1e-6;  // what turning a scene to the axes of the box leaves
   constexpr const char* name[3] = {".x", ".y", ".z"};
   const std::string limit = std::string("0 in a slab, a domain one cell thick along ") + name[axis][1];
   if (std::abs(d.velocity[axis]) > kTurning * d.velocity.norm())
@@ -332,7 +333,16 @@ std::size_t Simulation::add_pin(Pin pin) {
 }
 
 void Simulation::set_motion(std::size_t pin, double start, double end, const Pose& from, const Pose& to) {
-  pins_[pin].motion = {start, end, from, to, pins_[pin].motion.center};
+  GivenMotion motion{start, end, from, to, pins_[pin].motion.center};
+  if (const int slab = grid::slab_axis(grid_, params_.walls); slab >= 0)
+    for (Pose* pose : {&motion.from, &motion.to}) {
+      if (pose->turn(slab, slab) < 1.0 - kTurning)
+        throw Error(ErrorCode::kArgument, "pin " + std::to_string(pin + 1) +
+                                              ": its pose turns out of the slab: must turn about its axis, " +
+                                              "xyz"[slab]);
+      pose->shift[slab] = 0.0;  // nothing moves across a slab
+    }
+  pins_[pin].motion = motion;
 }
 
 std::size_t Simulation::add_passenger(std::size_t solid, std::vector<Vec3d> points) {

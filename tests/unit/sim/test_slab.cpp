@@ -1,4 +1,6 @@
 // Two-dimensional scenes: a box one cell thick between slip walls.
+#include <Eigen/Geometry>
+
 #include "base/error.hpp"
 #include "scene.hpp"
 
@@ -113,6 +115,30 @@ TEST_CASE("A disc swings in a slab as between walls eight cells apart", "[slab][
   INFO("swing " << largest << " m, apart " << apart << " m");
   CHECK(largest > 0.01);
   CHECK(apart < 0.04 * largest);
+}
+
+TEST_CASE("A collider moves within a slab only", "[slab]") {
+  const auto s = make_simulation(slab_params(2), {disc(2, center_in(2) + Vec3d(0.1, 0, 0), 0.08, 2 * kH)});
+  geometry::MeshReport report;
+  const std::size_t pin = s->add_collider(disc(2, center_in(2) - Vec3d(0.12, 0, 0), 0.06, 2 * kH), report);
+  const Eigen::AngleAxisd about_z(0.5, Vec3d::UnitZ()), about_x(0.5, Vec3d::UnitX());
+  const Vec3d center = s->pins()[pin].motion.center;
+  const auto pose = [&](const Eigen::AngleAxisd& turn) {
+    sim::Pose p;
+    p.turn = turn.toRotationMatrix();
+    p.shift = center - p.turn * center + Vec3d(0.1, 0, 0.3);
+    return p;
+  };
+  CHECK_THROWS_WITH(s->set_motion(pin, 0, 0.2, {}, pose(about_x)), Catch::Contains("turns out of the slab"));
+  s->set_motion(pin, 0, 0.2, {}, pose(about_z));
+  for (int frame = 0; frame < 5; ++frame) s->advance(0.04, {});
+  CHECK(s->diagnose_solid(1).center[0] == Approx(0.23).margin(0.002));
+  CHECK(s->diagnose_solid(0).center[0] > 0.352);  // pushed
+  for (const solid::SolidState& state : s->state().solids) {
+    CHECK(is_flat(state.band.grid, 2, state.u));
+    CHECK(is_flat(state.band.grid, 2, state.v));
+  }
+  CHECK(is_flat(s->grid(), 2, s->state().fluid.velocity));
 }
 
 // Two discs in a viscous fluid that a lid drives; the second run goes on from the first one's state halfway.
