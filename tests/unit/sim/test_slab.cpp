@@ -156,13 +156,15 @@ TEST_CASE("A slab has the same bits for any number of threads and after a restar
     return make_simulation(p, {a, b});
   };
   const auto one = scene(1), three = scene(3), later = scene(2);
+  bool met = false;
   for (int frame = 0; frame < 6; ++frame) {
     if (frame == 3) later->set_state(one->state());
     one->advance(1.0 / 24, {});
     three->advance(1.0 / 24, {});
     if (frame >= 3) later->advance(1.0 / 24, {});
+    met = met || !one->contacts().empty();
   }
-  CHECK(one->contacts().size() + one->state().solids[0].presses.size() > 0);
+  CHECK(met);
   CHECK(sim::state_hash(three->state()) == sim::state_hash(one->state()));
   CHECK(sim::state_hash(later->state()) == sim::state_hash(one->state()));
 }

@@ -99,7 +99,7 @@ TEST_CASE("Walls that move apart drag the fluid to a straight profile", "[viscos
 }
 
 // Ghia, Ghia and Shin (1982), Re = 100: v_x on the vertical line through the middle.
-TEST_CASE("The lid-driven cavity at Re = 100 is the one of the table", "[viscosity][law][slow]") {
+TEST_CASE("The lid-driven cavity at Re = 100 is the one of the table", "[viscosity][law]") {
   const int cells = GENERATE(48, 64);
   const double h = 1.0 / cells;
   sim::Params p = box_params({1, 1, h}, h);
@@ -136,7 +136,7 @@ TEST_CASE("The lid-driven cavity at Re = 100 is the one of the table", "[viscosi
 // Zhao, Freund and Moser (2008), Sugiyama et al. (2011): an incompressible neo-Hookean disc, G = 0.1, of the fluid's
 // density in a cavity at Re = 100. The centre of the disc by a reference map method on 128 x 128 cells, which agrees
 // with Sugiyama's path to 0.003 (with viscosity in the disc, which is not here).
-TEST_CASE("A soft disc in a lid-driven cavity follows the path of the literature", "[viscosity][slab][law][slow]") {
+TEST_CASE("A soft disc in a lid-driven cavity follows the path of the literature", "[viscosity][slab][law]") {
   constexpr int kCells = 48;
   const double h = 1.0 / kCells;
   sim::Params p = box_params({1, 1, h}, h);
