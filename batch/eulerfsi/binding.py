@@ -75,6 +75,7 @@ ENERGY_STAGES = (
     "repair",
     "momentum",
     "plastic_flow",
+    "viscosity",
 )
 LOG_INFO, LOG_WARNING = 0, 1
 
@@ -304,6 +305,8 @@ class SimulationDef(Structure):
         ("wall", c_int32 * 6),
         ("ambient_fluid", c_int32),
         ("fluid_density", c_double),
+        ("fluid_viscosity", c_double),
+        ("wall_velocity", Vec3 * 6),
         ("vorticity_confinement", c_double),
         ("smoke_buoyancy", c_double),
         ("temperature_buoyancy", c_double),
@@ -440,6 +443,7 @@ PROTOTYPES: dict[str, list] = {
     "efsi_surface_get_report": [_SURFACE, _P(MeshReport)],
     "efsi_surface_get_repairs": [_SURFACE],
     "efsi_surface_get_overlap": [_SURFACE, _SURFACE, _P(c_double), _P(c_double), _P(Error)],
+    "efsi_surface_lay_in_slab": [_SURFACE, c_int32, c_double, c_double, _P(_SURFACE), _P(Error)],
     "efsi_surface_destroy": [_SURFACE],
     "efsi_solid_def_init": [_P(SolidDef)],
     "efsi_solid_add": [_SIM, _P(SolidDef), _P(c_uint32), _P(MeshReport)],

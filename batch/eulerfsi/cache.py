@@ -19,7 +19,7 @@ from . import __version__, binding, files
 from .errors import CacheIOError, UsageError
 from .localize import localize_scene
 from .manifest import FILE_NAME, Manifest
-from .scene import Scene
+from .scene_parts import Scene
 from .solver import Simulation
 from .usd_writer import UsdWriter
 

@@ -13,9 +13,9 @@ from eulerfsi_usd.checks import check_stage
 from eulerfsi_usd.issues import Issue
 from pxr import Usd
 
-from . import memory
+from . import binding, memory
 from .errors import CacheIOError, SceneError
-from .scene import Collider, Emitter, Scene, Solid
+from .scene_parts import Collider, Emitter, Scene, Solid, slab_axis
 from .solver import Surface
 from .usd_messages import composition_faults
 
@@ -55,8 +55,9 @@ def raise_errors(issues: Iterable[Issue]) -> list[str]:
 
 def check_scene(scene: Scene) -> list[Issue]:
     """Issues that need the library's view of the meshes: repairs, thin features, size."""
-    issues: list[Issue] = []
+    issues = _check_walls(scene)
     for solid in scene.solids:
+        issues += _check_flat(scene, solid)
         issues += _check_mesh(scene, solid)
         issues += _check_inside(scene, solid)
         issues += _check_stretch(scene, solid)
@@ -68,6 +69,62 @@ def check_scene(scene: Scene) -> list[Issue]:
             issues += _check_apart(scene, collider, solid)
     for emitter in scene.emitters:
         issues += _check_emitter(scene, emitter)
+    return issues
+
+
+def _check_walls(scene: Scene) -> list[Issue]:
+    """Velocities of the domain's faces have an effect, and what comes in can leave."""
+    domain, unit = scene.domain, scene.units.meters_per_unit
+    slab, kinds = slab_axis(domain), {number: name for name, number in binding.WALLS.items()}
+    issues, net, gross, first = [], 0.0, 0.0, ""
+    for face in range(6):
+        normal, velocity = face // 2, domain[f"wall_velocity[{face}]"]
+        field = f"eulerfsi:wallVelocity{'XYZ'[normal]}{('Min', 'Max')[face % 2]}"
+        wall = kinds[domain[f"wall[{face}]"]]
+        across, along = velocity[normal] != 0.0, any(v != 0.0 for axis, v in enumerate(velocity) if axis != normal)
+        limit = ""
+        if (across or along) and not domain["ambient_fluid"]:
+            limit = "0 without ambientFluid, which it moves"
+        elif (across or along) and wall in ("open", "periodic"):
+            limit = f"0 on a face that is {wall}, which is no wall"
+        elif along and wall == "slip":
+            limit = "0 along a slip wall, which drags nothing along (noSlip does)"
+        elif across and normal == slab:
+            limit = "0 across a 2-D domain"
+        if limit:
+            value = f"({', '.join(f'{v / unit:.4g}' for v in velocity)}) in the box's axes"
+            message = f"{scene.domain_path}: {field} = {value}: must be {limit}"
+            issues.append(Issue(scene.domain_path, field, value, limit, message, "error", "WallVelocity"))
+        area = np.prod([edge for axis, edge in enumerate(domain["domain_size"]) if axis != normal])
+        flux = (-1.0 if face % 2 else 1.0) * velocity[normal] * area
+        net, gross, first = net + flux, gross + abs(flux), first or (field if flux else "")
+    is_open = binding.WALLS["open"] in [domain[f"wall[{face}]"] for face in range(6)]
+    if not issues and abs(net) > 1e-6 * gross and not is_open:
+        value = f"a net inflow of {net / unit**3:.4g}"
+        limit = "0 in a box without an open face: open one, or let as much out through another wall"
+        message = f"{scene.domain_path}: {first}: {value} (volume per second): must be {limit}"
+        issues.append(Issue(scene.domain_path, first, value, limit, message, "error", "TrappedInflow"))
+    return issues
+
+
+def _check_flat(scene: Scene, solid: Solid) -> list[Issue]:
+    """In a 2-D scene nothing starts across the domain."""
+    slab, issues = slab_axis(scene.domain), []
+    if slab is None:
+        return issues
+    for name, field, axes in (
+        ("velocity", "eulerfsi:velocity", [slab]),
+        ("angular_velocity", "eulerfsi:angularVelocity", [axis for axis in range(3) if axis != slab]),
+    ):
+        values = np.array(solid.values[name], float)
+        worst = max(axes, key=lambda axis: abs(values[axis]))
+        if abs(values[worst]) <= _TOLERANCE * np.linalg.norm(values):
+            continue
+        scale = 1 / scene.units.meters_per_unit if name == "velocity" else 180 / np.pi
+        value = f"{values[worst] * scale:.4g} along the box's {'xyz'[worst]}"
+        limit = f"0 in a 2-D domain, one voxel thick along its {'xyz'[slab]}"
+        message = f"{solid.path}: {field} = {value}: must be {limit}"
+        issues.append(Issue(solid.path, field, value, limit, message, "error", "NotFlat"))
     return issues
 
 
@@ -156,6 +213,11 @@ def _check_stretch(scene: Scene, solid: Solid) -> list[Issue]:
     if not _GROWTH[0] <= growth <= _GROWTH[1]:
         limit = f"a product from {_GROWTH[0]:g} to {_GROWTH[1]:g}"
         message = f"{solid.path}: {field} = {value}: the product is {growth:.3g}: must be {limit}"
+        return [Issue(solid.path, field, value, limit, message, "error", "Stretch")]
+    slab = slab_axis(scene.domain)
+    if slab is not None and factors[slab] != 1.0:
+        limit = f"1 along the box's {'xyz'[slab]} in a 2-D domain"
+        message = f"{solid.path}: {field} = {value}: must be {limit}"
         return [Issue(solid.path, field, value, limit, message, "error", "Stretch")]
     if set(factors) != {1.0} and any(pin.solid == solid.path for pin in scene.pins):
         limit = "(1, 1, 1) for a solid that is pinned"

@@ -22,7 +22,7 @@ from .log import Log
 from .simulate import build_simulation
 
 if TYPE_CHECKING:
-    from .scene import Scene, Solid
+    from .scene_parts import Scene, Solid
 
 # Limits of the library's steps, in cells (kContactCfl, kContactPace, kContactReach, kVacuumReach, kFluidReach, kThin,
 # kFarthest there).

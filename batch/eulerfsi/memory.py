@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+import numpy as np
+
 from . import solver
 from .errors import SceneError
 from .system import format_bytes
@@ -27,6 +29,7 @@ def estimate(domain: Mapping[str, Any], meshes: Iterable[solver.Mesh], limit: in
     domain: fields of EfsiSimulationDef; meshes: the solids' surfaces [m]; limit: bytes, 0 for none.
     """
     edges = [mesh.points.max(axis=0).astype(float) - mesh.points.min(axis=0) for mesh in meshes]
+    edges = [np.minimum(e, domain["domain_size"]) for e in edges]  # what lies beyond a slab takes none
     volume = float(sum(e[0] * e[1] * e[2] for e in edges))
     return solver.estimate_memory({**domain, "memory_limit": limit}, volume)
 

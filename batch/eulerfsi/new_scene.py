@@ -19,7 +19,9 @@ from .log import Log
 from .parameters import table
 from .reasons import mesh_reason
 from .references import how_to_reference, is_usd_file
-from .scene import DEFAULT_DENSITY, DOMAIN_API, EARTH_GRAVITY, EMITTER_API, SOLID_API, open_stage
+from .scene import EARTH_GRAVITY, open_stage
+from .scene_bodies import DEFAULT_DENSITY
+from .scene_values import DOMAIN_API, EMITTER_API, SOLID_API
 from .simulate import Options, build_simulation, load_scene
 from .system import available_memory, available_threads
 

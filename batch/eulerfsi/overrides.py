@@ -10,7 +10,7 @@ from pxr import Sdf, Usd
 
 from .errors import UsageError
 from .parameters import NAMESPACE, table
-from .scene import applied_scopes
+from .scene_values import applied_scopes
 
 _TYPES = {
     "double": Sdf.ValueTypeNames.Double,

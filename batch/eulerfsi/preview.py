@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from . import files
-from .scene import Scene
+from .scene_parts import Scene
 from .space import transform_points
 from .usd_writer import vertex_normals
 

@@ -13,7 +13,8 @@ from .frames import FrameRange, demand_start, parse_frames
 from .manifest import FILE_NAME, Manifest
 from .overrides import apply_overrides
 from .parameters import Parameter, table
-from .scene import Scene, open_stage, read_scene, set_frames
+from .scene import open_stage, read_scene, set_frames
+from .scene_parts import Scene
 from .system import available_memory, available_threads, format_bytes
 
 

@@ -21,7 +21,8 @@ from .manifest import Manifest
 from .overrides import apply_overrides, set_domain_parameter
 from .progress import Progress
 from .reasons import mesh_reason
-from .scene import Collider, Pin, Scene, open_stage, read_scene, set_frames
+from .scene import open_stage, read_scene, set_frames
+from .scene_parts import Collider, Pin, Scene
 from .signals import Signals
 from .solver import Simulation
 from .system import available_memory, available_threads

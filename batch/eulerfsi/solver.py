@@ -86,7 +86,9 @@ def _fill(struct: ctypes.Structure, values: Mapping[str, Any]) -> None:
         if base not in fields:
             raise KeyError(f"{type(struct).__name__} has no field {name!r}; it has {', '.join(sorted(fields))}")
         current = getattr(struct, base)
-        if index:
+        if index and isinstance(current[int(index[:-1])], binding.Vec3):
+            current[int(index[:-1])] = binding.Vec3(*(float(c) for c in value))
+        elif index:
             current[int(index[:-1])] = value
         elif isinstance(current, binding.Vec3):
             current.x, current.y, current.z = (float(c) for c in value)
@@ -116,7 +118,7 @@ class Surface:
         self, mesh: Mesh, voxel_size: float, threads: int = 0, progress: Callable[[float], bool] | None = None
     ) -> None:
         self.mesh, self._lib, self._handle = mesh, library(), c_void_p()
-        error, report, view, raised = binding.Error(), binding.MeshReport(), mesh.view(), []
+        error, view, raised = binding.Error(), mesh.view(), []
 
         def forward(_user: Any, fraction: float) -> int:
             return _stops(raised, lambda: progress(fraction))
@@ -128,9 +130,26 @@ class Surface:
         if raised:
             raise raised[0]
         check_error(status, error)
+        self._describe()
+
+    def _describe(self) -> None:
+        report = binding.MeshReport()
         self._lib.efsi_surface_get_report(self._handle, byref(report))
         self.report = to_dict(report)
         self.repairs = self._lib.efsi_surface_get_repairs(self._handle).decode("utf-8", "replace")
+
+    def lay_in_slab(self, axis: int, low: float, high: float) -> Surface:
+        """What of it lies in a slab, a domain one cell thick along the axis, from low to high [m]: its section counts.
+
+        Raises LibraryError for a mesh that does not reach through the slab.
+        """
+        slab, error = Surface.__new__(Surface), binding.Error()
+        slab.mesh, slab._lib, slab._handle = self.mesh, self._lib, c_void_p()
+        check_error(
+            self._lib.efsi_surface_lay_in_slab(self.handle, axis, low, high, byref(slab._handle), byref(error)), error
+        )
+        slab._describe()
+        return slab
 
     def __del__(self) -> None:
         if getattr(self, "_handle", None):

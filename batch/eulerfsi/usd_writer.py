@@ -15,7 +15,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 
 from . import files
-from .scene import Passenger, Scene, Solid
+from .scene_parts import Passenger, Scene, Solid
 from .space import transform_points, transform_vectors
 
 _TYPES = {

@@ -194,6 +194,11 @@ static void check_mesh(const char* folder) {
     CHECK(report.repaired == 0 && strcmp(efsi_surface_get_repairs(surface), "") == 0);
     CHECK_OK(NULL, efsi_surface_get_overlap(surface, surface, &depth, &volume, &error));
     CHECK(fabs(depth - 0.2) < 0.02 && fabs(volume - 0.008) < 0.0008);
+    EfsiSurface* slab = NULL;
+    CHECK_OK(NULL, efsi_surface_lay_in_slab(surface, 2, 0.28, 0.32, &slab, &error));
+    CHECK_OK(NULL, efsi_surface_get_report(slab, &report));
+    CHECK(fabs(report.solid_volume - 0.2 * 0.2 * 0.04) < 1e-8);
+    efsi_surface_destroy(slab);
     efsi_surface_destroy(surface);
     efsi_surface_destroy(NULL);
   }

@@ -217,7 +217,7 @@ def check_domain(prim: Usd.Prim) -> list[Issue]:
     voxel = read(prim, "eulerfsi:voxelSize")
     if voxel is None or voxel == -math.inf:
         voxel = load()["domain"]["voxelSize"].default / UsdGeom.GetStageMetersPerUnit(prim.GetStage())
-    if isinstance(voxel, (int, float)) and shortest < voxel < math.inf:
+    if isinstance(voxel, (int, float)) and shortest * (1.0 + 1e-6) < voxel < math.inf:
         limit = f"at most the shortest edge of the box, {shortest:g}"
         issues.append(make_issue(prim, "eulerfsi:voxelSize", float(voxel), limit, "VoxelTooLarge"))
     return issues

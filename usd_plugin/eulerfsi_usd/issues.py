@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from pxr import Gf, Sdf, Usd, UsdGeom
@@ -69,6 +70,20 @@ def read(prim: Usd.Prim, name: str) -> object:
     """Value of an attribute at the first time, None where it has neither an opinion nor a fallback."""
     attribute = prim.GetAttribute(name)
     return attribute.Get(first_time(prim.GetStage())) if attribute else None
+
+
+def slab_axis(domain: Usd.Prim) -> int | None:
+    """The axis along which a domain is one voxel thick between slip walls: a 2-D scene; None: there is none."""
+    edges, matrix = domain_box(domain)
+    voxel = read(domain, "eulerfsi:voxelSize")
+    if not isinstance(voxel, (int, float)) or not 0.0 < voxel < math.inf:
+        return None
+    for axis in (2, 1, 0):
+        thin = abs(edges[axis] * matrix.GetRow3(axis).GetLength() / voxel - 1.0) < 1e-4
+        walls = {read(domain, f"eulerfsi:wall{'XYZ'[axis]}{side}") for side in ("Min", "Max")}
+        if thin and walls == {"slip"}:
+            return axis
+    return None
 
 
 def is_enabled(prim: Usd.Prim) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
 
 from .gprims import dimensions
-from .issues import Issue, domain_box, first_time, make_issue, read
+from .issues import Issue, domain_box, first_time, make_issue, read, slab_axis
 from .pose import Pose, PoseError, transform_drivers
 
 # Part of the box by which points may stick out of it through rounding of the transforms.
@@ -108,6 +108,14 @@ def check_inside(prim: Usd.Prim, domain: Usd.Prim) -> list[Issue]:
     # In units of the box, where it reaches from -1/2 to 1/2.
     local = (points @ matrix[:3, :3] + matrix[3, :3]) / np.array(edges)
     low, high = local.min(axis=0), local.max(axis=0)
+    slab = slab_axis(domain)
+    if slab is not None:
+        if low[slab] > -0.5 + TOLERANCE or high[slab] < 0.5 - TOLERANCE:
+            length = edges[slab] * domain_to_world.GetRow3(slab).GetLength()
+            value = f"{(low[slab] + 0.5) * length:g} to {(high[slab] + 0.5) * length:g} along the box's {'xyz'[slab]}"
+            limit = f"through the 2-D domain {domain.GetPath()}, 0 to {length:g}"
+            return [make_issue(prim, "points", value, limit, "NotThroughSlab")]
+        low[slab], high[slab] = -0.5, 0.5  # what lies beyond a slab does not count
     if low.min() >= -0.5 - TOLERANCE and high.max() <= 0.5 + TOLERANCE:
         return []
     axis = int(np.argmax(np.maximum(-0.5 - low, high - 0.5)))

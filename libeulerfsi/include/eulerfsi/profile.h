@@ -126,7 +126,8 @@ typedef struct EfsiTransportChange {
 #define EFSI_ENERGY_REPAIR 9
 #define EFSI_ENERGY_MOMENTUM 10     /* what restores the momenta */
 #define EFSI_ENERGY_PLASTIC_FLOW 11 /* what plastic flow dissipates */
-#define EFSI_ENERGY_STAGE_COUNT 12
+#define EFSI_ENERGY_VISCOSITY 12    /* what the viscous fluid dissipates, less what walls that move put in */
+#define EFSI_ENERGY_STAGE_COUNT 13
 
 typedef struct EfsiEnergy {
   double solid_kinetic, elastic, fluid_kinetic, potential; /* [J] */

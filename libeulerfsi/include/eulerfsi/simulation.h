@@ -32,6 +32,9 @@ typedef struct EfsiSimulationDef {
   int32_t wall[6];              /* EFSI_WALL_* of faces -x +x -y +y -z +z */
   int32_t ambient_fluid;        /* 1: fluid fills the box outside the solids; 0: vacuum */
   double fluid_density;         /* [kg/m^3] */
+  double fluid_viscosity;       /* dynamic, mu [Pa s]; 0: none, the fluid slips along solids */
+  EfsiVec3 wall_velocity[6];    /* of the faces as in wall [m/s]: along itself a no-slip wall drags the fluid; across
+                                   itself a wall lets fluid through */
   double vorticity_confinement; /* epsilon of Fedkiw et al. 2001, dimensionless */
   double smoke_buoyancy;        /* downward acceleration per unit of smoke density [m/s^2] */
   double temperature_buoyancy;  /* upward acceleration per kelvin [m/s^2/K] */

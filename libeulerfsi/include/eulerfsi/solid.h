@@ -70,6 +70,12 @@ EFSI_API const char* efsi_surface_get_repairs(const EfsiSurface* surface);
  * that overlap by more than half a voxel. */
 EFSI_API EfsiStatus efsi_surface_get_overlap(const EfsiSurface* a, const EfsiSurface* b, double* depth, double* volume,
                                              EfsiError* error);
+/* The surface as a slab has it, a domain one cell thick between slip walls, from low to high along an axis (0 to 2)
+ * [m]: its section halfway counts. slab: out, destroyed by itself; its report speaks of the slab. error may be NULL. A
+ * mesh that does not reach through the slab is EFSI_ERROR_MESH. efsi_solid_add does the same with any other surface
+ * there. */
+EFSI_API EfsiStatus efsi_surface_lay_in_slab(const EfsiSurface* surface, int32_t axis, double low, double high,
+                                             EfsiSurface** slab, EfsiError* error);
 /* NULL is allowed. Simulations keep what they need. */
 EFSI_API void efsi_surface_destroy(EfsiSurface* surface);
 

@@ -28,6 +28,7 @@ static_assert(EFSI_FORCE_WIND == static_cast<int>(sim::ForceField::Kind::kWind))
 static_assert(EFSI_ACTS_ON_SOLIDS == static_cast<int>(sim::ForceField::ActsOn::kSolids));
 static_assert(EFSI_ENERGY_VELOCITY == static_cast<int>(sim::EnergyStage::kVelocity));
 static_assert(EFSI_ENERGY_REMAP == static_cast<int>(sim::EnergyStage::kRemap));
+static_assert(EFSI_ENERGY_VISCOSITY == static_cast<int>(sim::EnergyStage::kViscosity));
 static_assert(EFSI_ENERGY_STAGE_COUNT == static_cast<int>(sim::EnergyStage::kCount));
 
 inline Vec3d to_vector(const EfsiVec3& v) { return {v.x, v.y, v.z}; }
@@ -51,7 +52,9 @@ inline sim::Params to_params(const EfsiSimulationDef& def) {
   p.gravity = to_vector(def.gravity);
   for (std::size_t face = 0; face < 6; ++face) p.walls.face[face] = static_cast<grid::Wall>(def.wall[face]);
   p.fluid.present = def.ambient_fluid != 0;
+  for (std::size_t face = 0; face < 6; ++face) p.walls.velocity[face] = to_vector(def.wall_velocity[face]);
   p.fluid.density = def.fluid_density;
+  p.fluid.viscosity = def.fluid_viscosity;
   p.fluid.vorticity_confinement = def.vorticity_confinement;
   p.fluid.smoke_buoyancy = def.smoke_buoyancy;
   p.fluid.temperature_buoyancy = def.temperature_buoyancy;

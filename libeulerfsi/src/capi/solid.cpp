@@ -6,6 +6,7 @@
 #include "capi/solid_id.hpp"
 #include "geometry/mesh_sdf.hpp"
 #include "geometry/overlap.hpp"
+#include "geometry/slab.hpp"
 #include "sim/parameter_table.inc"
 
 using namespace efsi::capi;
@@ -74,6 +75,22 @@ EfsiStatus efsi_surface_get_overlap(const EfsiSurface* a, const EfsiSurface* b, 
   });
 }
 
+EfsiStatus efsi_surface_lay_in_slab(const EfsiSurface* surface, int32_t axis, double low, double high,
+                                    EfsiSurface** slab, EfsiError* error) {
+  if (slab) *slab = nullptr;
+  return guarded(error, [&] {
+    demand(surface, "efsi_surface_lay_in_slab: surface");
+    demand(slab, "efsi_surface_lay_in_slab: slab");
+    if (axis < 0 || axis > 2)
+      throw Error(ErrorCode::kArgument,
+                  "efsi_surface_lay_in_slab: axis = " + std::to_string(axis) + ": must be 0 to 2");
+    if (!(low < high) || !std::isfinite(high - low))
+      throw Error(ErrorCode::kArgument, "efsi_surface_lay_in_slab: low = " + std::to_string(low) +
+                                            ": must be below high = " + std::to_string(high));
+    *slab = new EfsiSurface{efsi::geometry::lay_in_slab(*surface->surface, {axis, low, high})};
+  });
+}
+
 void efsi_surface_destroy(EfsiSurface* surface) { delete surface; }
 
 EfsiStatus efsi_solid_def_init(EfsiSolidDef* def) {
@@ -111,7 +128,7 @@ EfsiStatus efsi_solid_get_surface(EfsiSim* sim, uint32_t id, float* points, floa
       throw Error(ErrorCode::kArgument, "efsi_solid_get_surface: point_count = " + std::to_string(point_count) +
                                             ": must be " + std::to_string(surface.size()) +
                                             ", as in the mesh of solid " + std::to_string(id));
-    if (points) copy_points(surface, points);
+    if (points) copy_points(sim->simulation.surface_points(index), points);
     if (velocities) copy_points(sim->simulation.surface_velocity(index), velocities);
   });
 }

@@ -14,7 +14,8 @@ using grid::Walls;
 
 struct FluidParams {
   bool present = true;
-  double density = 1.0;  // rho_f [kg/m^3]
+  double density = 1.0;    // rho_f [kg/m^3]
+  double viscosity = 0.0;  // mu_f [Pa s]; 0: none, and the fluid slips along solids
   double vorticity_confinement = 0.0;
   double smoke_buoyancy = 0.0;        // [m/s^2]
   double temperature_buoyancy = 0.0;  // [m/s^2/K]

@@ -97,12 +97,19 @@ void add_confinement(const Parallel& parallel, const Grid& g, double epsilon, do
         const std::size_t n = g.node(0, j, k), r = g.node(0, j, 0);
         const Real* s = specific_volume.data() + n;
         for (std::size_t a = 0; a < 3; ++a) std::copy_n(in.c[a].data() + n, count, out.c[a].data() + n);
-        if (k == 0 || j == 0 || k == g.cells[2] || j == g.cells[1]) continue;
+        const auto on_face = [&](int index, std::size_t axis) {
+          return g.cells[axis] > 1 && (index == 0 || index == g.cells[axis]);
+        };
+        if (on_face(j, 1) || on_face(k, 2)) continue;
+        // In a slab the row itself stands for what lies beyond.
+        const std::size_t y_low = j > 0 ? row : 0, y_high = j < g.cells[1] ? row : 0, z_low = k > 0 ? plane : 0,
+                          z_high = k < g.cells[2] ? plane : 0;
         const VorticityPlane& here = vorticity(k);
         const Real* m = here.magnitude.data() + r;
         confine_row(count, kick, fluid_volume,
-                    {m, m - row, m + row, vorticity(k - 1).magnitude.data() + r, vorticity(k + 1).magnitude.data() + r},
-                    {s, s - row, s + row, s - plane, s + plane}, here.x.data() + r, here.y.data() + r,
+                    {m, m - y_low, m + y_high, vorticity(std::max(k - 1, 0)).magnitude.data() + r,
+                     vorticity(std::min(k + 1, g.cells[2])).magnitude.data() + r},
+                    {s, s - y_low, s + y_high, s - z_low, s + z_high}, here.x.data() + r, here.y.data() + r,
                     here.z.data() + r, out.c[0].data() + n, out.c[1].data() + n, out.c[2].data() + n);
       }
     }

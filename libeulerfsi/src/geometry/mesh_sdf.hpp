@@ -30,6 +30,7 @@ struct Surface {
   TriangleMesh mesh;  // as given
   SignedDistance distance;
   MeshReport report;
+  std::vector<double> along;  // of a slab's surface: where the points of the mesh were along its axis [m]
 };
 
 // build_signed_distance() with the default margin.

@@ -22,6 +22,7 @@ Overlap overlap(const SignedDistance& a, const SignedDistance& b, const Parallel
   SignedDistance field;
   field.spacing = std::min(a.spacing, b.spacing);
   field.origin = low;
+  field.flat = a.flat == b.flat ? a.flat : -1;
   for (int axis = 0; axis < 3; ++axis)
     field.size[axis] = static_cast<int>(std::ceil((high[axis] - low[axis]) / field.spacing)) + 1;
   field.values.resize(static_cast<std::size_t>(field.size[0]) * field.size[1] * field.size[2]);

@@ -31,6 +31,11 @@ double SignedDistance::sample(const Vec3d& X) const {
   std::array<double, 3> t;
   double outside_squared = 0.0;
   for (int axis = 0; axis < 3; ++axis) {
+    if (axis == flat) {
+      cell[axis] = 0;
+      t[axis] = 0.0;
+      continue;
+    }
     const double last = size[axis] - 1;
     const double position = (X[axis] - origin[axis]) / spacing;
     const double clamped = position > 0.0 ? std::min(position, last) : 0.0;

@@ -14,6 +14,7 @@ struct SignedDistance {
   double spacing = 0.0;          // between nodes [m]
   Vec3d origin = Vec3d::Zero();  // of node (0, 0, 0) [m]
   std::vector<float> values;     // phi of node (i, j, k) at i + size[0] * (j + size[1] * k) [m]
+  int flat = -1;                 // axis along which phi does not change, wherever X is; -1: none
 
   std::size_t index(int i, int j, int k) const {
     return static_cast<std::size_t>(i) +

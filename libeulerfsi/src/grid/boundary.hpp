@@ -2,7 +2,9 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstdint>
+#include <limits>
 
 #include "grid/grid.hpp"
 
@@ -15,6 +17,11 @@ struct Walls {
   // -x +x -y +y -z +z
   std::array<Wall, 6> face{Wall::kSlip, Wall::kSlip, Wall::kSlip, Wall::kSlip, Wall::kSlip, Wall::kSlip};
 
+  // How each face moves: along itself where the fluid sticks to it, across itself where fluid comes in or goes out
+  // through it [m/s].
+  std::array<Vec3d, 6> velocity{Vec3d::Zero(), Vec3d::Zero(), Vec3d::Zero(),
+                                Vec3d::Zero(), Vec3d::Zero(), Vec3d::Zero()};
+
   Wall lower(int axis) const { return face[static_cast<std::size_t>(2 * axis)]; }
   Wall upper(int axis) const { return face[static_cast<std::size_t>(2 * axis + 1)]; }
   bool any_open() const {
@@ -22,10 +29,24 @@ struct Walls {
       if (wall == Wall::kOpen) return true;
     return false;
   }
+  bool any_moves() const {
+    for (const Vec3d& v : velocity)
+      if (!v.isZero(0)) return true;
+    return false;
+  }
   static bool blocks(Wall wall) { return wall == Wall::kSlip || wall == Wall::kNoSlip; }
 };
 
-// Bit a of the result: component a of the velocity at node (i,j,k) is fixed to zero by a wall.
+// Along which axis a box is one cell thick between slip walls, so that nothing in it moves or changes along that axis
+// (docs/numerics/slabs.md); -1: none.
+inline int slab_axis(const Grid& g, const Walls& walls) {
+  for (const int a : {2, 1, 0})
+    if (g.cells[static_cast<std::size_t>(a)] == 1 && walls.lower(a) == Wall::kSlip && walls.upper(a) == Wall::kSlip)
+      return a;
+  return -1;
+}
+
+// Bit a of the result: component a of the velocity at node (i,j,k) is fixed by a wall.
 inline unsigned fixed_components(const Grid& g, const Walls& walls, int i, int j, int k) {
   const int index[3] = {i, j, k};
   unsigned fixed = 0;
@@ -37,6 +58,29 @@ inline unsigned fixed_components(const Grid& g, const Walls& walls, int i, int j
     if (wall == Wall::kNoSlip) fixed |= 7u;
   }
   return fixed;
+}
+
+// To what walls fix the components at a node. Across itself each wall decides; along itself, where several meet, the
+// slowest.
+inline Vec3 wall_velocity(const Grid& g, const Walls& walls, int i, int j, int k) {
+  const int index[3] = {i, j, k};
+  Vec3d across = Vec3d::Zero(), along = Vec3d::Constant(std::numeric_limits<double>::infinity());
+  bool decided[3] = {false, false, false};
+  for (std::size_t a = 0; a < 3; ++a) {
+    const int n = g.cells[a];
+    if (index[a] != 0 && index[a] != n) continue;
+    const std::size_t face = 2 * a + (index[a] == 0 ? 0 : 1);
+    if (!Walls::blocks(walls.face[face])) continue;
+    decided[a] = true;
+    across[static_cast<Eigen::Index>(a)] = walls.velocity[face][static_cast<Eigen::Index>(a)];
+    if (walls.face[face] != Wall::kNoSlip) continue;
+    for (Eigen::Index b = 0; b < 3; ++b)
+      if (std::abs(walls.velocity[face][b]) < std::abs(along[b])) along[b] = walls.velocity[face][b];
+  }
+  Vec3 v = Vec3::Zero();
+  for (Eigen::Index b = 0; b < 3; ++b)
+    v[b] = static_cast<Real>(decided[b] ? across[b] : std::isfinite(along[b]) ? along[b] : 0.0);
+  return v;
 }
 
 // The same for every node. Solids slide on walls: nodes that carry a solid keep their tangential components free on a

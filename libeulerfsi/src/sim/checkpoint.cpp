@@ -105,6 +105,9 @@ std::uint64_t Simulation::scene_hash() const {
                    params_.fluid.temperature_buoyancy, params_.cfl_solid, params_.cfl_fluid, params_.max_time_step,
                    params_.numerics.velocity_tolerance, params_.numerics.pressure_tolerance})
     hash.add_value(v);
+  if (params_.fluid.viscosity > 0.0) hash.add_value(params_.fluid.viscosity);
+  if (params_.walls.any_moves())
+    for (const Vec3d& v : params_.walls.velocity) vector(v);
   const Numerics& n = params_.numerics;
   for (int v :
        {static_cast<int>(n.velocity_solver), static_cast<int>(n.pressure_solver), n.points_per_element,

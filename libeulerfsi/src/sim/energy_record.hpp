@@ -21,6 +21,7 @@ enum class EnergyStage : std::int32_t {
   kRepair,
   kMomentum,     // what restores the momenta
   kPlasticFlow,  // what plastic flow dissipates
+  kViscosity,    // what the viscous fluid dissipates, less what walls that move put in
   kCount
 };
 inline constexpr std::size_t kEnergyStages = static_cast<std::size_t>(EnergyStage::kCount);

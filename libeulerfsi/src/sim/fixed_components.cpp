@@ -28,11 +28,13 @@ void find_fixed_components(const Parallel& parallel, const Scene& scene, const S
 }
 
 // Walls fix nodes on the faces only.
-void enforce_walls(const Parallel& parallel, const Grid& g, const std::vector<std::uint8_t>& fixed,
+void enforce_walls(const Parallel& parallel, const CommonGrid& common, const std::vector<std::uint8_t>& fixed,
                    grid::VectorField& velocity) {
-  for_face_nodes(parallel, g, [&](std::size_t n, int, int, int) {
+  const bool moves = common.walls.any_moves();
+  for_face_nodes(parallel, common.grid, [&](std::size_t n, int i, int j, int k) {
+    const Vec3 wall = moves ? grid::wall_velocity(common.grid, common.walls, i, j, k) : Vec3(Vec3::Zero());
     for (std::size_t a = 0; a < 3; ++a)
-      if (fixed[n] & (1u << a)) velocity.c[a][n] = 0;
+      if (fixed[n] & (1u << a)) velocity.c[a][n] = wall[static_cast<Eigen::Index>(a)];
   });
 }
 

@@ -8,8 +8,8 @@ namespace efsi::sim {
 // By the faces, less where a solid slides. matter.fixed holds zeros or what the last call left, or is empty.
 void find_fixed_components(const Parallel& parallel, const Scene& scene, const SolidStates& states,
                            const SolidWorks& solids, Matter& matter);
-// No velocity along them.
-void enforce_walls(const Parallel& parallel, const grid::Grid& g, const std::vector<std::uint8_t>& fixed,
+// They have the velocity of the walls.
+void enforce_walls(const Parallel& parallel, const CommonGrid& common, const std::vector<std::uint8_t>& fixed,
                    grid::VectorField& velocity);
 
 }  // namespace efsi::sim

@@ -45,6 +45,36 @@ void demand_positive(const std::string& field, double value) {
   if (!(value > 0.0) || !std::isfinite(value)) refuse(field, value, "a finite number > 0");
 }
 
+// A face moves along itself where the fluid sticks to it, and lets fluid through by its velocity across itself, of
+// which in a box without an open face as much has to go out as comes in.
+void validate_wall_velocities(const Params& p) {
+  constexpr const char* axis[3] = {".x", ".y", ".z"};
+  const int slab = grid::slab_axis(make_grid(p), p.walls);
+  double net = 0.0, gross = 0.0;  // [m^3/s]
+  for (int face = 0; face < 6; ++face) {
+    const auto f = static_cast<std::size_t>(face);
+    const int normal = face / 2;
+    const Vec3d& v = p.walls.velocity[f];
+    for (int a = 0; a < 3; ++a) {
+      const std::string field = "EfsiSimulationDef.wall_velocity[" + std::to_string(face) + "]" + axis[a];
+      if (!std::isfinite(v[a])) refuse(field, v[a], "finite");
+      if (v[a] == 0.0) continue;
+      if (!p.fluid.present) refuse(field, v[a], "0 without ambient fluid, which it moves");
+      if (!grid::Walls::blocks(p.walls.face[f])) refuse(field, v[a], "0 on an open or periodic face, which is no wall");
+      if (a != normal && p.walls.face[f] == grid::Wall::kSlip)
+        refuse(field, v[a], "0 along a slip wall, which drags nothing along");
+      if (a == normal && normal == slab) refuse(field, v[a], "0 across a slab");
+    }
+    const double area = p.domain_size[(normal + 1) % 3] * p.domain_size[(normal + 2) % 3];
+    const double flux = (face % 2 ? -1.0 : 1.0) * v[normal] * area;
+    net += flux;
+    gross += std::abs(flux);
+  }
+  if (std::abs(net) > 1e-6 * gross && !p.walls.any_open())
+    refuse("EfsiSimulationDef.wall_velocity: net inflow [m^3/s]", net,
+           "0 in a box without an open face: open one, or let as much out");
+}
+
 }  // namespace
 
 void validate(const Params& p) {
@@ -65,10 +95,16 @@ void validate(const Params& p) {
       refuse(std::string("EfsiSimulationDef.domain_size") + axis[a] + " / voxel_size", cells, "at most 4096 cells");
   }
   demand_positive("EfsiSimulationDef.fluid_density", p.fluid.density);
+  if (!(p.fluid.viscosity >= 0.0) || !std::isfinite(p.fluid.viscosity))
+    refuse("EfsiSimulationDef.fluid_viscosity", p.fluid.viscosity, "a finite number >= 0");
+  validate_wall_velocities(p);
   demand_positive("EfsiSimulationDef.cfl_solid", p.cfl_solid);
   demand_positive("EfsiSimulationDef.cfl_fluid", p.cfl_fluid);
   if (p.cfl_solid > 1000.0) refuse("EfsiSimulationDef.cfl_solid", p.cfl_solid, "at most 1000");
   if (p.cfl_fluid > 8.0) refuse("EfsiSimulationDef.cfl_fluid", p.cfl_fluid, "at most 8");
+  if (p.fluid.vorticity_confinement > 0.0 && grid::slab_axis(make_grid(p), p.walls) == 0)
+    refuse("EfsiSimulationDef.vorticity_confinement", p.fluid.vorticity_confinement,
+           "0 in a slab along x; along y or z a slab can have it");
   if (!(p.max_time_step >= 0.0)) refuse("EfsiSimulationDef.max_time_step", p.max_time_step, ">= 0");
   if (!(p.fluid.vorticity_confinement >= 0.0))
     refuse("EfsiSimulationDef.vorticity_confinement", p.fluid.vorticity_confinement, ">= 0");
@@ -96,7 +132,10 @@ double estimate_memory(const Params& p, double solid_volume) {
   constexpr double kBytesPerCell = 150.0, kBytesPerBandCell = 520.0;
   double cells = 1.0;
   for (int a = 0; a < 3; ++a) cells *= std::ceil(p.domain_size[a] / p.voxel_size) + 1.0;
+  const bool flat = grid::slab_axis(make_grid(p), p.walls) >= 0;
   const auto around_solids = [&](double margin) {  // cells of a box with that many more on each side
+    if (flat && solid_volume > 0.0)
+      return 2.0 * std::pow(std::sqrt(solid_volume / p.voxel_size) / p.voxel_size + 2.0 * margin, 2);
     return solid_volume > 0.0 ? std::pow(std::cbrt(solid_volume) / p.voxel_size + 2.0 * margin, 3) : 0.0;
   };
   if (!p.fluid.present) cells = std::min(cells, around_solids(kWindowMargin + 0.25 * kWindowStep));

@@ -13,6 +13,7 @@
 #include "geometry/overlap.hpp"
 #include "linalg/reduce.hpp"
 #include "sim/checkpoint.hpp"
+#include "sim/slab_state.hpp"
 #include "solid/displacement.hpp"
 #include "solid/mass.hpp"
 #include "solid/material_force.hpp"
@@ -77,11 +78,28 @@ void validate(const SolidDesc& d) {
 // A solid's shape where it starts: that at rest, or that stretched about its centre of volume.
 std::shared_ptr<const geometry::Surface> stretched(const SolidDesc& desc, const Vec3d& center, double spacing,
                                                    std::shared_ptr<const geometry::Surface> rest,
+                                                   const std::optional<geometry::Slab>& slab,
                                                    const Parallel& parallel) {
   if (desc.stretch == Vec3d::Ones()) return rest;
   geometry::TriangleMesh mesh = rest->mesh;
   for (Vec3d& x : mesh.points) x = center + desc.stretch.cwiseProduct(x - center);
-  return geometry::examine(std::move(mesh), spacing, parallel);
+  auto surface = geometry::examine(std::move(mesh), spacing, parallel);
+  return slab ? geometry::lay_in_slab(*surface, *slab, parallel) : surface;
+}
+
+constexpr double kTurning = 1e-6;  // what turning a scene to the axes of the box leaves
+
+// In a slab solids start without a velocity across it, but for rounding.
+void demand_flat(const SolidDesc& d, int axis) {
+  constexpr const char* name[3] = {".x", ".y", ".z"};
+  const std::string limit = std::string("0 in a slab, a domain one cell thick along ") + name[axis][1];
+  if (std::abs(d.velocity[axis]) > kTurning * d.velocity.norm())
+    refuse(std::string("EfsiSolidDef.velocity") + name[axis], d.velocity[axis], limit);
+  if (d.stretch[axis] != 1.0)
+    refuse(std::string("EfsiSolidDef.stretch") + name[axis], d.stretch[axis], std::string("1") + limit.substr(1));
+  for (const int a : {(axis + 1) % 3, (axis + 2) % 3})
+    if (std::abs(d.angular_velocity[a]) > kTurning * d.angular_velocity.norm())
+      refuse(std::string("EfsiSolidDef.angular_velocity") + name[a], d.angular_velocity[a], limit);
 }
 
 constexpr double kOnBorder = 1e-3;  // cells: what is so near to the border of a region is in it
@@ -209,21 +227,29 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
   rest.compressible = desc.compressible;
   rest.plastic = desc.plastic;
   const double spacing = kRestSpacing * grid_.h;
-  const auto surface = desc.examined ? desc.examined : geometry::examine(desc.surface, spacing, parallel_);
+  auto surface = desc.examined ? desc.examined : geometry::examine(desc.surface, spacing, parallel_);
   if (surface->distance.spacing != spacing)
     refuse("EfsiSolidDef.surface: made for voxel_size", surface->distance.spacing / kRestSpacing,
            "the simulation's, " + number(grid_.h));
+  const std::optional<geometry::Slab> slab = slab_of(params_, grid_);
+  if (slab) {
+    demand_flat(desc, slab->axis);
+    if (surface->distance.flat != slab->axis) surface = geometry::lay_in_slab(*surface, *slab, parallel_);
+  } else if (surface->distance.flat >= 0) {
+    throw Error(ErrorCode::kArgument, "EfsiSolidDef.surface: laid in a slab: must not be, where the domain is none");
+  }
   report = surface->report;
   if (report.repaired) log_.warning("mesh repaired: " + report.repairs);
   rest.distance = surface->distance;
   rest.surface = surface->mesh;
   if (params_.numerics.uses_particles()) rest.nearest = geometry::NearestTriangle(rest.surface);
+  rest.along = surface->along;
   rest.clusters = solid::make_surface_clusters(rest.surface, rest.distance, grid_.h);
   rest.volume = report.solid_volume;
   rest.area = geometry::surface_area(rest.surface);
   if (!(rest.volume > 0.0)) throw Error(ErrorCode::kMesh, "EfsiSolidDef.mesh: encloses no volume");
   const Vec3d center = geometry::center_of_volume(rest.surface);
-  auto start = stretched(desc, center, spacing, surface, parallel_);
+  auto start = stretched(desc, center, spacing, surface, slab, parallel_);
   const geometry::MeshReport& placed = start->report;
   if (!collider) demand_inside(placed);
   demand_apart(collider, start->distance);
@@ -255,6 +281,7 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
         state.v.set(g.node(i, j, k), v.cast<Real>());
       }
   state.surface = start->mesh.points;
+  if (slab) flatten(parallel_, rest, slab->axis, state);
   if (rest.plastic.yields()) {
     rest.plastic_lattice = solid::make_plastic_lattice(report.extent_min, report.extent_max, grid_.h);
     state.plastic.resize(rest.plastic_lattice.node_count());
@@ -301,7 +328,8 @@ void Simulation::set_keys(std::size_t emitter, std::vector<fluid::EmitterKey> ke
 std::size_t Simulation::add_pin(std::size_t solid, const geometry::SignedDistance& volume) {
   Pin pin;
   pin.solid = solid;
-  pin.region = volume;
+  const std::optional<geometry::Slab> slab = slab_of(params_, grid_);
+  pin.region = slab ? geometry::flattened(volume, *slab) : volume;
   for (float& distance : pin.region.values) distance -= static_cast<float>(kOnBorder * grid_.h);
   return add_pin(std::move(pin));
 }
@@ -310,6 +338,7 @@ std::size_t Simulation::add_pin(std::size_t solid, const std::vector<std::uint8_
   Pin pin;
   pin.solid = solid;
   pin.region = region_of(solids_[solid].surface, vertices, grid_.h);
+  if (const auto slab = slab_of(params_, grid_)) pin.region = geometry::flattened(pin.region, *slab);
   return add_pin(std::move(pin));
 }
 
@@ -346,7 +375,16 @@ std::size_t Simulation::add_pin(Pin pin) {
 }
 
 void Simulation::set_motion(std::size_t pin, double start, double end, const Pose& from, const Pose& to) {
-  pins_[pin].motion = {start, end, from, to, pins_[pin].motion.center};
+  GivenMotion motion{start, end, from, to, pins_[pin].motion.center};
+  if (const int slab = grid::slab_axis(grid_, params_.walls); slab >= 0)
+    for (Pose* pose : {&motion.from, &motion.to}) {
+      if (pose->turn(slab, slab) < 1.0 - kTurning)
+        throw Error(ErrorCode::kArgument, "pin " + std::to_string(pin + 1) +
+                                              ": its pose turns out of the slab: must turn about its axis, " +
+                                              "xyz"[slab]);
+      pose->shift[slab] = 0.0;  // nothing moves across a slab
+    }
+  pins_[pin].motion = motion;
 }
 
 std::size_t Simulation::add_passenger(std::size_t solid, std::vector<Vec3d> points) {
@@ -595,6 +633,14 @@ FluidDiagnostics Simulation::diagnose_fluid() {
   return d;
 }
 
+std::vector<Vec3d> Simulation::surface_points(std::size_t index) const {
+  std::vector<Vec3d> points = state_.solids[index].surface;
+  const std::vector<double>& along = solids_[index].along;
+  const int slab = grid::slab_axis(grid_, params_.walls);
+  for (std::size_t v = 0; v < along.size(); ++v) points[v][slab] = along[v];
+  return points;
+}
+
 std::vector<Vec3d> Simulation::surface_velocity(std::size_t index) const {
   std::vector<Vec3d> velocity;
   solid::sample_surface_velocity(parallel_, state_.solids[index], velocity);
@@ -652,7 +698,7 @@ std::uint64_t Simulation::memory_bytes() const {
   count.array(matter.fixed);
   count.array(matter.owned);
   std::uint64_t sum = count.bytes + work_.velocity.slip.bytes() + elasticity.system.bytes() + pressure.system.bytes() +
-                      work_.advect.bytes() + work_.solid_advect.bytes();
+                      work_.advect.bytes() + work_.solid_advect.bytes() + work_.viscous.bytes();
   for (const auto& solid : work_.solids) sum += solid.bytes();
   for (const auto& particles : work_.particles) sum += particles.bytes();
   for (const auto& solid : solids_) sum += solid.nearest.bytes();

@@ -108,6 +108,8 @@ class Simulation {
 
   SolidDiagnostics diagnose_solid(std::size_t index);
   FluidDiagnostics diagnose_fluid();
+  // Of a solid's surface, as the mesh was given: what lies beyond a slab stays there.
+  std::vector<Vec3d> surface_points(std::size_t index) const;
   std::vector<Vec3d> surface_velocity(std::size_t index) const;
   std::size_t passenger_count() const { return passengers_.size(); }
   std::size_t passenger_points(std::size_t index) const { return passengers_[index].second.points.size(); }

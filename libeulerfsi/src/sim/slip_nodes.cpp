@@ -44,7 +44,10 @@ bool find_slip(const Matter& matter, const std::vector<std::uint32_t>& carrier, 
   const Grid& g = matter.common.grid;
   const auto [i, j, k] = at;
   const Real fluid_mass = matter.fluid_mass[node.node];
-  const bool face = i == 0 || j == 0 || k == 0 || i == g.cells[0] || j == g.cells[1] || k == g.cells[2];
+  const int slab = grid::slab_axis(g, matter.common.walls);
+  bool face = false;
+  for (std::size_t a = 0; a < 3; ++a)
+    face = face || (static_cast<int>(a) != slab && (at[a] == 0 || at[a] == g.cells[a]));
   if (face || !(solid_mass > 0) || !(fluid_mass > 0)) return false;
   // Between folds of one solid; two solids part and meet, and the fluid between them has to get in and out.
   const auto is_gap = [&](int x, int y, int z) {
@@ -56,6 +59,7 @@ bool find_slip(const Matter& matter, const std::vector<std::uint32_t>& carrier, 
   };
   for (std::size_t a = 0; a < 8; ++a) {
     const auto& corner = grid::kCorner[a];
+    if (slab >= 0 && at[static_cast<std::size_t>(slab)] != corner[slab]) continue;  // beyond the slab
     if (matter.owned[g.padded(i - corner[0], j - corner[1], k - corner[2])])
       node.solid_cells = static_cast<std::uint8_t>(node.solid_cells | (1u << a));
     else if (is_gap(i - corner[0], j - corner[1], k - corner[2]))
@@ -64,7 +68,7 @@ bool find_slip(const Matter& matter, const std::vector<std::uint32_t>& carrier, 
   node.solid = solid;
   node.solid_mass = solid_mass;
   node.fluid_mass = fluid_mass;
-  node.normal = system::stair_normal(node.solid_cells);
+  node.normal = system::stair_normal(node.solid_cells, slab);
   return !node.normal.isZero();
 }
 
@@ -98,7 +102,8 @@ void find_shared(const Scene& scene, const SolidStates& states, const SolidWorks
 system::SlipNodes find_slip_nodes(const Parallel& parallel, const Scene& scene, const SolidStates& states,
                                   const SolidWorks& solids, const Matter& matter) {
   const Numerics& numerics = scene.params.numerics;
-  const bool slips = numerics.fluid_slips && scene.params.fluid.present;
+  const fluid::FluidParams& fluid = scene.params.fluid;
+  const bool slips = numerics.fluid_slips && fluid.present && fluid.viscosity == 0.0;  // what is viscous sticks
   const bool shares = numerics.walls_push_only && states.size() > 1;
   if (states.empty() || (!slips && !shares)) return {};
   const Grid& g = matter.common.grid;
@@ -130,7 +135,7 @@ system::SlipNodes find_slip_nodes(const Parallel& parallel, const Scene& scene, 
       });
     nodes.insert(nodes.end(), plane.begin(), plane.end());
   }
-  return system::SlipNodes(parallel, g, std::move(nodes));
+  return system::SlipNodes(parallel, g, std::move(nodes), grid::slab_axis(g, matter.common.walls));
 }
 
 }  // namespace efsi::sim

@@ -16,9 +16,11 @@
 #include "sim/prescribed.hpp"
 #include "sim/pressure.hpp"
 #include "sim/repair_maps.hpp"
+#include "sim/slab_state.hpp"
 #include "sim/solid_contact.hpp"
 #include "sim/time_step.hpp"
 #include "sim/velocity_solve.hpp"
+#include "sim/viscosity.hpp"
 #include "sim/wall_contact.hpp"
 #include "solid/displacement.hpp"
 #include "solid/mass.hpp"
@@ -89,10 +91,12 @@ void transport_solid(const StepContext& step, std::size_t l, const solid::RigidS
                      solid::SolidWork& work, solid::SolidState& state, solid::AdvectWorkspace& packed,
                      std::vector<solid::Particles>& particles, EnergyLedger& ledger) {
   const auto& [parallel, scene, time, dt, profile, info] = step;
+  const int slab = grid::slab_axis(scene.grid, scene.params.walls);
   if (is_collider(scene.pins, l)) {
     ScopedTimer timer(profile, Stage::kSolidAdvection);
     ledger.leave(l);
     place_collider(step, l, state, work);
+    if (slab >= 0) flatten(parallel, scene.solids[l], slab, state);
     return;
   }
   {
@@ -111,6 +115,7 @@ void transport_solid(const StepContext& step, std::size_t l, const solid::RigidS
   carry_surface(step, l, frame, packed, work, state);
   ScopedTimer timer(profile, Stage::kSolidAdvection);
   give_surface(step, l, state);
+  if (slab >= 0) flatten(parallel, scene.solids[l], slab, state);
   remember_elements(step, hold, work, state);
   solid::follow_solid(scene.grid, scene.solids[l], state);
 }
@@ -121,8 +126,8 @@ void settle(const StepContext& step, const std::vector<VolumeTarget>& targets, S
             EnergyLedger& ledger) {
   const auto& [parallel, scene, time, dt, profile, info] = step;
   const Numerics& numerics = scene.params.numerics;
-  auto& [solids, matter, velocity, elasticity, pressure, momenta, advect, solid_advect, particles, backup, ready] =
-      work;
+  auto& [solids, matter, velocity, elasticity, pressure, momenta, advect, solid_advect, viscous, particles, backup,
+         ready] = work;
   SolidStates& states = state.solids;
   fluid::FluidState& fluid = state.fluid;
   ready = numerics.repair_map || numerics.conserve_momentum;
@@ -140,6 +145,8 @@ void settle(const StepContext& step, const std::vector<VolumeTarget>& targets, S
   }
   if (numerics.conserve_momentum) {
     restore_momenta(step, momenta, solids, matter, states, fluid.velocity);
+    if (const int slab = grid::slab_axis(scene.grid, scene.params.walls); slab >= 0)
+      for (std::size_t l = 0; l < states.size(); ++l) flatten(parallel, scene.solids[l], slab, states[l]);
     ledger.book_solids(EnergyStage::kMomentum);
     ledger.book_fluid(EnergyStage::kMomentum, matter, fluid.velocity);
   }
@@ -175,8 +182,8 @@ void finish(const StepContext& step, const SolidWorks& solids, State& state) {
 StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, double shrink, State& state,
               Workspace& work, Profile& profile) {
   const Numerics& numerics = scene.params.numerics;
-  auto& [solids, matter, velocity, elasticity, pressure, momenta, advect, solid_advect, particles, backup, ready] =
-      work;
+  auto& [solids, matter, velocity, elasticity, pressure, momenta, advect, solid_advect, viscous, particles, backup,
+         ready] = work;
   const grid::Grid& common = matter.common.grid;
   SolidStates& states = state.solids;
   fluid::FluidState& fluid = state.fluid;
@@ -212,6 +219,8 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   meet_walls(step, states, solids, matter, velocity, elasticity.walls);
   keep_given(elasticity.given, elasticity.walls, velocity);
   ledger.book_nodes(EnergyStage::kWalls, velocity);
+  diffuse_velocity(step, matter, velocity, viscous);
+  ledger.book_nodes(EnergyStage::kViscosity, velocity);
   assemble_velocity_system(step, states, solids, matter, velocity, elasticity);  // Alg. 1 line 8
   prepare_pressure(step, states, solids, matter, fluid.pressure, elasticity, velocity, pressure);
   ledger.book_nodes(EnergyStage::kPressure, velocity);
@@ -240,6 +249,8 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   still_fluid(elasticity.walls, velocity.field);
   advect_fluid(step, velocity.field, velocity.slip, pressure.jets, matter, fluid, advect,  // Alg. 1 line 22
                pressure.system);
+  if (const int slab = grid::slab_axis(scene.grid, scene.params.walls); slab >= 0 && scene.params.fluid.present)
+    flatten(parallel, common, slab, fluid.velocity);
   ledger.book_fluid(fluid.velocity);
   ledger.book_inflow(pressure.jets, velocity.field);
   settle(step, targets, state, work, ledger);

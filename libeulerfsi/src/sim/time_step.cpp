@@ -61,10 +61,11 @@ Gaps measure_gaps(const Scene& scene, const solid::SolidState& solid) {
   const grid::NodeSampler sampler(solid.band.grid);
   Gaps gaps;
   gaps.cells.fill(std::numeric_limits<double>::infinity());
+  const int slab = grid::slab_axis(g, scene.params.walls);
   for (const Vec3d& x : solid.surface)
     for (std::size_t face = 0; face < 6; ++face) {
-      if (!grid::Walls::blocks(scene.params.walls.face[face])) continue;
       const std::size_t axis = face / 2;
+      if (!grid::Walls::blocks(scene.params.walls.face[face]) || static_cast<int>(axis) == slab) continue;
       const double at = (x[static_cast<Eigen::Index>(axis)] - g.origin[static_cast<Eigen::Index>(axis)]) / g.h;
       const double distance = face % 2 ? g.cells[axis] - at : at;
       gaps.cells[face] = std::min(gaps.cells[face], distance);
@@ -175,6 +176,7 @@ double compute_time_step(const Parallel& parallel, const Scene& scene, const Sol
     if (steps == 0 && params.numerics.resolve_impacts && is_dense(params.fluid, scene.solids[l]))
       limit = std::min(limit, time_to_move(states[l].speed, 0.0, kStart * g.h));
   }
+  for (const Vec3d& v : params.walls.velocity) fluid_speed = std::max(fluid_speed, v.cwiseAbs().maxCoeff());
   if (params.fluid.present) limit = std::min(limit, time_to_move(fluid_speed, 0.0, params.cfl_fluid * g.h));
   return remaining / std::ceil(remaining / limit - 1e-6);
 }

@@ -78,7 +78,7 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
   std::vector<std::uint8_t> held;
   if (!walls.empty()) held = held_components(matter.fixed, walls);
   system.assemble(parallel, matter.common.grid, walls.empty() ? matter.fixed : held, refs, matter.mass, velocity.slip,
-                  dt);
+                  dt, grid::slab_axis(matter.common.grid, matter.common.walls));
   tie_rows(elasticity.walls, system);
   fix_given(elasticity.given, system);
   number_rows(system, contacts);

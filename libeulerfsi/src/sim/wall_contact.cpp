@@ -52,6 +52,7 @@ Footprint footprint(const StepContext& step, const solid::SolidState& state, con
   Footprint out;
   const Grid &g = common.grid, &band = state.band.grid;
   if (!grid::Walls::blocks(common.walls.face[face])) return out;
+  if (static_cast<int>(face / 2) == grid::slab_axis(g, common.walls)) return out;  // a slab's faces hold it always
   const Vec3i lo = grid::offset(band, g);
   const std::size_t a = face / 2, u = (a + 1) % 3, v = (a + 2) % 3;
   const bool below = face % 2 == 0;
@@ -279,7 +280,7 @@ void meet_walls(const StepContext& step, const SolidStates& states, const SolidW
     else if (row.rub == Rub::kSticks && row.on_wall)
       matter.fixed[row.node] = static_cast<std::uint8_t>(matter.fixed[row.node] | row.tangents);
   }
-  enforce_walls(parallel, matter.common.grid, matter.fixed, velocity.field);
+  enforce_walls(parallel, matter.common, matter.fixed, velocity.field);
   for (std::size_t t = 0; t < slip.nodes().size(); ++t)
     for (int a = 0; a < 3; ++a)
       if (slip.nodes()[t].fixed & bit(a)) slip.solid_velocity()[t][a] = 0;

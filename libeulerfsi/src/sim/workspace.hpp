@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "fluid/advect.hpp"
+#include "fluid/viscosity.hpp"
 #include "sim/hold.hpp"
 #include "sim/scene.hpp"
 #include "sim/state.hpp"
@@ -127,6 +128,7 @@ struct Workspace {
   TransportMomenta momenta;
   fluid::AdvectWorkspace advect;
   solid::AdvectWorkspace solid_advect;
+  fluid::ViscousWorkspace viscous;          // empty unless the fluid is viscous
   std::vector<solid::Particles> particles;  // per solid; empty where no preset asks for them
   State backup;                             // the last good state
   bool masses_ready = false;                // solids' masses and matter are those of the state

@@ -31,8 +31,9 @@ struct SolidRest {
   double contact_stiffness = 0.0;     // k of Eq. 14; of two solids the mean [N/m]
   bool compressible = false;          // no pressure acts in its cells
   geometry::SignedDistance distance;  // material space
-  geometry::TriangleMesh surface;     // as given, material space
+  geometry::TriangleMesh surface;     // as given, material space; in a slab what lies beyond it is on its faces
   geometry::NearestTriangle nearest;  // of the surface at rest; empty: nothing asks
+  std::vector<double> along;          // in a slab: where the surface's points were given along its axis [m]
   SurfaceClusters clusters;           // of its points; none: no vertex is mended
   double volume = 0.0;                // of the closed rest shape [m^3]
   double area = 0.0;                  // of the surface at rest [m^2]

@@ -4,6 +4,7 @@
 #include <array>
 
 #include "base/kernel.hpp"
+#include "grid/boundary.hpp"
 #include "linalg/reduce.hpp"
 #include "system/pressure_transfer.hpp"
 
@@ -56,9 +57,12 @@ void set_mobility(const Parallel& parallel, const std::vector<Real>& specific_vo
   });
 }
 
-bool can_coarsen(const Grid& g) {
+bool can_coarsen(const Grid& g, int slab) {
   for (std::size_t a = 0; a < 3; ++a)
-    if (g.cells[a] <= kCoarsestCells || (g.periodic[a] && g.cells[a] % 2 != 0)) return false;
+    if (static_cast<int>(a) == slab)
+      continue;  // its one cell stays
+    else if (g.cells[a] <= kCoarsestCells || (g.periodic[a] && g.cells[a] % 2 != 0))
+      return false;
   return true;
 }
 
@@ -116,7 +120,8 @@ void PressureMultigrid::build(const Parallel& parallel, const Grid& g, const Wal
 
 void PressureMultigrid::build_coarse(const Parallel& parallel, const std::vector<Real>& specific_volume) {
   std::size_t count = 0;
-  for (Grid g = finest_.grid; can_coarsen(g); g = coarsen(g)) ++count;
+  const int slab = grid::slab_axis(finest_.grid, finest_.walls);
+  for (Grid g = finest_.grid; can_coarsen(g, slab); g = coarsen(g)) ++count;
   coarse_.resize(count);
   for (std::size_t l = 0; l < count; ++l) {
     const PressureGrid& fine = l > 0 ? static_cast<const PressureGrid&>(coarse_[l - 1].op) : finest_;

@@ -78,6 +78,7 @@ DivergenceNorms PressureSystem::set_right_side(const Parallel& parallel, const V
                                                const std::vector<Real>& source) {
   compute_residual(parallel, velocity, source, rhs_);
   const DivergenceNorms norms = residual_norms(parallel, rhs_);
+  if (walls_.any_moves()) subtract_alternating(parallel);
   if (!closed()) return norms;
   // In a closed box it must sum to zero.
   const auto& active = multigrid_.finest().active;
@@ -91,6 +92,31 @@ DivergenceNorms PressureSystem::set_right_side(const Parallel& parallel, const V
       subtract_row(grid_.cells[0], mean, rhs_.data() + grid_.padded(0, j, static_cast<int>(k)));
   });
   return norms;
+}
+
+void PressureSystem::subtract_alternating(const Parallel& parallel) {
+  const auto alternates = [&](std::size_t axis) {
+    if (grid_.periodic[axis]) return grid_.cells[axis] % 2 == 0;
+    const int a = static_cast<int>(axis);
+    return walls_.lower(a) == grid::Wall::kNoSlip && walls_.upper(a) == grid::Wall::kNoSlip;
+  };
+  for (std::size_t a = 0; a < 3; ++a) {
+    const std::size_t u = (a + 1) % 3, v = (a + 2) % 3;
+    if (!alternates(u) || !alternates(v)) continue;
+    parallel.for_each(grid_.cells[a], [&](std::int64_t layer) {
+      const auto for_layer = [&](const auto& body) {
+        Vec3i at{};
+        at[a] = static_cast<int>(layer);
+        for (at[v] = 0; at[v] < grid_.cells[v]; ++at[v])
+          for (at[u] = 0; at[u] < grid_.cells[u]; ++at[u])
+            body(rhs_[grid_.padded(at[0], at[1], at[2])], (at[u] + at[v]) % 2 ? -1.0 : 1.0);
+      };
+      double sum = 0.0;
+      for_layer([&](const Real& value, double sign) { sum += sign * static_cast<double>(value); });
+      const double part = sum / (static_cast<double>(grid_.cells[u]) * grid_.cells[v]);
+      for_layer([&](Real& value, double sign) { value -= static_cast<Real>(sign * part); });
+    });
+  }
 }
 
 void PressureSystem::subtract_mean(const Parallel& parallel, const std::vector<std::uint8_t>& active) {

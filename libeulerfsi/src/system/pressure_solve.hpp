@@ -53,6 +53,10 @@ class PressureSystem {
 
  private:
   bool closed() const;
+  // Of the right-hand side: what no pressure can take, since it would push no node that is free. Where the fluid sticks
+  // to the walls along two axes a pressure that alternates along both, cell by cell, and is what it likes along the
+  // third, does not. Fluxes of nodes that move have nothing of it, those of walls that move may have.
+  void subtract_alternating(const Parallel& parallel);
   // Of the right-hand side over the cells with an equation.
   void subtract_mean(const Parallel& parallel, const std::vector<std::uint8_t>& active);
   void compute_residual(const Parallel& parallel, const VectorField& velocity, const std::vector<Real>& source,

@@ -44,10 +44,13 @@ AxisTable restriction_table(int fine, int coarse, grid::Wall lower, grid::Wall u
 }
 
 std::array<AxisTable, 3> restriction_tables(const Grid& fine, const Grid& coarse, const Walls& walls) {
+  const int slab = grid::slab_axis(fine, walls);
   std::array<AxisTable, 3> tables;
   for (int a = 0; a < 3; ++a) {
     const auto s = static_cast<std::size_t>(a);
     tables[s] = restriction_table(fine.cells[s], coarse.cells[s], walls.lower(a), walls.upper(a), fine.periodic[s]);
+    // A slab's coarse cell counts as a cube, twice as thick as the fine cells that it stands for.
+    if (a == slab) tables[s].weight[0] = {0, 2, 0, 0};
   }
   return tables;
 }

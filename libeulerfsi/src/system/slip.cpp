@@ -12,15 +12,17 @@ constexpr Real kNoEndOfMass = Real(1e30);  // kg
 
 }  // namespace
 
-Vec3 stair_normal(std::uint8_t solid_cells) {
+Vec3 stair_normal(std::uint8_t solid_cells, int slab) {
   Vec3 sum = Vec3::Zero();
   for (std::size_t corner = 0; corner < 8; ++corner)
     if (solid_cells >> corner & 1u) sum += side_of(corner);
+  if (slab >= 0) sum[slab] = 0;
   return sum.isZero() ? sum : sum.normalized();
 }
 
-SlipNodes::SlipNodes(const Parallel& parallel, const grid::Grid& g, std::vector<SlipNode> nodes)
+SlipNodes::SlipNodes(const Parallel& parallel, const grid::Grid& g, std::vector<SlipNode> nodes, int slab)
     : grid_(g), nodes_(std::move(nodes)) {
+  if (slab >= 0) moving_[slab] = 0;
   solid_velocity_.assign(nodes_.size(), Vec3::Zero());
   plane_begin_.assign(static_cast<std::size_t>(g.cells[2]) + 2, 0);
   for (const SlipNode& n : nodes_) ++plane_begin_[static_cast<std::size_t>(n.k) + 1];
@@ -33,7 +35,7 @@ SlipNodes::SlipNodes(const Parallel& parallel, const grid::Grid& g, std::vector<
   terms_.resize(nodes_.size());
   for_nodes(parallel, [&](const SlipNode& n, std::size_t t) {
     if (!n.shared())
-      terms_[t] = terms(n, area());
+      terms_[t] = terms(n);
     else if (leads(t))
       terms_[t] = share_terms(t);
     else
@@ -157,20 +159,20 @@ Real SlipNodes::smoother_share(std::size_t t, std::size_t corner) const {
 
 // A pressure q in cell c pushes with area q side(c). Its own velocity loses the part of that across the normal over its
 // own mass, both gain the same over their common mass, and cell d sees area side(d) times what its velocity loses.
-SlipNodes::Terms SlipNodes::terms(const SlipNode& n, Real area) {
+SlipNodes::Terms SlipNodes::terms(const SlipNode& n) const {
   using grid::Octet;
-  Octet side[3], solid;  // per cell
+  Octet sides[3], solid;  // per cell
   for (std::size_t d = 0; d < 8; ++d) {
-    const Vec3 s = side_of(d);
-    for (int a = 0; a < 3; ++a) side[a][d] = s[a];
+    const Vec3 s = side(d);
+    for (int a = 0; a < 3; ++a) sides[a][d] = s[a];
     solid[d] = in_solid(n, d) ? Real(1) : Real(0);
   }
-  const Octet normal = n.normal[0] * side[0] + n.normal[1] * side[1] + n.normal[2] * side[2];
-  const Real square = area * area, common = square / (n.solid_mass + n.fluid_mass);
+  const Octet normal = n.normal[0] * sides[0] + n.normal[1] * sides[1] + n.normal[2] * sides[2];
+  const Real square = area() * area(), common = square / (n.solid_mass + n.fluid_mass);
   const Real solid_share = square / n.solid_mass, fluid_share = square / n.fluid_mass;
   Terms out;
   for (std::size_t c = 0; c < 8; ++c) {
-    const Octet across = side[0][c] * side[0] + side[1][c] * side[1] + side[2][c] * side[2] - normal[c] * normal;
+    const Octet across = sides[0][c] * sides[0] + sides[1][c] * sides[1] + sides[2][c] * sides[2] - normal[c] * normal;
     const Octet own = in_solid(n, c) ? solid_share * solid : fluid_share * (Real(1) - solid);
     grid::store_octet(out[c].data(), across * (own - common));
   }
@@ -187,7 +189,7 @@ void SlipNodes::hold(const Parallel& parallel, const std::vector<Real>& specific
       return;
     }
     nodes_[t].solid_mass = kNoEndOfMass;
-    terms_[t] = terms(nodes_[t], area());
+    terms_[t] = terms(nodes_[t]);
   });
 }
 
@@ -279,7 +281,7 @@ void SlipNodes::correct_flux(const Parallel& parallel, const grid::VectorField& 
 SlipNodes::Pair SlipNodes::impulses(std::size_t t, const std::vector<Real>& q) const {
   Pair g{Vec3::Zero(), Vec3::Zero()};
   for (std::size_t corner = 0; corner < 8; ++corner)
-    (in_solid(nodes_[t], corner) ? g.solid : g.fluid) += q[cell_[t] - back_[corner]] * side_of(corner);
+    (in_solid(nodes_[t], corner) ? g.solid : g.fluid) += q[cell_[t] - back_[corner]] * side(corner);
   return {area() * g.solid, area() * g.fluid};
 }
 

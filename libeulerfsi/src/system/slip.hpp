@@ -26,7 +26,7 @@ namespace efsi::system {
 // A solid's own velocity at a node.
 struct SlipNode {
   std::size_t node;  // of the grid
-  int i, j, k;       // on no face of the box, unless several solids carry the node
+  int i, j, k;       // on no face of the box but those of a slab, unless several solids carry the node
   std::size_t solid;
   std::uint8_t solid_cells;     // bit a: the cell that has this node as corner a (grid::kCorner) belongs to the solid
   Vec3 normal = Vec3::Zero();   // out of the solid
@@ -49,14 +49,15 @@ inline Vec3 side_of(std::size_t corner) {
   const auto& c = grid::kCorner[corner];
   return Vec3(c[0] ? Real(1) : Real(-1), c[1] ? Real(1) : Real(-1), c[2] ? Real(1) : Real(-1));
 }
-// The normal at a node, out of its solid cells (bits as in SlipNode); zero where they lie on opposite sides.
-Vec3 stair_normal(std::uint8_t solid_cells);
+// The normal at a node, out of its solid cells (bits as in SlipNode); zero where they lie on opposite sides. slab: axis
+// of a slab, along which nothing changes; -1: none.
+Vec3 stair_normal(std::uint8_t solid_cells, int slab = -1);
 
 class SlipNodes {
  public:
   SlipNodes() = default;
-  // nodes: in ascending order, of one node in that of the solids.
-  SlipNodes(const Parallel& parallel, const grid::Grid& g, std::vector<SlipNode> nodes);
+  // nodes: in ascending order, of one node in that of the solids. slab: its axis, along which nothing moves; -1: none.
+  SlipNodes(const Parallel& parallel, const grid::Grid& g, std::vector<SlipNode> nodes, int slab = -1);
   // The solid's velocity is given at nodes where this is 0: it has no end of mass there. Of shared nodes prescribe()
   // tells whose.
   void hold(const Parallel& parallel, const std::vector<Real>& specific_volume);
@@ -106,8 +107,8 @@ class SlipNodes {
         return;
       }
       const Real one = 1 / (n.solid_mass + n.fluid_mass), own = 1 / (in_solid(n, corner) ? n.solid_mass : n.fluid_mass);
-      const Real excess = (own - one) * across(n.normal, side_of(corner)).squaredNorm();
-      body(cell, area() * area() * (Real(1.5) * excess + Real(0.5) * 3 * one));
+      const Real excess = (own - one) * across(n.normal, side(corner)).squaredNorm();
+      body(cell, area() * area() * (Real(1.5) * excess + Real(0.5) * moving_.sum() * one));
     });
   }
   // After v_f -= g / (m_s + m_f): what is left to do for both velocities.
@@ -124,6 +125,8 @@ class SlipNodes {
   static bool in_solid(const SlipNode& n, std::size_t corner) { return n.solid_cells >> corner & 1u; }
   bool leads(std::size_t t) const { return t == 0 || nodes_[t - 1].node != nodes_[t].node; }
   static Vec3 across(const Vec3& normal, const Vec3& v) { return v - normal.dot(v) * normal; }
+  // side_of(corner) along the axes along which something moves.
+  Vec3 side(std::size_t corner) const { return side_of(corner).cwiseProduct(moving_); }
   Real area() const { return static_cast<Real>(grid_.h * grid_.h / 4.0); }
   // Calls body(index, corner, padded cell) for the cells around the nodes; layers of cells in parallel.
   template <class Body>
@@ -144,7 +147,7 @@ class SlipNodes {
   }
   // (A - A_1) between the 8 cells of a node: what a value in each of them gives all of them.
   using Terms = std::array<std::array<Real, 8>, 8>;
-  static Terms terms(const SlipNode& n, Real area);
+  Terms terms(const SlipNode& n) const;
   struct Pair {
     Vec3 solid, fluid;
   };
@@ -175,6 +178,7 @@ class SlipNodes {
   Vec3 base_inverse_mass(const SlipNode& n) const;
 
   grid::Grid grid_;
+  Vec3 moving_ = Vec3::Ones();  // 0 along the axis of a slab
   std::vector<SlipNode> nodes_;
   std::vector<std::size_t> plane_begin_;  // first node of each plane of nodes, and the end
   std::vector<Vec3> solid_velocity_;

@@ -32,8 +32,9 @@ StiffnessShares stiffness_shares(double pace, double strain, double growth) {
 
 void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, const std::vector<std::uint8_t>& fixed,
                               std::span<const SolidRef> solids, const std::vector<Real>& mass, const SlipNodes& slip,
-                              double dt) {
+                              double dt, int slab) {
   global_ = global;
+  across_slab_ = slab < 0 ? 0u : 1u << slab;
   h_ = global.h;
   solids_.assign(solids.begin(), solids.end());
   if (unknown_of_node_.size() != global.node_count()) {

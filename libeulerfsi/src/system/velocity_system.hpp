@@ -57,9 +57,11 @@ class VelocitySystem {
  public:
   // Numbers the unknown nodes, sets G for this dt. mass: all matter per global node [kg].
   // fixed: per global node, components that walls fix. slip: of their mass only the normal part moves with a solid;
-  // those that solids share have an unknown for each of them.
+  // those that solids share have an unknown for each of them. slab: axis of a slab, whose faces hold nothing back that
+  // could move; -1: none.
   void assemble(const Parallel& parallel, const Grid& global, const std::vector<std::uint8_t>& fixed,
-                std::span<const SolidRef> solids, const std::vector<Real>& mass, const SlipNodes& slip, double dt);
+                std::span<const SolidRef> solids, const std::vector<Real>& mass, const SlipNodes& slip, double dt,
+                int slab = -1);
   std::int64_t unknowns() const { return static_cast<std::int64_t>(node_.size()); }
   const std::vector<std::size_t>& nodes() const { return node_; }
   // Of a solid at a node that it carries.
@@ -110,8 +112,8 @@ class VelocitySystem {
   // G = M + dt C_M + this times K [s^2].
   Real stiffness_factor(std::size_t solid) const { return stiffness_factor_[solid]; }
   // Along which axes walls hold a node of a solid: bit a: axis a; 7 where another solid does.
-  unsigned held_axes(std::size_t solid) const { return held_[solid]; }
-  bool touches(std::size_t solid) const { return held_[solid] != 0; }
+  unsigned held_axes(std::size_t solid) const { return held_[solid] == 7u ? 7u : held_[solid] & ~across_slab_; }
+  bool touches(std::size_t solid) const { return held_axes(solid) != 0; }
   // Pairs of solids that share an unknown; of three or more at a node all with the first.
   const std::set<std::pair<std::size_t, std::size_t>>& touching() const { return touching_; }
   std::size_t bytes() const;
@@ -141,6 +143,7 @@ class VelocitySystem {
   std::vector<std::int32_t> entry_;             // unknown -> slip node, -1: none
   std::vector<std::size_t> unknown_begin_;      // first unknown of each solid, and the end
   std::set<std::pair<std::size_t, std::size_t>> touching_;
+  unsigned across_slab_ = 0;                         // bit of the axis of a slab
   std::vector<std::uint8_t> held_;                   // per solid: bit a: a wall fixes axis a; 7: shares a node
   std::vector<std::size_t> node_;                    // unknown -> global node
   std::vector<std::size_t> block_begin_;             // first block of each solid, and the end

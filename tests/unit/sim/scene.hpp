@@ -36,6 +36,32 @@ inline geometry::TriangleMesh ball_mesh(const Vec3d& center, double radius, int 
   return mesh;
 }
 
+// A cylinder along an axis; along_x: factor of its half axis along the next one, the inverse along the third.
+inline geometry::TriangleMesh cylinder_mesh(int axis, const Vec3d& center, double radius, double length,
+                                            double along_x = 1.0) {
+  constexpr int kAround = 48;
+  constexpr double kTurn = 2.0 * 3.14159265358979323846;
+  const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+  geometry::TriangleMesh mesh;
+  const auto point = [&](double r, double turn, double at) {
+    Vec3d x = center;
+    x[axis] += at;
+    x[u] += along_x * r * std::cos(turn);
+    x[v] += r * std::sin(turn) / along_x;
+    mesh.points.push_back(x);
+  };
+  for (const double at : {-0.5 * length, 0.5 * length}) {
+    point(0.0, 0.0, at);
+    for (int i = 0; i < kAround; ++i) point(radius, kTurn * i / kAround, at);
+  }
+  for (int i = 0; i < kAround; ++i) {
+    const int a = 1 + i, b = 1 + (i + 1) % kAround, top = kAround + 1;
+    mesh.triangles.insert(mesh.triangles.end(),
+                          {{0, b, a}, {top, top + a, top + b}, {a, b, top + b}, {a, top + b, top + a}});
+  }
+  return mesh;
+}
+
 // A box of air at rest, cells of 0.02 m, slip walls.
 inline sim::Params box_params(const Vec3d& size, double h = 0.02) {
   sim::Params p;

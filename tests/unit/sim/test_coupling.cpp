@@ -88,8 +88,8 @@ struct SqueezedBall : StagedScene {
         for (int i = 0; i <= g.cells[0]; ++i)
           ball.state.v.set(g.node(i, j, k), Vec3((-(g.node_position(i, j, k) - center)).cast<Real>()));
     add(ball);
-    auto& [solids, matter, velocity, elasticity, pressure, momenta, advect, solid_advect, particles, backup, ready] =
-        work;
+    auto& [solids, matter, velocity, elasticity, pressure, momenta, advect, solid_advect, viscous, particles, backup,
+           ready] = work;
     make_masses();
     const sim::StepContext step = context(dt);
     solid::compute_material(parallel, rest[0], state.solids[0], 1, solids[0]);

@@ -1,0 +1,238 @@
+"""What a scene holds, in SI and simulation space: domain, solids, what is given, emitters, forces."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from eulerfsi_usd import given
+from pxr import Usd
+
+from . import binding, solver
+from .frames import FrameRange
+from .parameters import StageUnits
+from .space import SimulationSpace, transform_points
+
+
+@dataclasses.dataclass
+class Solid:
+    """One solid. mesh: rest surface in simulation space; local: the same surface as the prim holds it."""
+
+    path: str
+    output_path: str  # the Mesh prim that receives the points
+    mesh: solver.Mesh
+    local: solver.Mesh
+    values: dict[str, Any]  # fields of EfsiSolidDef
+    surface: solver.Surface | None = None  # the mesh as the library examined it
+    surface_file: str = ""
+    subdivision: str = "none"
+    left_handed: bool = False
+    pose: str = ""  # what the start follows from, '' for a mesh that stands still as it is
+    start: solver.Surface | None = None  # `surface` where the solid starts, where it may be stretched
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """Fields of EfsiMeshReport."""
+        return self.surface.report
+
+
+@dataclasses.dataclass
+class Motion:
+    """How what is given moves: with a prim's transform. driver: path of that prim, '' for none."""
+
+    driver: str
+    stage: Usd.Stage
+    space: SimulationSpace
+    first: int
+
+    @property
+    def moves(self) -> bool:
+        """Whether it does."""
+        return bool(self.driver) and given.moves(self.stage.GetPrimAtPath(self.driver))
+
+    def pose(self, frame: int) -> np.ndarray:
+        """(4, 4) for column vectors in simulation space: where a frame puts what lies there at the first frame."""
+        if not self.moves:
+            return np.eye(4)
+        world = given.motion(self.stage.GetPrimAtPath(self.driver), frame, self.first)
+        corners = self.space.point_to_world(np.concatenate([np.zeros((1, 3)), np.eye(3)]))
+        origin, *ends = transform_points(corners, self.space.from_local(world))
+        pose = np.eye(4)
+        pose[:3, :3] = np.stack([end - origin for end in ends], axis=1)
+        pose[:3, 3] = origin
+        return pose
+
+
+@dataclasses.dataclass
+class Pin:
+    """What holds a part of a solid. where: (vertices,) bool of its mesh, or a volume as `surface` has examined it."""
+
+    path: str  # of the prim that says where: the solid, or the volume
+    solid: str
+    motion: Motion
+    vertices: np.ndarray | None = None
+    mesh: solver.Mesh | None = None
+    surface: solver.Surface | None = None
+
+
+@dataclasses.dataclass
+class Collider:
+    """A body whose motion is given. mesh: where it is at the first frame, simulation space; values: EfsiSolidDef."""
+
+    path: str
+    mesh: solver.Mesh
+    values: dict[str, Any]
+    motion: Motion
+    surface: solver.Surface | None = None
+    surface_file: str = ""
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """Fields of EfsiMeshReport."""
+        return self.surface.report
+
+
+@dataclasses.dataclass
+class Passenger:
+    """What rides along with a solid, at rest. mesh, local: as of Solid; curves and points have no faces."""
+
+    path: str
+    solid: str  # path of the solid
+    mesh: solver.Mesh
+    local: solver.Mesh
+    subdivision: str  # "" where there are no faces
+    left_handed: bool = False
+    surface_file: str = ""
+
+    @property
+    def output_path(self) -> str:
+        """The prim that receives the points."""
+        return self.path
+
+
+@dataclasses.dataclass
+class Emitter:
+    """One emitter. values: fields of EfsiEmitterDef; keys: of EfsiEmitterKey, empty where nothing changes in time.
+
+    mesh: the region in simulation space where it is no box or ball; surface: as the library examined it.
+    """
+
+    path: str
+    values: dict[str, Any]
+    keys: list[dict[str, Any]] = dataclasses.field(default_factory=list)
+    mesh: solver.Mesh | None = None
+    surface: solver.Surface | None = None
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """Fields of EfsiMeshReport, of a mesh."""
+        return self.surface.report
+
+    @property
+    def is_jet(self) -> bool:
+        """Whether it blows, for longer than the first step."""
+        return bool(self.values["has_velocity"]) and self.values["mode"] == binding.EMITTER_MODES["continuous"]
+
+    def extent(self) -> tuple[np.ndarray, np.ndarray]:
+        """Corners of the box around the region, simulation space [m]."""
+        if self.mesh:
+            return np.array(self.report["extent_min"]), np.array(self.report["extent_max"])
+        matrix = np.reshape(self.values["transform"], (4, 4))[:3]
+        rows = matrix[:, :3]
+        ball = self.values["shape"] == binding.EMITTER_SHAPES["sphere"]
+        reach = (np.sqrt((rows * rows).sum(axis=1)) if ball else np.abs(rows).sum(axis=1)) / 2
+        return matrix[:, 3] - reach, matrix[:, 3] + reach
+
+    def over_time(self, field: str) -> np.ndarray:
+        """(times, ...) all values that a field has."""
+        return np.array([key[field] for key in self.keys or [self.values]], float)
+
+
+@dataclasses.dataclass
+class Force:
+    """One force while it is on. values: fields of EfsiForceDef. path: with a number from the second time on."""
+
+    path: str
+    values: dict[str, Any]
+
+
+@dataclasses.dataclass
+class Scene:
+    """Everything that a simulation needs. domain: fields of EfsiSimulationDef."""
+
+    path: Path
+    stage: Usd.Stage
+    units: StageUnits
+    space: SimulationSpace
+    frames: FrameRange
+    fps: float
+    domain_path: str
+    domain: dict[str, Any]
+    solids: list[Solid]
+    emitters: list[Emitter]
+    forces: list[Force]
+    warnings: list[str]
+    passengers: list[Passenger] = dataclasses.field(default_factory=list)
+    pins: list[Pin] = dataclasses.field(default_factory=list)
+    colliders: list[Collider] = dataclasses.field(default_factory=list)
+
+    @property
+    def drawn(self) -> list[Solid | Passenger]:
+        """All that gets points in every frame."""
+        return [*self.solids, *self.passengers]
+
+    @property
+    def name(self) -> str:
+        """File name of the scene without its suffix; cache files carry it."""
+        return self.path.stem
+
+    @property
+    def has_smoke(self) -> bool:
+        """Whether volumes are written: something emits and there is a fluid to carry it."""
+        return bool(self.emitters) and bool(self.domain["ambient_fluid"])
+
+    def parameters(self) -> dict[str, dict[str, Any]]:
+        """{prim path: {field of the C definition: SI value}}: all that was used."""
+        result = {self.domain_path: self.domain}
+        for item in [*self.solids, *self.emitters, *self.forces, *self.colliders]:
+            result[item.path] = dict(item.values)
+        for emitter in self.emitters:
+            for field in emitter.keys[0] if emitter.keys else ():
+                result[emitter.path] |= {f"key_{field}": emitter.over_time(field).ravel().tolist()}
+        for passenger in self.passengers:
+            result[passenger.path] = {"carried_by": passenger.solid}
+        for pin in self.pins:
+            result[f"{pin.path} (pin)"] = {"solid": pin.solid, "driver": pin.motion.driver}
+        return json.loads(json.dumps(result))
+
+    def hash(self) -> str:
+        """Hash of all that the simulation depends on: parameters, meshes, frame rate, first frame."""
+        digest = hashlib.sha256()
+        start = {"fps": self.fps, "first": self.frames.first, "parameters": self.parameters()}
+        digest.update(json.dumps(start, sort_keys=True).encode())
+        for solid in self.drawn:
+            for array in (solid.mesh.points, solid.mesh.counts, solid.mesh.indices):
+                digest.update(array.tobytes())
+        for pin in self.pins:
+            digest.update((pin.mesh.points if pin.mesh else pin.vertices).tobytes())
+        for body in [*self.colliders, *(emitter for emitter in self.emitters if emitter.mesh)]:
+            digest.update(body.mesh.points.tobytes() + body.mesh.indices.tobytes())
+        for moved in [*self.pins, *self.colliders]:
+            if moved.motion.moves:
+                digest.update(given.motion_text(self.stage.GetPrimAtPath(moved.motion.driver)).encode())
+        return digest.hexdigest()
+
+
+def slab_axis(domain: dict[str, Any]) -> int | None:
+    """The axis along which the domain is one cell thick between slip walls: a 2-D scene; None: there is none."""
+    for axis in (2, 1, 0):
+        thin = math.ceil(domain["domain_size"][axis] / domain["voxel_size"] - 1e-6) <= 1
+        walls = {domain[f"wall[{2 * axis}]"], domain[f"wall[{2 * axis + 1}]"]}
+        if thin and walls == {binding.WALLS["slip"]}:
+            return axis
+    return None
