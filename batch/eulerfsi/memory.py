@@ -26,7 +26,7 @@ def cells(domain: Mapping[str, Any], voxel_size: float) -> float:
 def estimate(domain: Mapping[str, Any], meshes: Iterable[solver.Mesh], limit: int) -> tuple[int, float]:
     """(bytes that a simulation will need, smallest voxel size [m] that fits `limit` or 0).
 
-    domain: fields of EfsiSimulationDef; meshes: the solids' surfaces [m]; limit: bytes, 0 for none.
+    domain: fields of EfsiSimulationDef; meshes: of solids and colliders [m]; limit: bytes, 0 for none.
     """
     edges = [mesh.points.max(axis=0).astype(float) - mesh.points.min(axis=0) for mesh in meshes]
     edges = [np.minimum(e, domain["domain_size"]) for e in edges]  # what lies beyond a slab takes none

@@ -33,7 +33,7 @@ def validate(
         demand_start(frames, scene.frames.first, None)
     warnings += scene.warnings + checks.raise_errors(checks.check_scene(scene))
     lines = [*describe_scene(scene), *(f"warning: {text}" for text in dict.fromkeys(warnings))]
-    need, _ = memory.estimate(scene.domain, [solid.mesh for solid in scene.solids], limit)
+    need, _ = memory.estimate(scene.domain, [body.mesh for body in [*scene.solids, *scene.colliders]], limit)
     lines.append(f"memory: about {format_bytes(need)} of {format_bytes(limit)} available")
     lines.append(time_estimate(scene, threads or available_threads(), limit))
     lines.append("the scene can be simulated")

@@ -102,7 +102,7 @@ def read_scene(stage: Usd.Stage, path: Path, memory_limit: int = 0, threads: int
         for prim in find_prims(stage, "collider")
         if reader.value(prim, enabled)
     ]
-    memory.demand(where, domain, [solid.mesh for solid in solids], memory_limit, units.meters_per_unit)
+    memory.demand(where, domain, [body.mesh for body in [*solids, *colliders]], memory_limit, units.meters_per_unit)
     for solid in solids:
         examine(solid, domain, threads or available_threads())
         prim = stage.GetPrimAtPath(solid.path)
