@@ -35,9 +35,11 @@ std::vector<Real> old_velocities(const SolidStates& states, const SolidWorks& so
 }
 
 // Starts the solve at the old velocity where that leaves less of f + B^T r, r the impulses of the last step: what
-// presses on something hardly moves faster for its weight.
+// presses on something, or is held by a pin, hardly moves faster for its weight. And the solve is as good as its start
+// is: from a free fall all of the residual is where something holds the solid, and a part of it says nothing of the
+// rest.
 void choose_start(const Parallel& parallel, VelocityEquation& elasticity) {
-  if (elasticity.contacts.rows.empty()) return;
+  if (elasticity.v_old.empty()) return;
   std::vector<Real> pushed = elasticity.f_star;
   system::add_impulses(elasticity.contacts.rows, pushed);
   system::VelocitySystem& system = elasticity.system;
@@ -98,7 +100,9 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
   linalg::multiply(parallel, momentum, system.moves(), momentum);
   system.add_past_stiffness(parallel, elasticity.v_star, elasticity.f_star);
   add_friction(elasticity.walls, elasticity);
-  if (!contacts.rows.empty()) elasticity.v_old = old_velocities(states, solids, matter.common.grid, elasticity);
+  elasticity.v_old.clear();
+  if (!contacts.rows.empty() || !elasticity.given.empty())
+    elasticity.v_old = old_velocities(states, solids, matter.common.grid, elasticity);
   timer.visited(static_cast<std::uint64_t>(system.unknowns()), 30 * sizeof(Real));
 }
 

@@ -87,7 +87,7 @@ struct VelocityEquation {
   std::vector<GivenNode> given;  // what pins and colliders prescribe
   std::vector<Real> f_star;      // the right-hand side [kg m/s]
   std::vector<Real> v_star;      // start of the solve, then v* [m/s]
-  std::vector<Real> v_old;       // at the start of the step, where there are contacts [m/s]
+  std::vector<Real> v_old;       // at the start of the step, where there are contacts or pins [m/s]
   std::vector<Real> momentum;    // M v + dt f, which v* has to have [kg m/s]
 };
 
