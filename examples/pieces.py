@@ -65,6 +65,28 @@ def on_ellipsoid(x: float, y: float, z: float) -> Callable[[Gf.Vec3d], Gf.Vec3d]
     return lambda p: Gf.CompMult(sphere(p), Gf.Vec3d(x, y, z))
 
 
+def on_cylinder(radius: float, half: float) -> Callable[[Gf.Vec3d], Gf.Vec3d]:
+    """Maps the cube to a cylinder along z, whose ends are at -half and half: a disc of a 2-D scene."""
+
+    def place(p: Gf.Vec3d) -> Gf.Vec3d:
+        x, y, z = p
+        return Gf.Vec3d(x * math.sqrt(1.0 - 0.5 * y * y) * radius, y * math.sqrt(1.0 - 0.5 * x * x) * radius, z * half)
+
+    return place
+
+
+def checker(radius: float, side: float, z: float) -> dict[str, list]:
+    """Every other square of a lattice of squares in the plane at z, as far as they lie in a circle around the axis."""
+    count = math.ceil(radius / side)
+    points, st = [], []
+    for i, j in itertools.product(range(-count, count), repeat=2):
+        square = [Gf.Vec3d(side * (i + a), side * (j + b), z) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
+        if (i + j) % 2 == 0 and all(math.hypot(p[0], p[1]) < radius for p in square):
+            points += square
+            st += [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+    return {"points": points, "counts": [4] * (len(points) // 4), "indices": list(range(len(points))), "st": st}
+
+
 def on_rounded_box(half: float, bevel: float) -> Callable[[Gf.Vec3d], Gf.Vec3d]:
     """Maps the cube to a cube of half edge `half` with rounded edges of radius `bevel`."""
 
