@@ -88,7 +88,7 @@ def new_slab(title: str, frames: int, size: tuple, voxel: float, **values: objec
     UsdPhysics.Scene(stage.GetPrimAtPath("/World/PhysicsScene")).GetGravityMagnitudeAttr().Set(0.0)
     lower = tuple(-0.5 * edge for edge in size)
     add_domain(stage, (*lower, -0.5 * voxel), (*size, voxel), "slip", voxelSize=voxel, **values)
-    add_camera(stage, (0.0, 0.0, 1.1), (0.0, 0.0, 0.0))
+    add_camera(stage, (0.0, 0.0, 1.2 * size[0]), (0.0, 0.0, 0.0))
     return stage
 
 
@@ -116,7 +116,7 @@ def make_squeezed_disc(title: str, frames: int, **values: object) -> Usd.Stage:
 
 def make_jets_circle() -> Usd.Stage:
     """(a) Two jets press on it from the left and the right; what they bring leaves through top and bottom."""
-    around = {"fluidDensity": 1000.0, "fluidViscosity": 2.0, "wallYMin": "open", "wallYMax": "open"}
+    around = {"fluidDensity": 1000.0, "fluidViscosity": 0.4, "wallYMin": "open", "wallYMax": "open"}
     stage = make_squeezed_disc("Two jets squeeze an elastic disc.", 21, **around)
     for name, side in (("Left", -1.0), ("Right", 1.0)):
         jet = add_cube(stage, f"/World/Jet{name}", (0.27 * side - 0.03, -0.07, -0.005), (0.06, 0.14, 0.01))
@@ -142,9 +142,9 @@ def make_circles() -> Usd.Stage:
     return stage
 
 
-def make_buoyancy(title: str, density: float, youngs_modulus: float, row: tuple) -> Usd.Stage:
+def make_buoyancy(title: str, frames: int, density: float, youngs_modulus: float, row: tuple) -> Usd.Stage:
     """Fig. 6: a bunny over a jet of hot smoke that comes out of the floor and leaves through the sides."""
-    stage = new_stage(f"{title} The paper's Fig. 6, there with voxels of 0.005.", 48)
+    stage = new_stage(f"{title} The paper's Fig. 6, there with voxels of 0.005.", frames)
     lower, size = (-0.45, 0.0, -0.45), (0.9, 1.0, 0.9)
     hot = {"temperatureBuoyancy": 0.01, "vorticityConfinement": 0.5}
     floor_and_ceiling = {"wallYMin": "slip", "wallYMax": "slip"}
@@ -163,18 +163,18 @@ def make_buoyancy(title: str, density: float, youngs_modulus: float, row: tuple)
     jet = add_cube(stage, "/World/Jet", (-0.15, 0.0, -0.15), (0.3, 0.06, 0.3))
     up = {"emitVelocity": True, "velocity": Gf.Vec3d(0.0, 2.5, 0.0)}
     apply_schema(jet, "emitter", mode="continuous", smokeDensity=1.0, smokeTemperature=300.0, **up)
-    add_camera(stage, (0.6, 0.6, 2.2), (0.0, 0.5, 0.0))
+    add_camera(stage, (0.5, 0.6, 1.8), (0.0, 0.5, 0.0))
     return stage
 
 
 def make_bunny_light() -> Usd.Stage:
-    """1.3 times as dense as the fluid."""
-    return make_buoyancy("A hot jet lifts a light bunny to the ceiling.", 1.3, 260.0, ("1.3:1", 2000.0, 0.2))
+    """1.3 times as dense as the fluid. Later it would leave with the jet, through a side."""
+    return make_buoyancy("A hot jet lifts a light bunny to the ceiling.", 28, 1.3, 260.0, ("1.3:1", 2000.0, 0.2))
 
 
 def make_bunny_heavy() -> Usd.Stage:
     """A thousand times as dense as the fluid."""
-    return make_buoyancy("A heavy bunny falls through a hot jet.", 1000.0, 2e5, ("1000:1", 2000.0, 0.5))
+    return make_buoyancy("A heavy bunny falls through a hot jet.", 48, 1000.0, 2e5, ("1000:1", 2000.0, 0.5))
 
 
 def make_cheb(title: str, pinned: bool, **values: object) -> Usd.Stage:
@@ -183,7 +183,7 @@ def make_cheb(title: str, pinned: bool, **values: object) -> Usd.Stage:
     lower, size = (-0.25, 0.0, -0.25), (0.5, 0.5, 0.6)
     domain = add_domain(stage, lower, size, "slip", voxelSize=0.0125, fluidDensity=1.0, wallYMax="open")
     note_table_1(domain, "1.3:1", 2000.0, 0.5)
-    values |= {"poissonsRatio": 0.3, "rayleighBeta": 0.004, "contactStiffness": 2000.0, "friction": 0.5}
+    values |= {"poissonsRatio": 0.3, "rayleighBeta": 0.006, "contactStiffness": 2000.0, "friction": 0.5}
     body = add_character(stage, "Cheb", (0.0, 0.0, -0.03), (0, 0, 0), 0.4, youngsModulus=400.0, **values)
     set_density(body, 1.3)
     if pinned:
@@ -193,7 +193,7 @@ def make_cheb(title: str, pinned: bool, **values: object) -> Usd.Stage:
     velocity = Gf.Vec3d(0.0, 0.0, -6.0)
     blow = {"mode": "continuous", "smokeDensity": 1.0, "emitVelocity": True, "velocity": velocity}
     apply_schema(puff, "emitter", startTime=0.1, endTime=0.35, **blow)
-    add_camera(stage, (0.9, 0.4, 0.9), (0.0, 0.2, 0.0))
+    add_camera(stage, (0.55, 0.35, 0.65), (0.0, 0.2, -0.03))
     return stage
 
 
