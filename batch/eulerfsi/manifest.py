@@ -83,7 +83,7 @@ class Manifest:
         raise SceneError(f"{self.folder}: cannot resume, the scene has changed since the cache was begun: {what}")
 
     def check_same_start(self, start: dict[str, Any] | None) -> None:
-        """Raises UsageError for another `--start-from` than the cache's, and for none where the run must begin again."""
+        """Raises UsageError for another `--start-from` than the cache's, and none where the run must begin again."""
         before = self.data.get("start_from")
         if start == before or (start is None and self.usable_checkpoint()):
             return

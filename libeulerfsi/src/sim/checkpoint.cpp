@@ -72,7 +72,7 @@ std::string system_reason() { return errno ? std::strerror(errno) : "unknown rea
 // What a checkpoint says of the simulation before its state.
 struct Head {
   std::uint64_t scene = 0, state = 0;
-  double box[7] = {};                // lower corner, edges [m], voxel size [m]
+  double box[7] = {};                // voxel size, lower corner, edges [m]
   std::vector<std::uint64_t> rests;  // per solid, rest shape and lattices; 0: a collider
 };
 
@@ -88,8 +88,8 @@ std::uint64_t rest_hash(const solid::SolidRest& rest) {
 Head head_of(const Simulation& simulation) {
   Head head{simulation.scene_hash(), state_hash(simulation.state()), {}, {}};
   const Params& params = simulation.params();
-  for (int a = 0; a < 3; ++a) head.box[a] = params.domain_min[a], head.box[3 + a] = params.domain_size[a];
-  head.box[6] = params.voxel_size;
+  for (int a = 0; a < 3; ++a) head.box[1 + a] = params.domain_min[a], head.box[4 + a] = params.domain_size[a];
+  head.box[0] = params.voxel_size;
   for (std::size_t l = 0; l < simulation.solids().size(); ++l)
     head.rests.push_back(is_collider(simulation.pins(), l) ? 0 : rest_hash(simulation.solids()[l]));
   return head;
@@ -101,6 +101,12 @@ void visit_head(AnyHead&& head, Archive& archive) {
   archive.value(head.state);
   archive.value(head.box);
   archive.array(head.rests);
+}
+
+std::uint64_t hash_of(const Head& head) {
+  HashArchive archive;
+  visit_head(head, archive);
+  return archive.hash.value();
 }
 
 // The file up to its state; then the state, whole. Both throw.
@@ -115,7 +121,9 @@ class Reader {
     if (!in_ || std::memcmp(magic, kMagic, sizeof(magic)) != 0)
       throw Error(ErrorCode::kCheckpoint, path + ": is not a checkpoint of this version");
     visit_head(head, archive_);
-    if (!in_) throw Error(ErrorCode::kIo, path + ": is damaged");
+    std::uint64_t hash = 0;
+    archive_.value(hash);
+    if (!in_ || hash != hash_of(head)) throw Error(ErrorCode::kIo, path + ": is damaged");
   }
   State state() {
     State state;
@@ -135,9 +143,10 @@ class Reader {
 
 // Why the solids of a checkpoint cannot be those of this simulation.
 std::string difference(const Head& theirs, const Head& ours) {
-  static constexpr const char* kBox[7] = {"domain_min.x",  "domain_min.y",  "domain_min.z", "domain_size.x",
-                                          "domain_size.y", "domain_size.z", "voxel_size"};
+  static constexpr const char* kBox[7] = {"voxel_size",    "domain_min.x",  "domain_min.y", "domain_min.z",
+                                          "domain_size.x", "domain_size.y", "domain_size.z"};
   std::ostringstream text;
+  text.precision(12);
   for (int i = 0; i < 7; ++i)
     if (theirs.box[i] != ours.box[i]) {
       text << kBox[i] << " = " << ours.box[i] << ": must be " << theirs.box[i] << " as in the checkpoint";
@@ -262,7 +271,9 @@ void save_checkpoint(const Simulation& simulation, const std::string& path) {
     if (!out) throw Error(ErrorCode::kIo, temporary + ": cannot be written: " + system_reason());
     WriteArchive archive{out};
     out.write(kMagic, sizeof(kMagic));
-    visit_head(head_of(simulation), archive);
+    const Head head = head_of(simulation);
+    visit_head(head, archive);
+    archive.value(hash_of(head));
     visit_fields(simulation.state(), archive);
     out.flush();
     if (!out) {
