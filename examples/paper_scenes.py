@@ -193,7 +193,7 @@ def make_cheb(title: str, pinned: bool, **values: object) -> Usd.Stage:
     velocity = Gf.Vec3d(0.0, 0.0, -6.0)
     blow = {"mode": "continuous", "smokeDensity": 1.0, "emitVelocity": True, "velocity": velocity}
     apply_schema(puff, "emitter", startTime=0.1, endTime=0.35, **blow)
-    add_camera(stage, (0.55, 0.35, 0.65), (0.0, 0.2, -0.03))
+    add_camera(stage, (0.64, 0.38, 0.76), (0.0, 0.19, -0.03))
     return stage
 
 
