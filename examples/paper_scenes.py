@@ -145,7 +145,7 @@ def make_circles() -> Usd.Stage:
 def make_buoyancy(title: str, frames: int, density: float, youngs_modulus: float, row: tuple) -> Usd.Stage:
     """Fig. 6: a bunny over a jet of hot smoke that comes out of the floor and leaves through the sides."""
     stage = new_stage(f"{title} The paper's Fig. 6, there with voxels of 0.005.", frames)
-    lower, size = (-0.45, 0.0, -0.45), (0.9, 1.0, 0.9)
+    lower, size = (-0.36, 0.0, -0.36), (0.72, 1.0, 0.72)
     hot = {"temperatureBuoyancy": 0.01, "vorticityConfinement": 0.5}
     floor_and_ceiling = {"wallYMin": "slip", "wallYMax": "slip"}
     domain = add_domain(stage, lower, size, "open", voxelSize=0.015, fluidDensity=1.0, **floor_and_ceiling, **hot)
@@ -169,7 +169,7 @@ def make_buoyancy(title: str, frames: int, density: float, youngs_modulus: float
 
 def make_bunny_light() -> Usd.Stage:
     """1.3 times as dense as the fluid. Later it would leave with the jet, through a side."""
-    return make_buoyancy("A hot jet lifts a light bunny to the ceiling.", 28, 1.3, 260.0, ("1.3:1", 2000.0, 0.2))
+    return make_buoyancy("A hot jet lifts a light bunny to the ceiling.", 26, 1.3, 260.0, ("1.3:1", 2000.0, 0.2))
 
 
 def make_bunny_heavy() -> Usd.Stage:
