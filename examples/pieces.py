@@ -159,8 +159,8 @@ def add_cube(stage: Usd.Stage, path: str, lower: tuple, size: tuple) -> Usd.Prim
     return cube.GetPrim()
 
 
-def add_mesh(stage: Usd.Stage, path: str, surface: dict[str, list], color: tuple) -> UsdGeom.Mesh:
-    """Polygon mesh with normals, texture coordinates and a preview material."""
+def add_mesh(stage: Usd.Stage, path: str, surface: dict[str, list], color: tuple, look: str = "") -> UsdGeom.Mesh:
+    """Polygon mesh with normals, texture coordinates and a preview material, `look` or named after the mesh."""
     mesh = UsdGeom.Mesh.Define(stage, path)
     points = [Gf.Vec3f(*(round(x, DIGITS) for x in p)) for p in surface["points"]]
     normals = [Gf.Vec3d(0.0) for _ in points]
@@ -180,7 +180,7 @@ def add_mesh(stage: Usd.Stage, path: str, surface: dict[str, list], color: tuple
     unique = {uv: number for number, uv in enumerate(sorted(set(surface["st"])))}
     st.Set(Vt.Vec2fArray([Gf.Vec2f(*(round(x, DIGITS) for x in uv)) for uv in unique]))
     st.SetIndices(Vt.IntArray([unique[uv] for uv in surface["st"]]))
-    bind_material(stage, mesh.GetPrim(), color)
+    bind_material(stage, mesh.GetPrim(), color, look)
     return mesh
 
 
@@ -188,10 +188,10 @@ def _quads(indices: list[int]) -> list[list[int]]:
     return [indices[i : i + 4] for i in range(0, len(indices), 4)]
 
 
-def bind_material(stage: Usd.Stage, prim: Usd.Prim, color: tuple) -> None:
-    """Binds a plain UsdPreviewSurface."""
+def bind_material(stage: Usd.Stage, prim: Usd.Prim, color: tuple, look: str = "") -> None:
+    """Binds a plain UsdPreviewSurface, `look` or named after the prim."""
     UsdGeom.Scope.Define(stage, "/World/Looks")
-    material = UsdShade.Material.Define(stage, f"/World/Looks/{prim.GetName()}")
+    material = UsdShade.Material.Define(stage, f"/World/Looks/{look or prim.GetName()}")
     shader = UsdShade.Shader.Define(stage, material.GetPath().AppendChild("Surface"))
     shader.CreateIdAttr("UsdPreviewSurface")
     shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*color))
