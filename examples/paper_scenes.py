@@ -14,9 +14,13 @@ from pieces import (
     add_camera,
     add_cube,
     add_domain,
+    add_mesh,
     apply_schema,
     bind_material,
+    box_mesh,
+    checker,
     new_stage,
+    on_cylinder,
     set_density,
 )
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
@@ -78,15 +82,77 @@ def note_table_1(prim: Usd.Prim, ratio: str, stiffness: float, friction: float) 
     prim.SetCustomDataByKey("paper:mu", friction)
 
 
-def make_buoyancy(title: str, density: float, youngs_modulus: float, row: tuple) -> Usd.Stage:
-    """Fig. 6: a bunny falls in a box whose floor gives off hot smoke, which rises."""
-    stage = new_stage(f"{title} The paper's Fig. 6, there with voxels of 0.005.", 96)
+def new_slab(title: str, frames: int, size: tuple, voxel: float, **values: object) -> Usd.Stage:
+    """A 2-D scene around the origin, one voxel thick. No gravity."""
+    stage = new_stage(f"{title} A slab of {voxel:g}, one voxel: change both together.", frames)
+    UsdPhysics.Scene(stage.GetPrimAtPath("/World/PhysicsScene")).GetGravityMagnitudeAttr().Set(0.0)
+    lower = tuple(-0.5 * edge for edge in size)
+    add_domain(stage, (*lower, -0.5 * voxel), (*size, voxel), "slip", voxelSize=voxel, **values)
+    add_camera(stage, (0.0, 0.0, 1.2 * size[0]), (0.0, 0.0, 0.0))
+    return stage
+
+
+def add_disc(stage: Usd.Stage, name: str, radius: float, place: tuple, color: tuple, **values: object) -> Usd.Prim:
+    """A disc of a 2-D scene with squares on it, which ride along."""
+    root = UsdGeom.Xform.Define(stage, f"/World/{name}")
+    root.AddTranslateOp().Set(Gf.Vec3d(*place))
+    surface = box_mesh(16, on_cylinder(radius, 0.01))
+    disc = add_mesh(stage, f"/World/{name}/Disc", surface, color, look=name).GetPrim()
+    apply_schema(disc, "solid", **values)
+    squares = checker(radius, 0.2 * radius, 0.0101)
+    add_mesh(stage, f"/World/{name}/Squares", squares, (0.95, 0.95, 0.92))
+    disc.CreateRelationship("eulerfsi:carried", False).SetTargets([f"/World/{name}/Squares"])
+    return disc
+
+
+def make_squeezed_disc(title: str, frames: int, **values: object) -> Usd.Stage:
+    """Fig. 4: what its two parts have in common."""
+    voxel = 0.005
+    stage = new_slab(f"{title} The paper's Fig. 4.", frames, (0.6, 0.6), voxel, **values)
+    soft = {"youngsModulus": 1500.0, "poissonsRatio": 0.3, "rayleighBeta": 0.08}
+    disc = add_disc(stage, "Circle", 0.1, (0.0, 0.0, 0.0), (0.8, 0.15, 0.1), **soft)
+    set_density(disc, 1000.0)
+    return stage
+
+
+def make_jets_circle() -> Usd.Stage:
+    """(a) Two jets press on it from the left and the right; what they bring leaves through top and bottom."""
+    around = {"fluidDensity": 1000.0, "fluidViscosity": 0.4, "wallYMin": "open", "wallYMax": "open"}
+    stage = make_squeezed_disc("Two jets squeeze an elastic disc.", 21, **around)
+    for name, side in (("Left", -1.0), ("Right", 1.0)):
+        jet = add_cube(stage, f"/World/Jet{name}", (0.27 * side - 0.03, -0.07, -0.005), (0.06, 0.14, 0.01))
+        inward = Gf.Vec3d(-1.0 * side, 0.0, 0.0)
+        apply_schema(jet, "emitter", mode="continuous", smokeDensity=1.0, emitVelocity=True, velocity=inward)
+    return stage
+
+
+def make_jets_circle_free() -> Usd.Stage:
+    """(b) By itself."""
+    title = "A disc by itself, to be started from a run of jets_circle.usda: it takes its shape at rest again."
+    return make_squeezed_disc(title, 48, ambientFluid=False)
+
+
+def make_circles() -> Usd.Stage:
+    """Sec. 5.2: two discs are thrown at each other."""
+    title = "Two discs are thrown at each other and part again. The paper's Section 5.2."
+    stage = new_slab(title, 24, (1.0, 0.5), 0.01, fluidDensity=1.0, vorticityConfinement=0.1)
+    for name, side, color in (("Left", -1.0, (0.8, 0.15, 0.1)), ("Right", 1.0, (0.2, 0.4, 0.8))):
+        values = {"youngsModulus": 2e4, "poissonsRatio": 0.3, "contactStiffness": 1e4}
+        values["velocity"] = Gf.Vec3d(-side, 0.0, 0.0)
+        set_density(add_disc(stage, name, 0.1, (0.16 * side, 0.0, 0.0), color, **values), 1000.0)
+    return stage
+
+
+def make_buoyancy(title: str, frames: int, density: float, youngs_modulus: float, row: tuple) -> Usd.Stage:
+    """Fig. 6: a bunny over a jet of hot smoke that comes out of the floor and leaves through the sides."""
+    stage = new_stage(f"{title} The paper's Fig. 6, there with voxels of 0.005.", frames)
     lower, size = (-0.36, 0.0, -0.36), (0.72, 1.0, 0.72)
-    hot = {"temperatureBuoyancy": 0.04, "vorticityConfinement": 0.5}
-    domain = add_domain(stage, lower, size, "slip", voxelSize=0.015, fluidDensity=1.0, **hot)
+    hot = {"temperatureBuoyancy": 0.01, "vorticityConfinement": 0.5}
+    floor_and_ceiling = {"wallYMin": "slip", "wallYMax": "slip"}
+    domain = add_domain(stage, lower, size, "open", voxelSize=0.015, fluidDensity=1.0, **floor_and_ceiling, **hot)
     note_table_1(domain, *row)
     bunny = UsdGeom.Xform.Define(stage, "/World/Bunny")
-    bunny.AddTranslateOp().Set(Gf.Vec3d(0.0, 0.5, 0.0))
+    bunny.AddTranslateOp().Set(Gf.Vec3d(-0.004, 0.5, -0.021))
     bunny.AddRotateXYZOp().Set(Gf.Vec3f(0.0, 30.0, 0.0))
     bunny.AddScaleOp().Set(Gf.Vec3f(0.125))
     surface, _, stiffness, friction = Sdf.AssetPath(BUNNY_FILE), *row
@@ -96,19 +162,20 @@ def make_buoyancy(title: str, density: float, youngs_modulus: float, row: tuple)
     set_density(bunny.GetPrim(), density)
     bind_material(stage, bunny.GetPrim(), (0.75, 0.6, 0.45))
     jet = add_cube(stage, "/World/Jet", (-0.15, 0.0, -0.15), (0.3, 0.06, 0.3))
-    apply_schema(jet, "emitter", mode="continuous", smokeDensity=1.0, smokeTemperature=300.0)
-    add_camera(stage, (0.6, 0.6, 2.2), (0.0, 0.5, 0.0))
+    up = {"emitVelocity": True, "velocity": Gf.Vec3d(0.0, 2.5, 0.0)}
+    apply_schema(jet, "emitter", mode="continuous", smokeDensity=1.0, smokeTemperature=300.0, **up)
+    add_camera(stage, (0.5, 0.6, 1.8), (0.0, 0.5, 0.0))
     return stage
 
 
 def make_bunny_light() -> Usd.Stage:
-    """1.3 times as dense as the fluid."""
-    return make_buoyancy("A hot jet lifts a light bunny to the ceiling.", 1.3, 260.0, ("1.3:1", 2000.0, 0.2))
+    """1.3 times as dense as the fluid. Later it would leave with the jet, through a side."""
+    return make_buoyancy("A hot jet lifts a light bunny to the ceiling.", 26, 1.3, 260.0, ("1.3:1", 2000.0, 0.2))
 
 
 def make_bunny_heavy() -> Usd.Stage:
     """A thousand times as dense as the fluid."""
-    return make_buoyancy("A heavy bunny falls through a hot jet.", 1000.0, 2e5, ("1000:1", 2000.0, 0.5))
+    return make_buoyancy("A heavy bunny falls through a hot jet.", 48, 1000.0, 2e5, ("1000:1", 2000.0, 0.5))
 
 
 def make_cheb(title: str, pinned: bool, **values: object) -> Usd.Stage:
@@ -117,7 +184,7 @@ def make_cheb(title: str, pinned: bool, **values: object) -> Usd.Stage:
     lower, size = (-0.25, 0.0, -0.25), (0.5, 0.5, 0.6)
     domain = add_domain(stage, lower, size, "slip", voxelSize=0.0125, fluidDensity=1.0, wallYMax="open")
     note_table_1(domain, "1.3:1", 2000.0, 0.5)
-    values |= {"poissonsRatio": 0.3, "rayleighBeta": 0.004, "contactStiffness": 2000.0, "friction": 0.5}
+    values |= {"poissonsRatio": 0.3, "rayleighBeta": 0.006, "contactStiffness": 2000.0, "friction": 0.5}
     body = add_character(stage, "Cheb", (0.0, 0.0, -0.03), (0, 0, 0), 0.4, youngsModulus=400.0, **values)
     set_density(body, 1.3)
     if pinned:
@@ -127,7 +194,7 @@ def make_cheb(title: str, pinned: bool, **values: object) -> Usd.Stage:
     velocity = Gf.Vec3d(0.0, 0.0, -6.0)
     blow = {"mode": "continuous", "smokeDensity": 1.0, "emitVelocity": True, "velocity": velocity}
     apply_schema(puff, "emitter", startTime=0.1, endTime=0.35, **blow)
-    add_camera(stage, (0.9, 0.4, 0.9), (0.0, 0.2, 0.0))
+    add_camera(stage, (0.64, 0.38, 0.76), (0.0, 0.19, -0.03))
     return stage
 
 
@@ -181,6 +248,9 @@ MAKERS: dict[str, Callable[[], Usd.Stage]] = {
     "squash_half.usda": make_squash_half,
     "squash_height.usda": make_squash_height,
     "squash_flat.usda": make_squash_flat,
+    "jets_circle.usda": make_jets_circle,
+    "jets_circle_free.usda": make_jets_circle_free,
+    "circles.usda": make_circles,
     "bunny_light.usda": make_bunny_light,
     "bunny_heavy.usda": make_bunny_heavy,
     "cheb.usda": make_cheb_elastic,

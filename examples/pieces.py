@@ -65,6 +65,28 @@ def on_ellipsoid(x: float, y: float, z: float) -> Callable[[Gf.Vec3d], Gf.Vec3d]
     return lambda p: Gf.CompMult(sphere(p), Gf.Vec3d(x, y, z))
 
 
+def on_cylinder(radius: float, half: float) -> Callable[[Gf.Vec3d], Gf.Vec3d]:
+    """Maps the cube to a cylinder along z, whose ends are at -half and half: a disc of a 2-D scene."""
+
+    def place(p: Gf.Vec3d) -> Gf.Vec3d:
+        x, y, z = p
+        return Gf.Vec3d(x * math.sqrt(1.0 - 0.5 * y * y) * radius, y * math.sqrt(1.0 - 0.5 * x * x) * radius, z * half)
+
+    return place
+
+
+def checker(radius: float, side: float, z: float) -> dict[str, list]:
+    """Every other square of a lattice of squares in the plane at z, as far as they lie in a circle around the axis."""
+    count = math.ceil(radius / side)
+    points, st = [], []
+    for i, j in itertools.product(range(-count, count), repeat=2):
+        square = [Gf.Vec3d(side * (i + a), side * (j + b), z) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
+        if (i + j) % 2 == 0 and all(math.hypot(p[0], p[1]) < radius for p in square):
+            points += square
+            st += [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+    return {"points": points, "counts": [4] * (len(points) // 4), "indices": list(range(len(points))), "st": st}
+
+
 def on_rounded_box(half: float, bevel: float) -> Callable[[Gf.Vec3d], Gf.Vec3d]:
     """Maps the cube to a cube of half edge `half` with rounded edges of radius `bevel`."""
 
@@ -137,8 +159,8 @@ def add_cube(stage: Usd.Stage, path: str, lower: tuple, size: tuple) -> Usd.Prim
     return cube.GetPrim()
 
 
-def add_mesh(stage: Usd.Stage, path: str, surface: dict[str, list], color: tuple) -> UsdGeom.Mesh:
-    """Polygon mesh with normals, texture coordinates and a preview material."""
+def add_mesh(stage: Usd.Stage, path: str, surface: dict[str, list], color: tuple, look: str = "") -> UsdGeom.Mesh:
+    """Polygon mesh with normals, texture coordinates and a preview material, `look` or named after the mesh."""
     mesh = UsdGeom.Mesh.Define(stage, path)
     points = [Gf.Vec3f(*(round(x, DIGITS) for x in p)) for p in surface["points"]]
     normals = [Gf.Vec3d(0.0) for _ in points]
@@ -158,7 +180,7 @@ def add_mesh(stage: Usd.Stage, path: str, surface: dict[str, list], color: tuple
     unique = {uv: number for number, uv in enumerate(sorted(set(surface["st"])))}
     st.Set(Vt.Vec2fArray([Gf.Vec2f(*(round(x, DIGITS) for x in uv)) for uv in unique]))
     st.SetIndices(Vt.IntArray([unique[uv] for uv in surface["st"]]))
-    bind_material(stage, mesh.GetPrim(), color)
+    bind_material(stage, mesh.GetPrim(), color, look)
     return mesh
 
 
@@ -166,10 +188,10 @@ def _quads(indices: list[int]) -> list[list[int]]:
     return [indices[i : i + 4] for i in range(0, len(indices), 4)]
 
 
-def bind_material(stage: Usd.Stage, prim: Usd.Prim, color: tuple) -> None:
-    """Binds a plain UsdPreviewSurface."""
+def bind_material(stage: Usd.Stage, prim: Usd.Prim, color: tuple, look: str = "") -> None:
+    """Binds a plain UsdPreviewSurface, `look` or named after the prim."""
     UsdGeom.Scope.Define(stage, "/World/Looks")
-    material = UsdShade.Material.Define(stage, f"/World/Looks/{prim.GetName()}")
+    material = UsdShade.Material.Define(stage, f"/World/Looks/{look or prim.GetName()}")
     shader = UsdShade.Shader.Define(stage, material.GetPath().AppendChild("Surface"))
     shader.CreateIdAttr("UsdPreviewSurface")
     shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*color))

@@ -40,6 +40,11 @@ def build_parser() -> argparse.ArgumentParser:
     _scene_options(simulate)
     simulate.add_argument("--preset", help="production (default) or paper2016; same as --set <domain>.preset=P")
     simulate.add_argument("--progress", choices=progress.MODES, default="auto", help="default: auto")
+    simulate.add_argument(
+        "--start-from",
+        metavar="CACHE[:FRAME]",
+        help="the same solids start as they are in that frame of another cache, by default its last",
+    )
     group = simulate.add_mutually_exclusive_group()
     group.add_argument("--overwrite", action="store_true", help="replace the cache that the folder holds")
     group.add_argument("--resume", action="store_true", help="continue the cache at its latest checkpoint")
@@ -135,6 +140,7 @@ def _simulate(options: argparse.Namespace) -> int:
         output=options.output,
         frames=options.frames,
         start=options.start_frame,
+        start_from=options.start_from,
         threads=options.threads,
         preset=options.preset,
         settings=tuple(options.settings),

@@ -430,6 +430,7 @@ PROTOTYPES: dict[str, list] = {
     "efsi_simulation_get_hash": [_SIM, _P(c_uint64)],
     "efsi_simulation_save_checkpoint": [_SIM, c_char_p],
     "efsi_simulation_restore_checkpoint": [_SIM, c_char_p],
+    "efsi_simulation_restore_solids": [_SIM, c_char_p],
     "efsi_simulation_get_profile": [_SIM, _P(Profile)],
     "efsi_simulation_reset_profile": [_SIM],
     "efsi_simulation_get_repairs": [_SIM, _P(Repairs)],

@@ -21,6 +21,7 @@ from .localize import localize_scene
 from .manifest import FILE_NAME, Manifest
 from .scene_parts import Scene
 from .solver import Simulation
+from .start_from import Start
 from .usd_writer import UsdWriter
 
 _FOLDERS = ("frames", "vdb", "checkpoints", "scene")
@@ -42,7 +43,9 @@ class Cache:
         self._stats: list[dict[str, Any]] = []
 
     @classmethod
-    def create(cls, folder: Path, scene: Scene, overrides: dict[str, str], grids: list[str]) -> Cache:
+    def create(
+        cls, folder: Path, scene: Scene, overrides: dict[str, str], grids: list[str], start: Start | None = None
+    ) -> Cache:
         """Makes the folder with a copy of the scene. An old cache must have been removed (`prepare`)."""
         facts = {
             "program": {"eulerfsi": __version__, "library": binding.library_version()},
@@ -55,6 +58,7 @@ class Cache:
             "grids": grids if scene.has_smoke else [],
             "parameters": scene.parameters(),
             "overrides": overrides,
+            **({"start_from": start.facts()} if start else {}),
         }
         cache = cls(folder, scene, Manifest.new(folder, **facts))
         cache._begin()
@@ -74,7 +78,7 @@ class Cache:
         self.manifest.save()
 
     @classmethod
-    def resume(cls, folder: Path, scene: Scene) -> Cache:
+    def resume(cls, folder: Path, scene: Scene, start: Start | None = None) -> Cache:
         """Opens a cache for continuing at its latest intact checkpoint; what came after it is dropped.
 
         `checkpoint` is that checkpoint's manifest entry, or None when the run must begin again.
@@ -82,6 +86,7 @@ class Cache:
         """
         manifest = Manifest.load(folder)
         manifest.check_same_scene(scene.hash(), scene.parameters(), scene.frames.first, scene.fps)
+        manifest.check_same_start(start.facts() if start else None)
         files.remove_leftovers(folder)
         cache = cls(folder, scene, manifest)
         manifest.data["last"] = max(scene.frames.last, manifest.last_frame or scene.frames.last)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from . import files
-from .errors import CacheIOError, SceneError
+from .errors import CacheIOError, SceneError, UsageError
 
 FILE_NAME = "manifest.json"
 _FORMAT = "eulerfsi-cache"
@@ -81,6 +81,14 @@ class Manifest:
         ]
         what = "; ".join(changes[:5]) or "a mesh"
         raise SceneError(f"{self.folder}: cannot resume, the scene has changed since the cache was begun: {what}")
+
+    def check_same_start(self, start: dict[str, Any] | None) -> None:
+        """Raises UsageError for another `--start-from` than the cache's, and none where the run must begin again."""
+        before = self.data.get("start_from")
+        if start == before or (start is None and self.usable_checkpoint()):
+            return
+        was = f"from frame {before['frame']} of another cache" if before else "without --start-from"
+        raise UsageError(f"{self.folder}: cannot resume, it was begun {was}: give the same option")
 
     def damaged_files(self, frame: int) -> list[str]:
         """Files of a frame that are missing or differ from what was written."""

@@ -25,6 +25,7 @@ from .scene import open_stage, read_scene, set_frames
 from .scene_parts import Collider, Pin, Scene
 from .signals import Signals
 from .solver import Simulation
+from .start_from import find_start, take_over
 from .system import available_memory, available_threads
 from .usd_messages import usd_messages
 
@@ -38,12 +39,14 @@ _COUNTERS = ("steps", "velocity_iterations", "pressure_iterations", "degenerate_
 class Options:
     """What `simulate` on the command line sets.
 
-    start None: the scene's first frame; threads None: all that the cgroup allows.
+    start None: the scene's first frame; start_from: "CACHE" or "CACHE:FRAME", whose solids are taken over; threads
+    None: all that the cgroup allows.
     """
 
     output: Path | None = None
     frames: str | None = None
     start: int | None = None
+    start_from: str | None = None
     threads: int | None = None
     preset: str | None = None
     settings: tuple[str, ...] = ()
@@ -139,6 +142,7 @@ def simulate(path: Path, options: Options, log: Log | None = None) -> Result:
     log = log or Log()
     threads, memory_limit = options.threads or available_threads(), available_memory()
     folder = options.output or Path.cwd() / f"{path.stem}_cache"
+    start = find_start(options.start_from) if options.start_from else None
     with usd_messages(log.info):
         scene, overrides = load_scene(path, options, log, memory_limit)
     mode = cache_module.prepare(folder, options.overwrite, options.resume)
@@ -148,13 +152,15 @@ def simulate(path: Path, options: Options, log: Log | None = None) -> Result:
     checks.check_output(folder)
     simulation, ids = build_simulation(scene, threads, memory_limit, log)
     with simulation:
+        if start:
+            take_over(start, simulation, scene)
         folder.mkdir(parents=True, exist_ok=True)
         with FolderLock(folder), contextlib.closing(log), usd_messages(log.info):
             if mode == "resume":
-                cache = Cache.resume(folder, scene)
+                cache = Cache.resume(folder, scene, start)
             else:
                 cache_module.remove_old(folder)
-                cache = Cache.create(folder, scene, overrides, _grids(scene))
+                cache = Cache.create(folder, scene, overrides, _grids(scene), start)
             log.open(folder / "log")
             return _Run(scene, cache, simulation, ids, log, options.progress, threads).execute(mode == "resume")
 

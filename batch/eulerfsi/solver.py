@@ -374,6 +374,10 @@ class Simulation:
         """Restores a state of the same definitions."""
         self._check(self._lib.efsi_simulation_restore_checkpoint(self._handle, str(path).encode()))
 
+    def restore_solids(self, path: str | Path) -> None:
+        """Takes over the solids' shape, velocity and plastic strain from a checkpoint, before the first step."""
+        self._check(self._lib.efsi_simulation_restore_solids(self._handle, str(path).encode()))
+
     def surface(self, solid: int, point_count: int) -> tuple[np.ndarray, np.ndarray]:
         """Positions [m] and velocities [m/s] of a solid's surface, (point_count, 3) float32 each."""
         points, velocities = (np.empty((point_count, 3), np.float32) for _ in range(2))

@@ -348,6 +348,14 @@ static void check_fall(const char* folder) {
   CHECK_OK(twin, efsi_simulation_advance(twin, 0.05, &info, NULL, NULL));
   CHECK_OK(twin, efsi_simulation_get_hash(twin, &hash_b));
   CHECK(hash_a == hash_b && hash_a != 0);
+  /* Its solid starts another simulation, where it is then. */
+  EfsiSim* other = make_scene(&id);
+  CHECK_OK(other, efsi_simulation_restore_solids(other, path));
+  EfsiSolidDiagnostics start;
+  CHECK_OK(other, efsi_solid_get_diagnostics(other, id, &start));
+  CHECK_OK(other, efsi_simulation_get_time(other, &time, &steps));
+  CHECK(fabs(start.center.y - 0.35 + 0.0125) < 0.002 && time == 0.0 && steps == 0);
+  efsi_simulation_destroy(other);
   path_in(path, sizeof path, folder, "missing.checkpoint");
   CHECK(efsi_simulation_restore_checkpoint(twin, path) == EFSI_ERROR_IO);
 

@@ -82,6 +82,10 @@ EFSI_API EfsiStatus efsi_simulation_get_hash(EfsiSim* sim, uint64_t* hash);
 EFSI_API EfsiStatus efsi_simulation_save_checkpoint(EfsiSim* sim, const char* path);
 /* Restores into a simulation that was set up with the same definitions, before its first step or later. */
 EFSI_API EfsiStatus efsi_simulation_restore_checkpoint(EfsiSim* sim, const char* path);
+/* Before the first step: the solids get the shape, velocity and plastic strain that they have in a checkpoint of a
+ * simulation with the same box, voxel size and solids, in the same order. Fluid, forces, walls, emitters, materials,
+ * pins and colliders may differ; time stays 0, and the fluid as it is. */
+EFSI_API EfsiStatus efsi_simulation_restore_solids(EfsiSim* sim, const char* path);
 
 /* Times, tiles and bytes per stage so far, and starting them anew; what the fluid holds now. */
 EFSI_API EfsiStatus efsi_simulation_get_profile(const EfsiSim* sim, EfsiProfile* profile);

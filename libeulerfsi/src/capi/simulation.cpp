@@ -123,3 +123,10 @@ EfsiStatus efsi_simulation_restore_checkpoint(EfsiSim* sim, const char* path) {
     efsi::sim::restore_checkpoint(sim->simulation, path);
   });
 }
+
+EfsiStatus efsi_simulation_restore_solids(EfsiSim* sim, const char* path) {
+  return guarded(sim, [&] {
+    demand_path(path, "efsi_simulation_restore_solids: path");
+    efsi::sim::restore_solids(sim->simulation, path);
+  });
+}

@@ -1,9 +1,11 @@
 #include "sim/checkpoint.hpp"
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <sstream>
 
 #include "base/error.hpp"
 #include "sim/simulation.hpp"
@@ -11,7 +13,7 @@
 namespace efsi::sim {
 namespace {
 
-constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', 'A'};
+constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', 'B'};
 
 struct HashArchive {
   Hash hash;
@@ -66,6 +68,106 @@ struct ReadArchive {
 };
 
 std::string system_reason() { return errno ? std::strerror(errno) : "unknown reason"; }
+
+// What a checkpoint says of the simulation before its state.
+struct Head {
+  std::uint64_t scene = 0, state = 0;
+  double box[7] = {};                // voxel size, lower corner, edges [m]
+  std::vector<std::uint64_t> rests;  // per solid, rest shape and lattices; 0: a collider
+};
+
+std::uint64_t rest_hash(const solid::SolidRest& rest) {
+  Hash hash;
+  hash.add_array(rest.distance.values);
+  hash.add_array(rest.surface.points);
+  hash.add_array(rest.surface.triangles);
+  hash.add_value(static_cast<std::uint64_t>(rest.plastic.yields()));
+  return hash.value() | 1;
+}
+
+Head head_of(const Simulation& simulation) {
+  Head head{simulation.scene_hash(), state_hash(simulation.state()), {}, {}};
+  const Params& params = simulation.params();
+  for (int a = 0; a < 3; ++a) head.box[1 + a] = params.domain_min[a], head.box[4 + a] = params.domain_size[a];
+  head.box[0] = params.voxel_size;
+  for (std::size_t l = 0; l < simulation.solids().size(); ++l)
+    head.rests.push_back(is_collider(simulation.pins(), l) ? 0 : rest_hash(simulation.solids()[l]));
+  return head;
+}
+
+template <class AnyHead, class Archive>
+void visit_head(AnyHead&& head, Archive& archive) {
+  archive.value(head.scene);
+  archive.value(head.state);
+  archive.value(head.box);
+  archive.array(head.rests);
+}
+
+std::uint64_t hash_of(const Head& head) {
+  HashArchive archive;
+  visit_head(head, archive);
+  return archive.hash.value();
+}
+
+// The file up to its state; then the state, whole. Both throw.
+class Reader {
+ public:
+  explicit Reader(const std::string& path) : path_(path), in_(path, std::ios::binary) {
+    if (!in_) throw Error(ErrorCode::kIo, path + ": cannot be read: " + system_reason());
+    std::error_code error;
+    archive_.limit = std::filesystem::file_size(path, error);
+    char magic[8] = {};
+    in_.read(magic, sizeof(magic));
+    if (!in_ || std::memcmp(magic, kMagic, sizeof(magic)) != 0)
+      throw Error(ErrorCode::kCheckpoint, path + ": is not a checkpoint of this version");
+    visit_head(head, archive_);
+    std::uint64_t hash = 0;
+    archive_.value(hash);
+    if (!in_ || hash != hash_of(head)) throw Error(ErrorCode::kIo, path + ": is damaged");
+  }
+  State state() {
+    State state;
+    state.solids.resize(head.rests.size());
+    visit_fields(state, archive_);
+    if (!in_ || state_hash(state) != head.state) throw Error(ErrorCode::kIo, path_ + ": is damaged");
+    return state;
+  }
+
+  Head head;
+
+ private:
+  std::string path_;
+  std::ifstream in_;
+  ReadArchive archive_{in_, 0};
+};
+
+// Why the solids of a checkpoint cannot be those of this simulation.
+std::string difference(const Head& theirs, const Head& ours) {
+  static constexpr const char* kBox[7] = {"voxel_size",    "domain_min.x",  "domain_min.y", "domain_min.z",
+                                          "domain_size.x", "domain_size.y", "domain_size.z"};
+  std::ostringstream text;
+  text.precision(12);
+  for (int i = 0; i < 7; ++i)
+    if (theirs.box[i] != ours.box[i]) {
+      text << kBox[i] << " = " << ours.box[i] << ": must be " << theirs.box[i] << " as in the checkpoint";
+      return text.str();
+    }
+  const auto count = [](const Head& head) {
+    return head.rests.size() - static_cast<std::size_t>(std::count(head.rests.begin(), head.rests.end(), 0u));
+  };
+  if (count(theirs) != count(ours)) {
+    text << "number of solids = " << count(ours) << ": must be " << count(theirs) << " as in the checkpoint";
+    return text.str();
+  }
+  for (std::size_t l = 0, k = 0; l < ours.rests.size(); ++l) {
+    if (ours.rests[l] == 0) continue;
+    while (theirs.rests[k] == 0) ++k;
+    if (theirs.rests[k++] != ours.rests[l])
+      return "solid " + std::to_string(l + 1) +
+             ": its rest shape, where that lies, and whether it can yield must be those of the checkpoint";
+  }
+  return "";
+}
 
 }  // namespace
 
@@ -169,9 +271,9 @@ void save_checkpoint(const Simulation& simulation, const std::string& path) {
     if (!out) throw Error(ErrorCode::kIo, temporary + ": cannot be written: " + system_reason());
     WriteArchive archive{out};
     out.write(kMagic, sizeof(kMagic));
-    archive.value(simulation.scene_hash());
-    archive.value(state_hash(simulation.state()));
-    archive.value(static_cast<std::uint64_t>(simulation.state().solids.size()));
+    const Head head = head_of(simulation);
+    visit_head(head, archive);
+    archive.value(hash_of(head));
     visit_fields(simulation.state(), archive);
     out.flush();
     if (!out) {
@@ -190,27 +292,28 @@ void save_checkpoint(const Simulation& simulation, const std::string& path) {
 }
 
 void restore_checkpoint(Simulation& simulation, const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  if (!in) throw Error(ErrorCode::kIo, path + ": cannot be read: " + system_reason());
-  std::error_code error;
-  const std::uint64_t size = std::filesystem::file_size(path, error);
-  ReadArchive archive{in, size};
-  char magic[8] = {};
-  in.read(magic, sizeof(magic));
-  if (!in || std::memcmp(magic, kMagic, sizeof(magic)) != 0)
-    throw Error(ErrorCode::kCheckpoint, path + ": is not a checkpoint of this version");
-  std::uint64_t scene = 0, hash = 0, solids = 0;
-  archive.value(scene);
-  archive.value(hash);
-  archive.value(solids);
+  Reader reader(path);
   simulation.prepare();
-  if (!in || scene != simulation.scene_hash() || solids != simulation.state().solids.size())
+  if (reader.head.scene != simulation.scene_hash() || reader.head.rests.size() != simulation.state().solids.size())
     throw Error(ErrorCode::kCheckpoint, path + ": belongs to another scene or other parameters");
-  State state;
-  state.solids.resize(solids);
-  visit_fields(state, archive);
-  if (!in || state_hash(state) != hash) throw Error(ErrorCode::kIo, path + ": is damaged");
-  simulation.set_state(std::move(state));
+  simulation.set_state(reader.state());
+}
+
+void restore_solids(Simulation& simulation, const std::string& path) {
+  Reader reader(path);
+  const Head ours = head_of(simulation);
+  const std::string reason = difference(reader.head, ours);
+  if (!reason.empty()) throw Error(ErrorCode::kCheckpoint, path + ": " + reason);
+  const State theirs = reader.state();
+  std::vector<solid::SolidState> solids = simulation.state().solids;
+  for (std::size_t l = 0, k = 0; l < solids.size(); ++l) {
+    if (ours.rests[l] == 0) continue;
+    while (reader.head.rests[k] == 0) ++k;
+    solids[l] = theirs.solids[k++];
+    solids[l].presses.clear();
+    solids[l].contacts.clear();
+  }
+  simulation.set_solids(std::move(solids));
 }
 
 }  // namespace efsi::sim

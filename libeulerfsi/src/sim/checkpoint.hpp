@@ -34,5 +34,9 @@ std::uint64_t state_hash(const State& state);
 void save_checkpoint(const Simulation& simulation, const std::string& path);
 // Throws Error(kIo) for a file that cannot be read or is damaged, Error(kCheckpoint) for another scene or version.
 void restore_checkpoint(Simulation& simulation, const std::string& path);
+// Before the first step: the solids, but no colliders, get the state that they have in a checkpoint of a simulation
+// with the same box, voxel size and rest shapes in the same order. All else may differ: what touches them is not taken
+// over. Throws Error(kArgument) after a step; else as above, with what differs.
+void restore_solids(Simulation& simulation, const std::string& path);
 
 }  // namespace efsi::sim

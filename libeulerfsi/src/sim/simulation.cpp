@@ -747,4 +747,12 @@ void Simulation::set_state(State state) {
   work_.forget();
 }
 
+void Simulation::set_solids(std::vector<solid::SolidState> solids) {
+  if (state_.steps > 0)
+    throw Error(ErrorCode::kArgument, "efsi_simulation_restore_solids: solids are restored before the first step");
+  state_.solids = std::move(solids);
+  work_.forget();
+  prepared_ = false;  // the smoke at the start is where they are not
+}
+
 }  // namespace efsi::sim

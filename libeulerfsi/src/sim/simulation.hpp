@@ -130,6 +130,8 @@ class Simulation {
   std::uint64_t scene_hash() const;
   // Replaces the state (checkpoint).
   void set_state(State state);
+  // Replaces the states of all solids; before the first step.
+  void set_solids(std::vector<solid::SolidState> solids);
   // Reserves what the first step needs and applies initial emitters; done once.
   void prepare();
 

@@ -202,6 +202,7 @@ TEST_CASE("NULL is refused and never followed") {
            efsi_simulation_get_hash(nullptr, nullptr),
            efsi_simulation_save_checkpoint(nullptr, "x"),
            efsi_simulation_restore_checkpoint(nullptr, "x"),
+           efsi_simulation_restore_solids(nullptr, "x"),
            efsi_simulation_get_profile(nullptr, nullptr),
            efsi_simulation_reset_profile(nullptr),
            efsi_simulation_get_fluid_diagnostics(nullptr, nullptr),
@@ -232,7 +233,8 @@ TEST_CASE("NULL is refused and never followed") {
                             efsi_simulation_get_fluid_diagnostics(s, nullptr), efsi_field_get_view(s, 0, 0, nullptr),
                             efsi_field_set(s, 0, 0, nullptr, 1), efsi_simulation_save_checkpoint(s, nullptr),
                             efsi_simulation_save_checkpoint(s, ""), efsi_simulation_restore_checkpoint(s, nullptr),
-                            efsi_vdb_write(s, nullptr, &vdb, nullptr), efsi_vdb_write(s, "x.vdb", nullptr, nullptr)})
+                            efsi_simulation_restore_solids(s, nullptr), efsi_vdb_write(s, nullptr, &vdb, nullptr),
+                            efsi_vdb_write(s, "x.vdb", nullptr, nullptr)})
     CHECK(status == EFSI_ERROR_ARGUMENT);
   CHECK_THAT(last_error(sim), Contains("efsi_vdb_write: def is NULL"));
   CHECK(efsi_simulation_get_time(s, nullptr, nullptr) == EFSI_OK);

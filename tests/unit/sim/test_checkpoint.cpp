@@ -148,8 +148,9 @@ TEST_CASE("A damaged checkpoint is refused and changes nothing") {
     f.put(static_cast<char>(c ^ 0x40));
   };
   const int io = static_cast<int>(ErrorCode::kIo), checkpoint = static_cast<int>(ErrorCode::kCheckpoint);
-  // Values, an array's length, the stored hash, the version.
-  for (const std::uintmax_t at : {size / 2, size - 3, std::uintmax_t{32 + 32}, std::uintmax_t{20}}) {
+  // Values, lengths of arrays, the box, the stored hash, the version.
+  for (const std::uintmax_t at :
+       {size / 2, size - 3, std::uintmax_t{104 + 24}, std::uintmax_t{80}, std::uintmax_t{64}, std::uintmax_t{20}}) {
     flip(at);
     INFO("byte " << at);
     CHECK(refused([&] { sim::restore_checkpoint(*other, file.name()); }) == io);
@@ -178,6 +179,67 @@ TEST_CASE("A checkpoint of another scene, a missing file and a folder that is no
   CHECK(refused([&] { sim::restore_checkpoint(*s, file.name() + "x"); }) == static_cast<int>(ErrorCode::kIo));
   CHECK(refused([&] { sim::save_checkpoint(*s, (file.folder / "no" / "x").string()); }) ==
         static_cast<int>(ErrorCode::kIo));
+}
+
+TEST_CASE("Solids of a checkpoint start another scene of the same box") {
+  const TemporaryFile file;
+  auto first = scene();
+  for (int n = 0; n < 3; ++n) first->step(0.02);
+  sim::save_checkpoint(*first, file.name());
+  const auto alone = [](double density, double voxel, Vec3d center) {
+    sim::Params p = box_params({0.3, 0.3, 0.3}, voxel);
+    p.fluid.present = false;
+    p.gravity = Vec3d::Zero();
+    sim::SolidDesc d = ball_desc(center, 0.08);
+    d.density = density;
+    return make_simulation(p, {d});
+  };
+  const Vec3d center(0.15, 0.12, 0.15);
+  auto second = alone(500.0, 0.025, center);
+  sim::restore_solids(*second, file.name());
+  const auto before = first->diagnose_solid(0), after = second->diagnose_solid(0);
+  CHECK(after.center == before.center);
+  CHECK(after.center[1] < 0.12 - 0.02);
+  CHECK(std::abs(after.momentum[1] - 0.5 * before.momentum[1]) < 1e-6 * std::abs(before.momentum[1]));
+  CHECK(after.rest_volume_cells == before.rest_volume_cells);
+  CHECK(second->surface_points(0) == first->surface_points(0));
+  CHECK((second->state().steps == 0 && second->state().time == 0.0));
+  second->step(0.02);
+  CHECK_FALSE(second->diagnose_solid(0).center == before.center);
+  CHECK(refused([&] { sim::restore_solids(*second, file.name()); }) == static_cast<int>(ErrorCode::kArgument));
+
+  const auto reason = [&](sim::Simulation& other) -> std::string {
+    try {
+      sim::restore_solids(other, file.name());
+    } catch (const Error& error) {
+      CHECK(error.code() == ErrorCode::kCheckpoint);
+      return error.what();
+    }
+    return "";
+  };
+  CHECK(reason(*alone(1000.0, 0.03, center)).find("voxel_size = 0.03: must be 0.025") != std::string::npos);
+  CHECK(reason(*alone(1000.0, 0.025, center + Vec3d(0.01, 0, 0))).find("solid 1: its rest shape") != std::string::npos);
+  sim::Params p = box_params({0.3, 0.3, 0.3}, 0.025);
+  CHECK(reason(*make_simulation(p, {})).find("number of solids = 0: must be 1") != std::string::npos);
+}
+
+TEST_CASE("Solids of a checkpoint leave the colliders of a scene where they are") {
+  const TemporaryFile file;
+  const auto with_floor = [](double height) {
+    sim::Params p = box_params({0.3, 0.3, 0.3}, 0.025);
+    p.fluid.present = false;
+    auto s = make_simulation(p, {ball_desc({0.15, 0.15, 0.15}, 0.08)});
+    geometry::MeshReport report;
+    s->add_collider(ball_desc({0.15, height, 0.15}, 0.05), report);
+    return s;
+  };
+  auto first = with_floor(0.0), second = with_floor(0.31);
+  first->step(0.02);
+  sim::save_checkpoint(*first, file.name());
+  const auto collider = second->surface_points(1);
+  sim::restore_solids(*second, file.name());
+  CHECK(second->surface_points(0) == first->surface_points(0));
+  CHECK(second->surface_points(1) == collider);
 }
 
 TEST_CASE("The scene hash covers parameters, solids and emitters, not the number of threads") {
