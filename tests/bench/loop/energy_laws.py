@@ -29,7 +29,7 @@ MECHANISMS: Mapping[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
     "remapping": (("remap", ("solid_kinetic", "elastic", "fluid_kinetic")),),
 } | {
     stage.replace("_", " "): ((stage, tuple(FORMS)),)
-    for stage in ("mixing", "outside", "walls", "fluid_transport", "repair", "momentum", "plastic_flow")
+    for stage in ("mixing", "outside", "walls", "fluid_transport", "repair", "momentum", "plastic_flow", "viscosity")
 }
 
 

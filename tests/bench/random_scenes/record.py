@@ -117,8 +117,11 @@ class Record:
 
     @functools.cached_property
     def flight(self) -> np.ndarray:
-        """It has touched no wall so far, and is whole (n,)."""
-        return self.whole & np.logical_and.accumulate(self.gaps.min(axis=1) > TOUCH)
+        """It has touched no wall and no collider so far, and is whole (n,)."""
+        alone = self.gaps.min(axis=1) > TOUCH
+        if "collider_gap" in self.result.columns:
+            alone &= self.series("collider_gap") > TOUCH * self.scene.spacing
+        return self.whole & np.logical_and.accumulate(alone)
 
     @functools.cached_property
     def velocity(self) -> np.ndarray:
@@ -148,15 +151,42 @@ class Record:
         which so belongs to its middle or to its end, as the scheme has it.
         """
         if self.has_ledger:
-            forms, change = self.result["energy_end"].sum(axis=1), ledger(self.result)
-            lowest = self.result["energy_end"][:, FORMS.index("potential")].min()
-            outside = np.cumsum(change[:, binding.ENERGY_STAGES.index("outside")].sum(axis=1))
-            return (np.concatenate([[forms[0] - lowest - change[0].sum()], forms - lowest - outside]),)
+            return (self.energy_of_matter - self.outside_work,)
         height = -self.series("center") @ self.fall
         kinetic, elastic = self.series("kinetic_energy"), self.series("elastic_energy")
         moved = kinetic + self.result.start["mass"] * (height - height.min())
         middle = np.concatenate([elastic[:1], (elastic[1:] + elastic[:-1]) / 2])
         return moved + elastic, moved + middle
+
+    @functools.cached_property
+    def energy_of_matter(self) -> np.ndarray:
+        """By the ledger, without the collider's own, potential energy above the lowest of the run (n,) [J]."""
+        forms, change = self.result["energy_end"].sum(axis=1), ledger(self.result)
+        potential = self.result["energy_end"][:, FORMS.index("potential")]
+        forms = np.concatenate([[forms[0] - change[0].sum()], forms])
+        if "given_potential" in self.result.columns:
+            own = self.series("given_kinetic")
+            own[0] = own[1]  # the ledger's first step begins with it in motion
+            forms = forms - own - self.series("given_potential")
+            potential = potential - self.result["given_potential"]
+        return forms - potential.min()
+
+    @functools.cached_property
+    def outside_work(self) -> np.ndarray:
+        """Of emitters and jets, and of what holds pins and colliders, so far (n,) [J]."""
+        work = ledger(self.result)[:, binding.ENERGY_STAGES.index("outside")].sum(axis=1)
+        if "given_work" in self.result.columns:
+            work = work + self.result["given_work"]
+        if "jet_flux" in self.result.columns:
+            work = work + self.result["source_work"]
+        return np.concatenate([[0.0], np.cumsum(work)])
+
+    @functools.cached_property
+    def energy_scale(self) -> np.ndarray:
+        """Largest energy, or work from outside, so far (n,) [J]."""
+        if not self.has_ledger:
+            return np.maximum.accumulate(self.energies[0])
+        return np.maximum.accumulate(np.maximum(self.energy_of_matter, np.abs(self.outside_work)))
 
     @functools.cached_property
     def strain(self) -> np.ndarray:
