@@ -231,7 +231,7 @@ def hold(draw: Draw, layout: Layout, collider: Held | None) -> Held:
 
 
 def around_part(region: Region, tip: np.ndarray, solid: Made, h: float) -> Region:
-    """The region about a vertex, or as far from there to the middle of the solid as it takes to hold some cells of it."""
+    """The region about a vertex, or as far from it towards the solid's middle as it takes to hold some cells of it."""
     middle, samples = center_of_volume(*solid), region.samples(SAMPLES)
     for way in np.linspace(0, 1, 11):
         held = region.moved(tip + way * (middle - tip))
