@@ -13,7 +13,7 @@ from loop.experiment import of
 
 from .regions import Path, Region, place, taken_back
 
-WITHIN = 0.1  # cells inside a pin's region: vertices that are looked at
+WITHIN = 0.25  # cells inside a pin's region: vertices that are looked at; its distances round edges off by less
 NEAR = 2.0  # cells from a jet's region at which a solid covers it
 
 

@@ -13,6 +13,7 @@ DET_F = 2.0  # and its inverse
 SQUEEZED = 0.1  # rho v^2 / 2 over Young's modulus up to which a compressible solid keeps within DET_F
 THICK = 4.0  # cells
 ENERGY_RISE = 0.02
+STILL = 1e-12  # of Young's modulus times the volume: below that energy is rounding
 APEX = 0.05
 OFF = 1.0  # cells
 DEPTH, DEPTH_AT_REST = 0.5, 0.25  # cells
@@ -81,7 +82,8 @@ def energy(record: Record) -> Verdict:
         raise Moot("fluid that falls brings energy in through an open face")
     if any(held.path.turns for held in getattr(record.scene, "given_parts", ())):
         raise Moot("the work of what turns as given is not told")
-    if record.whole.sum() < 2 or not max(record.energy_scale) > 0:
+    noise = STILL * record.scene.youngs_modulus * record.result.start["solid_volume"]
+    if record.whole.sum() < 2 or not max(record.energy_scale) > noise:
         raise Moot("no energy to look at")
     rises = [energy_rise(values[record.whole], record.energy_scale[record.whole]) for values in record.energies]
     rise, at = min(rises)
@@ -104,6 +106,8 @@ def rebounds(record: Record) -> None:
     others = [name for name in ("pin", "collider", "jet") if getattr(record.scene, name, None)]
     if others:
         raise Moot(f"with a {others[0]}")
+    if any(body.friction > 0 for body in getattr(record.scene, "parts", ())):
+        raise Moot("friction at another wall may brake it")
     ratio = record.scene.density_ratio
     if ratio is not None and ratio < VACUUM_LIKE:
         raise Moot(f"{ratio:.3g}:1, rebounds are judged in vacuum and from {VACUUM_LIKE:g}:1 on")
