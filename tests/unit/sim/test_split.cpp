@@ -1,6 +1,7 @@
 // Purpose: the error of the paper's split of a step, in a slab, against velocity and pressure solved as one system.
 #include <Eigen/Dense>
 #include <iostream>
+#include <sstream>
 
 #include "reference/direct_step.hpp"
 #include "sim/force_field.hpp"
@@ -34,7 +35,7 @@ std::unique_ptr<sim::Simulation> impact(double ratio, double pace, Split split) 
   p.numerics.coupling_step = split == Split::kCoupled;
   p.numerics.velocity_tolerance = 1e-6;
   p.numerics.pressure_tolerance = 1e-5;
-  sim::SolidDesc disc = ball_desc({});
+  sim::SolidDesc disc = ball_desc(Vec3d::Zero());
   disc.surface = cylinder_mesh(2, {0.52 * edge, 0.47 * edge, 0.5 * kH}, 0.2 * edge, 2 * kH);
   p.fluid.density = disc.density / ratio;
   const double wave = pace * kH / kStep;  // sqrt((lambda + 2 mu) / rho), of the authors' ball 5 m/s
@@ -97,13 +98,36 @@ Measured measure(double ratio, double pace, Split split) {
 
 }  // namespace
 
+// What bounds it: at 64 cells a side (disc of 12.8 cells, another swirl) the same experiment gave 0.05 at 1000:1 and 5
+// cells a step, 0.28 at 1.3:1 and 25, and 0.38 for the projection there. Here it is 0.057, 0.284 and 0.380. The bars
+// leave a factor of 1.5 or so for what the grid makes of the disc.
 TEST_CASE("The paper's split of a step is off by what a direct solve of velocity and pressure tells", "[law]") {
-  for (const double ratio : {1000.0, 1.3})
-    for (const double pace : {5.0, 25.0}) {
+  for (const double pace : {5.0, 25.0}) {
+    double last = 0.0;
+    for (const double ratio : {1000.0, 1.3}) {
       const Measured paper = measure(ratio, pace, Split::kPaper), plain = measure(ratio, pace, Split::kProjection),
                      coupled = measure(ratio, pace, Split::kCoupled);
-      std::cout << ratio << ":1, " << pace << " cells a step: paper " << paper.error << " (divergence inside "
-                << paper.inside << "), projection " << plain.error << ", coupled " << coupled.error << " | flux "
-                << paper.flux << ", residual " << paper.residual << '\n';
+      std::ostringstream text;
+      text << ratio << ":1, " << pace << " cells a step: paper " << paper.error
+           << " (divergence inside: " << paper.inside << " of it left), projection " << plain.error << ", coupled "
+           << coupled.error;
+      std::cout << text.str() << '\n';
+      INFO(text.str());
+      CHECK(paper.flux < 1e-9);  // both equations hold in the direct solve
+      CHECK(paper.residual < 1e-9);
+      CHECK(paper.inside > 0.5);  // Eq. 13 leaves it to the next steps
+      CHECK(plain.inside < 0.01);
+      if (ratio == 1000.0) {
+        CHECK(paper.error == Approx(0.07).margin(0.035));
+        CHECK(plain.error < 0.5 * paper.error);
+        CHECK(coupled.error < 0.5 * plain.error);
+      } else {
+        CHECK(paper.error == Approx(0.23).margin(0.12));
+        CHECK(plain.error > paper.error);
+        CHECK(plain.error < 0.57);
+        CHECK(paper.error > 2.0 * last);
+      }
+      last = paper.error;
     }
+  }
 }
