@@ -513,6 +513,17 @@ def test_work_of_what_is_given_and_of_jets_comes_from_outside() -> None:
     assert verdicts(result)["energy"] == "not judged"
 
 
+def test_rounding_of_a_colliders_own_energy_is_no_rise() -> None:
+    result = with_everything(lying())
+    result.columns["energy_end"][:, 2] = 0.0
+    result.columns["given_kinetic"][:] = 1.0
+    result.columns["energy_end"][:, 0] = 1.0
+    result.columns["energy_end"][30:, 0] += 1e-7
+    assert verdicts(result)["energy"] == "not judged"
+    result.columns["energy_end"][40:, 0] += 1e-4
+    assert verdicts(result)["energy"] == "MISSED"
+
+
 def test_flight_ends_at_a_collider() -> None:
     times = np.arange(0, 0.6, DT)
     result = with_ledger(made_up(BALL, times, np.full(len(times), 0.4), 0 * times))

@@ -13,7 +13,6 @@ DET_F = 2.0  # and its inverse
 SQUEEZED = 0.1  # rho v^2 / 2 over Young's modulus up to which a compressible solid keeps within DET_F
 THICK = 4.0  # cells
 ENERGY_RISE = 0.02
-STILL = 1e-12  # of Young's modulus times the volume: below that energy is rounding
 APEX = 0.05
 OFF = 1.0  # cells
 DEPTH, DEPTH_AT_REST = 0.5, 0.25  # cells
@@ -82,8 +81,7 @@ def energy(record: Record) -> Verdict:
         raise Moot("fluid that falls brings energy in through an open face")
     if any(held.path.turns for held in getattr(record.scene, "given_parts", ())):
         raise Moot("the work of what turns as given is not told")
-    noise = STILL * record.scene.youngs_modulus * record.result.start["solid_volume"]
-    if record.whole.sum() < 2 or not max(record.energy_scale) > noise:
+    if record.whole.sum() < 2 or not max(record.energy_scale) > record.energy_noise:
         raise Moot("no energy to look at")
     rises = [energy_rise(values[record.whole], record.energy_scale[record.whole]) for values in record.energies]
     rise, at = min(rises)

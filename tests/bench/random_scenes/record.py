@@ -20,6 +20,8 @@ PERIODIC_LIMIT = "of the periodic faces"  # in the message that ends a run at th
 STEADY = 0.995  # of the largest speed: where the push of a wall is over, without gravity towards it
 MOST_TURN = 0.3  # rad until a body is clear of the wall, for its corners not to strike it again
 CLEAR = 2.0  # cells
+STILL = 1e-12  # of Young's modulus times the volume
+TAKEN_OFF = 1e-5  # of a collider's own energy: single precision, summed
 SAMPLES = 400  # of a ballistic rise
 OPPOSITE = 2.0  # cells from the opposite wall, where a rise ends
 
@@ -183,10 +185,20 @@ class Record:
 
     @functools.cached_property
     def energy_scale(self) -> np.ndarray:
-        """Largest energy, or work from outside, so far (n,) [J]."""
-        if not self.has_ledger:
-            return np.maximum.accumulate(self.energies[0])
-        return np.maximum.accumulate(np.maximum(self.energy_of_matter, np.abs(self.outside_work)))
+        """Largest energy, or work from outside, so far, the noise at least (n,) [J]."""
+        largest = self.energies[0]
+        if self.has_ledger:
+            largest = np.maximum(self.energy_of_matter, np.abs(self.outside_work))
+        return np.maximum(np.maximum.accumulate(largest), self.energy_noise)
+
+    @property
+    def energy_noise(self) -> float:
+        """What rounding comes to: of the elastic energy, and of the collider's own, which is taken off [J]."""
+        noise = STILL * self.scene.youngs_modulus * self.result.start["solid_volume"]
+        if "given_kinetic" not in self.result.columns:
+            return noise
+        own = np.abs(self.result["given_kinetic"]) + np.ptp(self.result["given_potential"])
+        return max(noise, TAKEN_OFF * float(own.max()))
 
     @functools.cached_property
     def strain(self) -> np.ndarray:
