@@ -17,12 +17,15 @@ from eulerfsi import binding  # noqa: E402
 from eulerfsi.solver import Simulation, Surface  # noqa: E402
 from loop.experiment import OUT_OF_TIME  # noqa: E402
 from loop.measure import Result  # noqa: E402
-from loop.overlap import deepest_vertex  # noqa: E402
+from loop.overlap import deepest_in, deepest_vertex  # noqa: E402
 from loop.shapes import blocks, rigid_misfit  # noqa: E402
 from random_scenes import judge, solids  # noqa: E402
-from random_scenes.contact import Body, ContactScene, make_contact_scene  # noqa: E402
+from random_scenes.company import Held, Jet  # noqa: E402
+from random_scenes.contact import Body, ContactScene, Plastic, make_contact_scene  # noqa: E402
 from random_scenes.draw import Draw, constant, ranges  # noqa: E402
+from random_scenes.everything import EverythingScene, make_everything_scene  # noqa: E402
 from random_scenes.record import Record  # noqa: E402
+from random_scenes.regions import Path, Region, place, rotation, taken_back  # noqa: E402
 from random_scenes.scenes import DRIFT_GAP, Scene, make_scene  # noqa: E402
 
 SEED = 5
@@ -146,15 +149,18 @@ def contact_scenes(count: int) -> list[ContactScene]:
     return made
 
 
-def test_half_of_a_seeds_scenes_have_contact_and_the_others_are_what_they_were() -> None:
+def test_a_seeds_scenes_take_turns_and_those_with_one_solid_are_what_they_were() -> None:
     options = bench_random.parse(["--seed", str(SEED), "--first", "2", "--count", "5"])
-    assert [job.scene for job in bench_random.chosen(options)] == [2, "c2", 3, "c3", 4]
+    assert [job.scene for job in bench_random.chosen(options)] == [2, "c2", "e2", 3, "c3"]
     options = bench_random.parse(["--seed", str(SEED), "--count", "2", "--only", "contact"])
     assert [job.command[-3:].strip() for job in bench_random.chosen(options)] == ["c0", "c1"]
     scene = make_scene(7, 16)  # of the list of fixed scenes
     assert scene.words.startswith("sphere, 8.2 cells of 0.0612 m, box 32x37x15, faces noSlip noSlip periodic periodic")
     assert not isinstance(bench_random.drawn(SEED, 0), ContactScene)
     assert isinstance(bench_random.drawn(SEED, f"c{contact_scenes(9)[0].number[1:]}"), ContactScene)
+    scene = make_contact_scene(2026, "c3")  # of the same list
+    assert scene.words.startswith("thrown: superquadric 1 x 0.83 x 0.72, exponents 1.51 1.46 of 0.327 m, 1e+03 kg/m^3")
+    assert "8.9 cells of 0.0365 m, box 38x14x25, slip slip open slip noSlip slip, vacuum" in scene.words
 
 
 def test_scenes_with_contact_lie_within_their_ranges(library) -> None:
@@ -182,6 +188,78 @@ def test_depth_of_one_block_in_another() -> None:
     assert deepest_vertex([(0.1 * points + 0.45, triangles), (points, triangles)]) == pytest.approx(0.45)
 
 
+# --- with everything -------------------------------------------------------------------------------------------------
+
+
+def everything_scenes(count: int) -> list[EverythingScene]:
+    """The first scenes of a seed with everything; those whose mesh file is not here are left out."""
+    made = []
+    for number in range(count):
+        try:
+            made.append(make_everything_scene(SEED, f"e{number}"))
+        except solids.Absent:
+            continue
+    return made
+
+
+def test_scenes_with_everything_have_all_of_it_and_are_accepted_by_the_library(library) -> None:
+    made = everything_scenes(25)
+    kinds = {len(scene.parts) for scene in made}
+    assert kinds == {1, 2}
+    for name in ("pin", "collider", "jet", "viscosity"):
+        assert {bool(getattr(scene, name)) for scene in made} == {False, True}
+    assert {bool(body.plastic) for scene in made for body in scene.parts} == {False, True}
+    assert {(p.path.moves, p.path.turns) for p in (s.pin for s in made if s.pin)} == {
+        (False, False),
+        (True, False),
+        (True, True),
+    }
+    assert made[0] == make_everything_scene(SEED, made[0].number)
+    for scene in made[:12]:
+        assert scene.jet is None or ("open" in scene.faces and scene.density_ratio is not None)
+        assert scene.viscosity == 0 or scene.density_ratio is not None
+        with Simulation(scene.simulation()) as simulation:
+            for mesh, values in scene.bodies():
+                simulation.add_solid(mesh, **values)
+            seen = scene.company(simulation).observe()
+        assert seen.get("pin_gap", 0.0) < 1e-6 * scene.size and seen["given_work"] == 0.0
+        for body, (mesh, _) in zip(scene.parts, scene.bodies(), strict=True):
+            if body.plastic:
+                assert within("flow_rate", body.plastic.flow_rate)
+                assert within("yield_strain", body.plastic.yield_stress / body.youngs_modulus)
+            if scene.collider:  # beside all solids, and its way ends not far in the first one's place
+                assert scene.collider.region.distance(mesh.points).min() > 0
+            if scene.jet:
+                assert not seen["jet_covered"] and (scene.jet.region.surface[0] > 0).all()
+                assert (scene.jet.region.surface[0] < scene.box).all()
+
+
+@pytest.mark.parametrize("kind", ["sphere", "box"])
+def test_distances_to_a_region_are_those_to_its_surface(kind: str) -> None:
+    turn = tuple(tuple(row) for row in Draw(3, 3).rotation("turn"))
+    region = Region(kind, (0.4,) * 3 if kind == "sphere" else (0.4, 0.3, 0.2), (1.0, 2.0, 3.0), turn)
+    points, triangles = region.surface
+    assert np.abs(region.distance(points)).max() < 1e-12
+    assert region.volume == pytest.approx(solids.shapes.volume(points, triangles), rel=0.03)
+    for way in np.eye(3):
+        a, b, c = (points[triangles[:, k]] for k in range(3))
+        assert region.across(way) == pytest.approx(np.abs(np.cross(b - a, c - a) @ way).sum() / 4, rel=0.03)
+    inner = np.array(region.middle) + 0.9 * (points - region.middle)
+    assert (region.distance(inner) < 0).all()
+    assert -region.distance(inner).min() >= deepest_in(inner, points, triangles) * 0.9
+    unit = (points - region.middle) @ region.axes / region.edges
+    assert place(region.placed(), unit) == pytest.approx(points, abs=1e-12)
+
+
+def test_a_path_goes_straight_and_turns_and_then_rests() -> None:
+    path = Path((1.0, 0.0, 0.0), (0.0, 0.0, np.pi), (1.0, 1.0, 0.0), until=0.5)
+    moved = place(path.pose(0.5), np.array([[2.0, 1.0, 0.0]]))
+    assert moved == pytest.approx(np.array([[1.5, 2.0, 0.0]]))
+    assert path.pose(2.0) == pytest.approx(path.pose(0.5))
+    assert taken_back(path.pose(0.5), moved) == pytest.approx(np.array([[2.0, 1.0, 0.0]]))
+    assert path.pose(0.0) == pytest.approx(np.eye(4)) and rotation(np.zeros(3)) == pytest.approx(np.eye(3))
+
+
 # --- the laws --------------------------------------------------------------------------------------------------------
 
 RADIUS, FALL, G, DT = 0.1, 0.2, 9.8, 0.005
@@ -207,7 +285,10 @@ BALL = Scene(
 def made_up(scene: Scene, times: np.ndarray, height: np.ndarray, speed: np.ndarray) -> Result:
     """The record of a ball whose centre has these heights and speeds [m, m/s], its energy kept by the elastic one."""
     count, mass = len(times), 4.0
-    column = {name: np.zeros(count) for name in ("degenerate_cells", "false_edges", "misfit", "fluid_energy")}
+    column = {
+        name: np.zeros(count)
+        for name in ("degenerate_cells", "false_edges", "misfit", "fluid_energy", "max_plastic_strain")
+    }
     column |= {name: np.ones(count) for name in ("volume_mesh", "volume_cells")}
     center = np.stack([np.full(count, 0.2), height, np.full(count, 0.2)], axis=1)
     column |= {"mass": np.full(count, mass), "center": center, "extent_max": center + RADIUS}
@@ -248,12 +329,16 @@ def verdicts(result: Result) -> dict[str, str]:
     return {line.law: line.verdict for line in judge.judge(result)}
 
 
+GIVEN = {"plastic flow", "pin", "collider", "collider at rest", "jet"}  # laws of what these scenes do not have
+
+
 def test_a_bounce_in_vacuum_keeps_every_law() -> None:
     judged = verdicts(bounce())
     assert {law for law, verdict in judged.items() if verdict != "pass"} == {
         "depth at rest",
         "overlap",
         "overlap at rest",
+        *GIVEN,
     }
     assert verdicts(lying())["depth at rest"] == "pass"
     assert list(judged) == list(judge.LAWS)
@@ -299,7 +384,7 @@ def two(first: Result, second: Result) -> Result:
 def test_two_solids_keep_every_law_that_is_judged() -> None:
     judged = verdicts(two(lying(), lying()))
     moot = {law for law, verdict in judged.items() if verdict == "not judged"}
-    assert moot == {"energy", "rebound", "clear", "momentum", "spin"}
+    assert moot == {"energy", "rebound", "clear", "momentum", "spin", *GIVEN}
     assert {verdict for law, verdict in judged.items() if law not in moot} == {"pass"}
 
 
@@ -335,6 +420,117 @@ def test_the_sum_of_momenta_counts_where_solids_push_each_other_in_vacuum() -> N
     result.columns["momentum@2"] = result.columns["momentum@2"].copy()
     change("momentum@2", (40, 0), 0.02)(result)
     assert verdicts(result)["momentum"] == "MISSED"
+
+
+REGION = Region("sphere", (0.1,) * 3, (0.2, 0.1, 0.2))
+EVERYTHING = EverythingScene(
+    **{field.name: getattr(PAIR, field.name) for field in dataclasses.fields(ContactScene) if field.name != "parts"},
+    parts=(dataclasses.replace(PAIR.parts[0], plastic=Plastic(1e3, 1.0, 0.0)),),
+    pin=Held(REGION, Path((0.0, 0.1, 0.0), until=0.3)),
+    collider=Held(REGION, Path()),
+    jet=Jet(REGION, (0.0, 0.0, 2.0), until=0.3),
+)
+
+
+def with_everything(result: Result) -> Result:
+    """The record of a ball at rest with a pin, a collider on which it lies as well and a jet that blows for a while."""
+    result = with_ledger(result)
+    steps = len(result["time"])
+    result.columns["energy_end"][:, 2] = 1.0  # of the fluid
+    result.run = dataclasses.replace(EVERYTHING, density_ratio=50.0)
+    still = ("pin_gap", "collider_gap", "given_work", "given_kinetic", "given_potential", "jet_covered", "source_work")
+    result.columns |= {name: np.zeros(steps) for name in still}
+    result.columns["jet_on"] = np.where(result["time"] < 0.3, 1.0, 0.0)
+    result.columns["jet_flux"] = EVERYTHING.jet.flux * result["jet_on"]
+    result.start |= {name: 0.0 for name in still}
+    result.columns["max_plastic_strain"] = np.linspace(0, 0.1, steps)
+    return result
+
+
+def test_what_is_given_and_yields_keeps_the_laws_that_apply() -> None:
+    judged = verdicts(with_everything(lying()))
+    assert {law for law, verdict in judged.items() if verdict == "MISSED"} == set()
+    assert {judged[law] for law in GIVEN | {"plastic strain"}} == {"pass"}
+    silent = {
+        line.law: line.conditions for line in judge.judge(with_everything(lying())) if line.verdict == "not judged"
+    }
+    assert silent["shape"] == "it has yielded" and silent["momentum"] == "a pin holds it"
+    assert silent["rebound"] == "with a pin"
+
+
+@pytest.mark.parametrize(
+    ("name", "steps", "value", "law"),
+    [
+        ("pin_gap", 7, 1.1e-6 * 2 * RADIUS, "pin"),
+        ("collider_gap", 7, -0.51 * BALL.spacing, "collider"),
+        ("collider_gap", -1, -0.26 * BALL.spacing, "collider at rest"),
+        ("jet_flux", 7, 1.021 * EVERYTHING.jet.flux, "jet"),
+        ("jet_flux", 7, 0.979 * EVERYTHING.jet.flux, "jet"),
+        ("max_plastic_strain", 7, 0.2, "plastic strain"),
+        ("energy_change", (7, binding.ENERGY_STAGES.index("plastic_flow"), 1), 1e-5, "plastic flow"),
+    ],
+)
+def test_a_law_of_what_is_given_or_yields_is_missed(name: str, steps: object, value: float, law: str) -> None:
+    result = with_everything(lying())
+    change(name, steps, value)(result)
+    assert [name for name, verdict in verdicts(result).items() if verdict == "MISSED"] == [law]
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "law"),
+    [
+        ("pin_gap", 0.9e-6 * 2 * RADIUS, "pin"),
+        ("collider_gap", -0.49 * BALL.spacing, "collider"),
+        ("jet_flux", 1.019 * EVERYTHING.jet.flux, "jet"),
+    ],
+)
+def test_a_law_of_what_is_given_is_kept_up_to_its_bar(name: str, value: float, law: str) -> None:
+    result = with_everything(lying())
+    change(name, 7, value)(result)
+    assert verdicts(result)[law] == "pass"
+
+
+def test_an_elastic_solid_has_no_plastic_strain_and_a_covered_jet_is_not_judged() -> None:
+    result = with_everything(lying())
+    result.run = dataclasses.replace(result.run, parts=PAIR.parts[:1])
+    assert verdicts(result)["plastic strain"] == "MISSED"
+    result.columns["jet_covered"][:] = 1
+    assert verdicts(result)["jet"] == "not judged"
+
+
+def test_work_of_what_is_given_and_of_jets_comes_from_outside() -> None:
+    for name in ("given_work", "source_work"):
+        result = with_everything(lying())
+        result.columns["energy_end"][30:, 0] += 0.5
+        assert verdicts(result)["energy"] == "MISSED"
+        result.columns[name][30] = 0.5
+        assert verdicts(result)["energy"] == "pass"
+    result.columns[name][30] = 0.0  # a collider's own energy is no one's
+    result.columns["given_kinetic"][30:] = 0.5
+    assert verdicts(result)["energy"] == "pass"
+    turning = Held(REGION, Path(rate=(1.0, 0.0, 0.0), until=0.3))
+    result.run = dataclasses.replace(result.run, collider=turning)
+    assert verdicts(result)["energy"] == "not judged"
+
+
+def test_rounding_of_a_colliders_own_energy_is_no_rise() -> None:
+    result = with_everything(lying())
+    result.columns["energy_end"][:, 2] = 0.0
+    result.columns["given_kinetic"][:] = 1.0
+    result.columns["energy_end"][:, 0] = 1.0
+    result.columns["energy_end"][30:, 0] += 1e-7
+    assert verdicts(result)["energy"] == "not judged"
+    result.columns["energy_end"][40:, 0] += 1e-4
+    assert verdicts(result)["energy"] == "MISSED"
+
+
+def test_flight_ends_at_a_collider() -> None:
+    times = np.arange(0, 0.6, DT)
+    result = with_ledger(made_up(BALL, times, np.full(len(times), 0.4), 0 * times))
+    assert Record(result).flight.all()
+    result.columns["collider_gap"] = np.linspace(5, 0, len(times) - 1) * BALL.spacing
+    result.start["collider_gap"] = 5 * BALL.spacing
+    assert Record(result).flight.sum() == np.flatnonzero(result["collider_gap"] <= BALL.spacing)[0] + 1
 
 
 def change(name: str, steps: object, value: Callable | float) -> Callable[[Result], None]:

@@ -30,6 +30,19 @@ TORN = 20.0  # an interior det F above this or below its inverse has blown up
 OUT_OF_TIME = "out of time"  # how the failure of a run begins that its wall-clock limit has ended
 
 
+class Company:
+    """What a scene has beside its solids: nothing. Colliders are solids of the simulation after those of the scene."""
+
+    colliders = 0
+
+    def lead(self, begin: float, end: float) -> None:
+        """Gives the motions between two times [s]."""
+
+    def observe(self) -> dict[str, Any]:
+        """Columns of the last step; of the start before the first one."""
+        return {}
+
+
 @dataclasses.dataclass(frozen=True)
 class Experiment:
     """One solid in a box. Lengths [m], times [s]."""
@@ -146,6 +159,10 @@ class Experiment:
         """Surfaces and fields of EfsiSolidDef of all solids."""
         return GROUPS[self.group](self) if self.group else [(self.mesh(), self.solid())]
 
+    def company(self, simulation: Simulation) -> Company:
+        """Adds what the scene has beside its solids."""
+        return Company()
+
     def set_in(self, structure: type) -> dict[str, Any]:
         """The settings that are fields of a definition structure, tokens as their constants."""
         chosen = [(name, value) for name, value in self.settings if field_of(name) is structure]
@@ -170,7 +187,8 @@ def simulate(run: Experiment) -> dict[str, Any]:
         reports = [simulation.add_solid(mesh, **values)[1] for mesh, values in bodies]
         if run.stretch:
             stretch(simulation, run)
-        observe = Observer([mesh for mesh, _ in bodies])
+        company = run.company(simulation)
+        observe = Observer([mesh for mesh, _ in bodies], company)
         last = observe(simulation)
         kept = ("surface_volume", "solid_volume", "thinnest_feature")
         start = last | {of(name, k): report[name] for k, report in enumerate(reports, 1) for name in kept}
@@ -178,6 +196,7 @@ def simulate(run: Experiment) -> dict[str, Any]:
         start |= gaps(simulation)
         try:
             for end in ends:
+                company.lead(simulation.time, end)
                 while end - simulation.time > 1e-9 and not run.ends(last):
                     if run.load and not run.group:
                         push_inwards(simulation, run, end - simulation.time)
@@ -224,10 +243,11 @@ class Observer:
 
     Of several solids: det_f_interior is that of full cells after the last repair; overlap: how deep a vertex of one is
     in another one [m]; contact: largest row_overlap of EfsiContactPair in the last step, 0 for less [cells];
-    pushing_rows: sum over the pairs.
+    pushing_rows: sum over the pairs. Colliders count for det_f_interior alone.
     """
 
-    def __init__(self, meshes: list[Mesh]) -> None:
+    def __init__(self, meshes: list[Mesh], company: Company) -> None:
+        self.company = company
         self.rest = [mesh.points.astype(float) for mesh in meshes]
         self.triangles = [mesh.triangles() for mesh in meshes]
         self.areas = [vertex_areas(mesh.points, mesh.triangles()) for mesh in meshes]
@@ -238,11 +258,15 @@ class Observer:
         for k, points in enumerate(surfaces, 1):
             seen |= {of(name, k): value for name, value in self.solid(simulation, k, points).items()}
         seen |= {"fluid_energy": fluid["kinetic_energy"], "fluid_momentum": fluid["momentum"]}
-        if len(surfaces) == 1:
+        seen |= self.company.observe()
+        if len(surfaces) == 1 and not self.company.colliders:
             return seen | det_f_ranges(simulation)
-        repairs, pairs = simulation.repairs(), simulation.contacts()
+        repairs = simulation.repairs()
+        seen["det_f_interior"] = [repairs["min_det_f_after"], repairs["max_det_f_after"]]
+        if len(surfaces) == 1:
+            return seen
+        pairs = [pair for pair in simulation.contacts() if max(pair["solid"]) <= len(surfaces)]
         return seen | {
-            "det_f_interior": [repairs["min_det_f_after"], repairs["max_det_f_after"]],
             "overlap": deepest_vertex(list(zip(surfaces, self.triangles, strict=True))),
             "contact": max([0.0, *(pair["row_overlap"] for pair in pairs)]),
             "pushing_rows": sum(pair["pushing_rows"] for pair in pairs),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,15 @@ from .solids import Made, center_of_volume, folds_nowhere, make_solid
 
 FALLEN_BY = 0.3  # of the duration: thrown solids would have met by then
 TRIES = 40  # directions in which a third solid is tried
+
+
+@dataclasses.dataclass(frozen=True)
+class Plastic:
+    """How a solid yields: yield stress [Pa], flow rate [1/s], hardening [Pa]."""
+
+    yield_stress: float
+    flow_rate: float
+    hardening: float
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,6 +46,7 @@ class Body:
     impact_pressure: float
     reach: float
     surface: Made = dataclasses.field(compare=False, repr=False)
+    plastic: Plastic | None = None  # None: elastic
 
     def mesh(self) -> Mesh:
         points, triangles = self.surface
@@ -44,15 +55,20 @@ class Body:
     def values(self) -> dict[str, Any]:
         """Fields of EfsiSolidDef."""
         names = ("density", "youngs_modulus", "poissons_ratio", "friction", "velocity")
+        plastic = dataclasses.asdict(self.plastic) if self.plastic else {}
         return {name: getattr(self, name) for name in names} | {
             "compressible": int(self.compressible),
             "material": binding.MATERIALS[self.material],
             "angular_velocity": self.spin,
+            **{f"plastic_{name}": value for name, value in plastic.items()},
         }
 
     @property
     def words(self) -> str:
         kind = ", compressible" * self.compressible + ", neo-Hookean" * (self.material != "corotational")
+        if self.plastic:
+            yields, rate, hardening = dataclasses.astuple(self.plastic)
+            kind += f", yields at {yields:.3g} Pa, {rate:.3g}/s, hardening {hardening:.3g} Pa"
         return (
             f"{self.shape} of {self.size:.3g} m, {self.density:.3g} kg/m^3, E {self.youngs_modulus:.3g} Pa, "
             f"nu {self.poissons_ratio:.3f}{kind}, friction {self.friction:.2f}"
@@ -119,15 +135,72 @@ def make_contact_scene(seed: int, number: str) -> ContactScene:
     spins = np.array([(0.0 if pile or d.happens("still") else d.number("spin")) * d.direction("axis") for d in draws])
     cells, places = enclose(draw, surfaces, places, h, pull if pile else np.zeros(3))
 
+    parts, fastest = make_bodies(draws, made, sizes, surfaces, places, velocities, spins, ratio, pull, cells * h, pile)
+    return ContactScene(
+        **scene_values(draw, across, duration, ratio, pull, faces, parts, cells),
+        fastest=fastest,
+        parts=parts,
+        pile=pile,
+    )
+
+
+def scene_values(
+    draw: Draw,
+    across: float,
+    duration: float,
+    ratio: float | None,
+    pull: np.ndarray,
+    faces: tuple[str, ...],
+    parts: tuple[Body, ...],
+    cells: np.ndarray,
+) -> dict[str, Any]:
+    """Fields of Scene for several solids."""
+    first = parts[0]
+    same = ("shape", "size", "youngs_modulus", "poissons_ratio", "material", "velocity", "spin", "reach", "surface")
+    return {name: getattr(first, name) for name in same} | {
+        "scene": f"{draw.seed}/{draw.scene}",
+        "seed": draw.seed,
+        "number": draw.scene,
+        "across": across,
+        "box": tuple(map(float, cells * (first.size / across))),
+        "center": first.place,
+        "duration": duration,
+        "dt": draw.number("step"),
+        "density_ratio": ratio,
+        "walls": " ".join(faces),
+        "faces": faces,
+        "cfl": None if draw.happens("default_cfl") else draw.number("cfl"),
+        "pull": tuple(map(float, pull)),
+        "compressible": any(body.compressible for body in parts),
+        "impact_pressure": max(body.impact_pressure for body in parts),
+        "folds_nowhere": all(folds_nowhere(body.shape) for body in parts),
+    }
+
+
+def make_bodies(
+    draws: list[Draw],
+    made: list[tuple[str, Made]],
+    sizes: list[float],
+    surfaces: list[Made],
+    places: np.ndarray,
+    velocities: np.ndarray,
+    spins: np.ndarray,
+    ratio: float | None,
+    pull: np.ndarray,
+    box: np.ndarray,
+    pile: bool,
+    others: Sequence[float] = (),
+) -> tuple[tuple[Body, ...], float]:
+    """The solids, as stiff as the fastest impact asks for, and its speed [m/s]. others: speeds of what is no solid."""
     fluid = 0.0 if ratio is None else 1000.0 / max(1.0, ratio)
     densities = [
         1000.0 * min(1.0, ratio or 1.0) * (d.number("other_density") if k else 1.0) for k, d in enumerate(draws)
     ]
     ratios = [None if ratio is None else density / fluid for density in densities]
-    fall = max(float(np.abs(weight_ratio(r) * pull) @ (cells * h)) for r in ratios) * (0.3 if pile else 1.0)
+    fall = max(float(np.abs(weight_ratio(r) * pull) @ box) for r in ratios) * (0.3 if pile else 1.0)
     reaches = [float(np.linalg.norm(points - center_of_volume(points, t), axis=1).max()) for points, t in surfaces]
     speeds = np.linalg.norm(velocities, axis=1) + np.linalg.norm(spins, axis=1) * reaches
-    fastest = max(math.sqrt(speeds.max() ** 2 + 2 * fall), SLOWEST * size)
+    fastest = max(math.sqrt(max(speeds.max(), *others, 0.0) ** 2 + 2 * fall), SLOWEST * sizes[0])
     energy = (max(densities) + ADDED_MASS * fluid) * fastest**2 / 2
     load = sum(abs(density - fluid) for density in densities) * float(np.linalg.norm(pull)) * max(sizes)
     moduli = [max(energy / d.number("impact_pressure"), load / constant("sag")) for d in draws]
@@ -150,30 +223,7 @@ def make_contact_scene(seed: int, number: str) -> ContactScene:
         )
         for k, d in enumerate(draws)
     )
-    first = parts[0]
-    same = ("shape", "size", "youngs_modulus", "poissons_ratio", "material", "velocity", "spin", "reach", "surface")
-    return ContactScene(
-        scene=f"{seed}/{number}",
-        seed=seed,
-        number=number,
-        across=across,
-        box=tuple(map(float, cells * h)),
-        center=first.place,
-        duration=duration,
-        dt=draw.number("step"),
-        density_ratio=ratio,
-        walls=" ".join(faces),
-        faces=faces,
-        cfl=None if draw.happens("default_cfl") else draw.number("cfl"),
-        pull=tuple(map(float, pull)),
-        compressible=any(body.compressible for body in parts),
-        impact_pressure=max(body.impact_pressure for body in parts),
-        fastest=fastest,
-        folds_nowhere=all(folds_nowhere(body.shape) for body in parts),
-        parts=parts,
-        pile=pile,
-        **{name: getattr(first, name) for name in same},
-    )
+    return parts, fastest
 
 
 def lay(draw: Draw, size: float, made: Made) -> Made:

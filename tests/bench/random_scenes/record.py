@@ -20,6 +20,8 @@ PERIODIC_LIMIT = "of the periodic faces"  # in the message that ends a run at th
 STEADY = 0.995  # of the largest speed: where the push of a wall is over, without gravity towards it
 MOST_TURN = 0.3  # rad until a body is clear of the wall, for its corners not to strike it again
 CLEAR = 2.0  # cells
+STILL = 1e-12  # of Young's modulus times the volume
+TAKEN_OFF = 1e-5  # of a collider's own energy: single precision, summed
 SAMPLES = 400  # of a ballistic rise
 OPPOSITE = 2.0  # cells from the opposite wall, where a rise ends
 
@@ -117,8 +119,11 @@ class Record:
 
     @functools.cached_property
     def flight(self) -> np.ndarray:
-        """It has touched no wall so far, and is whole (n,)."""
-        return self.whole & np.logical_and.accumulate(self.gaps.min(axis=1) > TOUCH)
+        """It has touched no wall and no collider so far, and is whole (n,)."""
+        alone = self.gaps.min(axis=1) > TOUCH
+        if "collider_gap" in self.result.columns:
+            alone &= self.series("collider_gap") > TOUCH * self.scene.spacing
+        return self.whole & np.logical_and.accumulate(alone)
 
     @functools.cached_property
     def velocity(self) -> np.ndarray:
@@ -148,15 +153,52 @@ class Record:
         which so belongs to its middle or to its end, as the scheme has it.
         """
         if self.has_ledger:
-            forms, change = self.result["energy_end"].sum(axis=1), ledger(self.result)
-            lowest = self.result["energy_end"][:, FORMS.index("potential")].min()
-            outside = np.cumsum(change[:, binding.ENERGY_STAGES.index("outside")].sum(axis=1))
-            return (np.concatenate([[forms[0] - lowest - change[0].sum()], forms - lowest - outside]),)
+            return (self.energy_of_matter - self.outside_work,)
         height = -self.series("center") @ self.fall
         kinetic, elastic = self.series("kinetic_energy"), self.series("elastic_energy")
         moved = kinetic + self.result.start["mass"] * (height - height.min())
         middle = np.concatenate([elastic[:1], (elastic[1:] + elastic[:-1]) / 2])
         return moved + elastic, moved + middle
+
+    @functools.cached_property
+    def energy_of_matter(self) -> np.ndarray:
+        """By the ledger, without the collider's own, potential energy above the lowest of the run (n,) [J]."""
+        forms, change = self.result["energy_end"].sum(axis=1), ledger(self.result)
+        potential = self.result["energy_end"][:, FORMS.index("potential")]
+        forms = np.concatenate([[forms[0] - change[0].sum()], forms])
+        if "given_potential" in self.result.columns:
+            own = self.series("given_kinetic")
+            own[0] = own[1]  # the ledger's first step begins with it in motion
+            forms = forms - own - self.series("given_potential")
+            potential = potential - self.result["given_potential"]
+        return forms - potential.min()
+
+    @functools.cached_property
+    def outside_work(self) -> np.ndarray:
+        """Of emitters and jets, and of what holds pins and colliders, so far (n,) [J]."""
+        work = ledger(self.result)[:, binding.ENERGY_STAGES.index("outside")].sum(axis=1)
+        if "given_work" in self.result.columns:
+            work = work + self.result["given_work"]
+        if "jet_flux" in self.result.columns:
+            work = work + self.result["source_work"]
+        return np.concatenate([[0.0], np.cumsum(work)])
+
+    @functools.cached_property
+    def energy_scale(self) -> np.ndarray:
+        """Largest energy, or work from outside, so far, the noise at least (n,) [J]."""
+        largest = self.energies[0]
+        if self.has_ledger:
+            largest = np.maximum(self.energy_of_matter, np.abs(self.outside_work))
+        return np.maximum(np.maximum.accumulate(largest), self.energy_noise)
+
+    @property
+    def energy_noise(self) -> float:
+        """What rounding comes to: of the elastic energy, and of the collider's own, which is taken off [J]."""
+        noise = STILL * self.scene.youngs_modulus * self.result.start["solid_volume"]
+        if "given_kinetic" not in self.result.columns:
+            return noise
+        own = np.abs(self.result["given_kinetic"]) + np.ptp(self.result["given_potential"])
+        return max(noise, TAKEN_OFF * float(own.max()))
 
     @functools.cached_property
     def strain(self) -> np.ndarray:
