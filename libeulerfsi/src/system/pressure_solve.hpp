@@ -57,6 +57,8 @@ class PressureSystem {
   // to the walls along two axes a pressure that alternates along both, cell by cell, and is what it likes along the
   // third, does not. Fluxes of nodes that move have nothing of it, those of walls that move may have.
   void subtract_alternating(const Parallel& parallel);
+  // In one layer of cells normal to an axis, along the two others.
+  void subtract_alternating(std::size_t axis, int layer, const std::vector<std::uint8_t>& active);
   // Of the right-hand side over the cells with an equation.
   void subtract_mean(const Parallel& parallel, const std::vector<std::uint8_t>& active);
   void compute_residual(const Parallel& parallel, const VectorField& velocity, const std::vector<Real>& source,
