@@ -29,9 +29,10 @@ EFSI_KERNEL void subtract_row(int n, Real value, Real* r) {
 void PressureSystem::assemble(const Parallel& parallel, const Grid& g, const Walls& walls,
                               const std::vector<std::uint8_t>& fixed, const std::vector<Real>& specific_volume,
                               std::vector<std::uint8_t> active, std::vector<std::uint8_t> solid_cell, SlipNodes* slip,
-                              bool sealed) {
+                              bool sealed, bool sticks) {
   slip_ = slip;
   sealed_ = sealed;
+  sticks_ = sticks;
   if (g.cells != grid_.cells) {  // ghosts lie elsewhere, and those that nobody writes must be zero
     rhs_.clear();
     pcg_ = {};
@@ -79,7 +80,7 @@ DivergenceNorms PressureSystem::set_right_side(const Parallel& parallel, const V
                                                const std::vector<Real>& source) {
   compute_residual(parallel, velocity, source, rhs_);
   const DivergenceNorms norms = residual_norms(parallel, rhs_);
-  if (walls_.any_moves()) subtract_alternating(parallel);
+  if (walls_.any_moves() || sticks_) subtract_alternating(parallel);
   if (!closed()) return norms;
   // In a closed box it must sum to zero.
   const auto& active = multigrid_.finest().active;
