@@ -6,8 +6,6 @@ preview.png. Every file appears whole, and the folder can be moved.
 
 from __future__ import annotations
 
-import json
-import math
 import os
 import shutil
 from pathlib import Path
@@ -15,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from . import __version__, binding, files
+from . import __version__, binding, files, stats_file
 from .errors import CacheIOError, UsageError
 from .localize import localize_scene
 from .manifest import FILE_NAME, Manifest
@@ -25,9 +23,8 @@ from .start_from import Start
 from .usd_writer import UsdWriter
 
 _FOLDERS = ("frames", "vdb", "checkpoints", "scene")
-_FILES = ("stats.jsonl", "log", "preview.png", FILE_NAME)
+_FILES = (stats_file.NAME, "log", "preview.png", FILE_NAME)
 _KEPT_CHECKPOINTS = 2
-STATS = "stats.jsonl"
 LOCK = ".lock"
 
 
@@ -98,7 +95,7 @@ class Cache:
             manifest.save()
             if not manifest.data["scene_copy"]:
                 cache._begin()
-            cache._trim_stats(cache.checkpoint["time"] if cache.checkpoint else -1.0)
+            stats_file.trim(folder, cache.checkpoint["time"] if cache.checkpoint else -1.0)
         return cache
 
     def is_complete(self) -> bool:
@@ -166,34 +163,13 @@ class Cache:
 
     def stopped_in(self, frame: int) -> list[dict[str, Any]]:
         """The last line that a run left which was stopped inside the frame; [] where none was."""
-        path = self.folder / STATS
-        lines = map(json.loads, path.read_text(encoding="utf-8").splitlines()) if path.is_file() else ()
+        lines = stats_file.read(self.folder) if (self.folder / stats_file.NAME).is_file() else []
         return [line for line in lines if line["event"] == "stopped" and line["frame"] == frame][-1:]
 
     def _flush_stats(self) -> None:
         if self._stats:
-            try:
-                with open(self.folder / STATS, "a", encoding="utf-8") as file:
-                    file.writelines(json.dumps(_finite(line)) + "\n" for line in self._stats)
-            except OSError as error:
-                raise CacheIOError(f"{self.folder / STATS}: cannot be written: {error.strerror}") from error
+            stats_file.append(self.folder, self._stats)
             self._stats.clear()
-
-    def _trim_stats(self, time: float) -> None:
-        """Drops what was recorded after `time`, which will be simulated again."""
-        path = self.folder / STATS
-        if path.is_file():
-            lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
-            files.write_text(path, "".join(line for line in lines if json.loads(line)["time"] <= time))
-
-
-def _finite(value: Any) -> Any:
-    """The value with null for numbers that JSON does not know."""
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def prepare(folder: Path, overwrite: bool, resume: bool) -> str:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import files
-from .cache import STATS
+from . import files, stats_file
 from .errors import CacheIOError, UsageError
 from .manifest import Manifest
 
@@ -27,21 +25,13 @@ class Statistics:
     def __init__(self, folder: Path) -> None:
         """Raises CacheIOError where the folder is no cache, or holds no frame that was simulated."""
         self.manifest = Manifest.load(folder)
-        path = folder / STATS
-        try:
-            text = path.read_text(encoding="utf-8")
-        except OSError as error:
-            raise CacheIOError(f"{path}: {error.strerror}") from error
-        lines = []
-        for number, line in enumerate(text.splitlines(), 1):
-            try:
-                lines.append(json.loads(line))
-            except ValueError as error:
-                raise CacheIOError(f"{path}: line {number}: is damaged: {error}") from error
+        lines = stats_file.read(folder)
         self.steps = [line for line in lines if line.get("event") == "step"]
         self.frames = [line for line in lines if line.get("event") == "frame"]
         if not self.steps:
-            raise CacheIOError(f"{path}: holds no step: must be of a run that has simulated at least one frame")
+            raise CacheIOError(
+                f"{folder / stats_file.NAME}: holds no step: must be of a run that has simulated at least one frame"
+            )
 
     @property
     def solids(self) -> list[str]:

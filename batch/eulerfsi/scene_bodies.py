@@ -141,7 +141,7 @@ def examine(body: Solid | Pin | Collider | Emitter, domain: dict[str, Any], thre
     body.surface = _surface_of(body, body.mesh, domain, threads)
     if isinstance(body, Solid):
         stretched = body.values["stretch"] != [1.0, 1.0, 1.0]
-        body.start = _surface_of(body, _stretched(body), domain, threads) if stretched else body.surface
+        body.start = _surface_of(body, _stretched(body, domain), domain, threads) if stretched else body.surface
 
 
 def _surface_of(
@@ -170,10 +170,13 @@ def _surface_of(
         raise SceneError(f"{solid.path}: {file}{mesh_reason(source, error)}") from error
 
 
-def _stretched(solid: Solid) -> solver.Mesh:
-    """The solid's surface where it starts, as the library stretches it."""
-    mesh, factors = solid.mesh, solid.values["stretch"]
-    center = volume_center(mesh.points, mesh.triangles())
+def _stretched(solid: Solid, domain: dict[str, Any]) -> solver.Mesh:
+    """The solid's surface where it starts, as the library stretches it; in a 2-D scene about what lies in the slab."""
+    mesh, factors, inside = solid.mesh, solid.values["stretch"], solid.mesh.points.copy()
+    if (axis := slab_axis(domain)) is not None:
+        low = domain["domain_min"][axis]
+        inside[:, axis] = np.clip(inside[:, axis], low, low + domain["voxel_size"])
+    center = volume_center(inside, mesh.triangles())
     return solver.Mesh(center + (mesh.points - center) * factors, mesh.counts, mesh.indices)
 
 

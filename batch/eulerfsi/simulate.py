@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from . import binding, checks, preview
+from . import binding, checks, preview, stats_file
 from . import cache as cache_module
-from .cache import STATS, Cache, FolderLock
+from .cache import Cache, FolderLock
 from .contacts import FrameContacts
 from .errors import Cancelled, DivergedError, LibraryError
 from .frames import demand_start, parse_frames
@@ -353,7 +353,7 @@ class _Run:
                 self.log.warning(
                     f"{path}: frame {frame}: {facts['false_edges']} edges of the mesh are longer than 4 times what "
                     f"the largest stretch of the solid ({facts['max_stretch']:.3g}) explains: parts of it have "
-                    f"exchanged points; {STATS} counts them in every frame"
+                    f"exchanged points; {stats_file.NAME} counts them in every frame"
                 )
 
     def _leave(self, status: str) -> None:

@@ -23,7 +23,8 @@ for folder in (ROOT / "batch", ROOT / "usd_plugin", Path(__file__).resolve().par
 
 import eulerfsi_usd  # noqa: E402, F401 - registers the schema
 from bench_loop import machine  # noqa: E402
-from eulerfsi import binding, files  # noqa: E402
+from eulerfsi import binding, checks, files  # noqa: E402
+from eulerfsi.frames import parse_frames  # noqa: E402
 from pxr import Usd  # noqa: E402
 
 SCENES = ROOT / "examples" / "scenes"
@@ -89,7 +90,8 @@ def table_1() -> list[str]:
     """The parameters that the scenes author, which are the paper's."""
     lines = ["| scene | density | spring stiffness k (unused in production) | friction |", "|---|---|---|---|"]
     for name in PAPER:
-        data = Usd.Stage.Open(str(SCENES / f"{name}.usda")).GetPrimAtPath("/World/Domain").GetCustomDataByKey("paper")
+        stage = Usd.Stage.Open(str(SCENES / f"{name}.usda"))  # a prim does not keep its stage
+        data = stage.GetPrimAtPath("/World/Domain").GetCustomDataByKey("paper")
         lines.append(f"| {name} | {data['densityRatio']} | {data['k']:g} | {data['mu']:g} |")
     return lines
 
@@ -124,6 +126,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error(f"--only {unknown[0]}: must be of {', '.join(PAPER)}")
     if not 0.1 <= options.scale <= 2.0:
         parser.error(f"--scale {options.scale:g}: must be between 0.1 and 2")
+    if options.frames:
+        parse_frames(options.frames)
+    if options.output:
+        checks.check_output(options.output.absolute().parent)
     text = [
         "# The paper's tables",
         "",

@@ -92,6 +92,14 @@ def test_command_writes_a_picture_beside_the_cache(cache, kind, tmp_path, monkey
     assert sorted(cache.iterdir()) == before
 
 
+def test_a_line_that_a_run_is_writing_is_left_out(cache, tmp_path):
+    for name in ("manifest.json", "stats.jsonl"):
+        (tmp_path / name).write_text((cache / name).read_text())
+    with open(tmp_path / "stats.jsonl", "a", encoding="utf-8") as file:
+        file.write('{"event": "step", "frame": 4, "time": 0.1')
+    assert Statistics(tmp_path).steps == Statistics(cache).steps
+
+
 def test_svg_and_pdf(cache, tmp_path):
     assert plot("step", cache, tmp_path / "a.svg").read_text().startswith("<?xml")
     assert plot("step", cache, tmp_path / "a.pdf").read_bytes().startswith(b"%PDF")

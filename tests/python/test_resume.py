@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -12,7 +13,8 @@ from pathlib import Path
 
 import pytest
 from conftest import content_hashes, environment, make_scene
-from eulerfsi.errors import SceneError, UsageError
+from eulerfsi import stats_file
+from eulerfsi.errors import CacheIOError, SceneError, UsageError
 from eulerfsi.log import Log
 from eulerfsi.simulate import Options, Result, simulate
 from pxr import Usd
@@ -87,6 +89,43 @@ def test_killed_run_is_taken_up_at_its_last_checkpoint(whole, tmp_path):
     assert content_hashes(tmp_path / "cache") == expected
     assert not list((tmp_path / "cache").rglob(".writing-*"))
     assert "from frame 11" in (tmp_path / "cache/log").read_text()
+
+
+def test_half_a_line_of_statistics_of_a_killed_run_is_dropped(whole, tmp_path):
+    scene, expected = whole
+    stop_after(start(scene, tmp_path / "cache"), 12, signal.SIGKILL)
+    with open(tmp_path / "cache/stats.jsonl", "a", encoding="utf-8") as file:
+        file.write('{"event": "step", "frame": 99, "ti')
+    before = [line["frame"] for line in stats_file.read(tmp_path / "cache")]
+    assert before and max(before) < 26
+    run(scene, tmp_path / "cache", resume=True)
+    assert content_hashes(tmp_path / "cache") == expected
+    frames = [line["frame"] for line in stats_file.read(tmp_path / "cache") if line["event"] == "frame"]
+    assert frames == list(range(1, 27))
+
+
+def test_damaged_statistics_stop_a_resumed_run_with_the_line(whole, tmp_path):
+    scene, _ = whole
+    stop_after(start(scene, tmp_path / "cache"), 3, signal.SIGKILL)
+    path = tmp_path / "cache/stats.jsonl"
+    path.write_text("{]\n" + path.read_text())
+    with pytest.raises(CacheIOError, match=r"stats\.jsonl: line 1: is damaged"):
+        run(scene, tmp_path / "cache", resume=True)
+
+
+def test_statistics_that_do_not_fit_on_the_disk_leave_no_half_line(tmp_path):
+    lines = [{"event": "step", "time": 0.1 * i, "text": "x" * 3000} for i in range(20)]
+    stats_file.append(tmp_path, lines[:2])
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20000, limit[1]))
+    try:
+        with pytest.raises(CacheIOError, match=r"stats\.jsonl: cannot be written: File too large"):
+            stats_file.append(tmp_path, lines[2:])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    assert stats_file.read(tmp_path) == lines[:2] and (tmp_path / stats_file.NAME).read_text().endswith("}\n")
+    stats_file.append(tmp_path, lines[2:])
+    assert stats_file.read(tmp_path) == lines
 
 
 def test_two_checkpoints_are_kept_every_ten_frames(whole):

@@ -11,7 +11,8 @@ from eulerfsi import checks
 from eulerfsi.errors import SceneError
 from eulerfsi.scene import read_scene
 from eulerfsi.simulate import Options, simulate
-from slab_scenes import add_disc, points_of, run, slab_stage
+from pxr import UsdGeom
+from slab_scenes import add_disc, disc, points_of, run, slab_stage
 
 VOXEL = 1 / 32
 SOFT = {"youngsModulus": 2e4, "poissonsRatio": 0.3}
@@ -87,6 +88,25 @@ def refusal(path: Path, stage) -> str:
     with pytest.raises(SceneError) as error:
         simulate(path, Options(output=path.with_suffix(".cache"), progress="none"))
     return str(error.value)
+
+
+def test_a_disc_may_start_stretched(tmp_path: Path) -> None:
+    """About the centre of what lies in the slab, as the checks see it, too: a bent cylinder has another one."""
+    path = tmp_path / "scene.usda"
+    stage = slab_stage(path, (1.0, 1.0), VOXEL, frames=2)
+    points, *_ = disc(0.2, 9 * VOXEL)
+    prim = add_disc(stage, "Disc", (0, 0), 0.2, 9 * VOXEL, stretch=(1.3, 0.9, 1.0), **SOFT)
+    bent = points + np.outer(10 * points[:, 2] ** 2, (1.0, 0, 0))
+    UsdGeom.Mesh(prim).GetPointsAttr().Set(bent)
+    folder, _ = run(path, stage)
+    start = points_of(folder, "Disc", 0)
+    np.testing.assert_allclose(start[:, 1:], points[:, 1:] * (0.9, 1.0), atol=1e-6)
+    center = (1.3 * bent - start)[:, 0] / 0.3
+    np.testing.assert_allclose(center, center.mean(), atol=1e-5)
+    section = 10 * (0.1 * 9 * VOXEL) ** 2  # where the faces cut it halfway between two rings
+    assert center.mean() == pytest.approx(section, abs=2e-3)
+    seen = read_scene(stage, path).solids[0].start.report["extent_max"][0]
+    assert seen == pytest.approx(center.mean() + 1.3 * (0.2 + section - center.mean()), abs=2e-3)
 
 
 def test_bad_slabs_are_refused(tmp_path: Path) -> None:

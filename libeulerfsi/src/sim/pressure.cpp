@@ -69,7 +69,8 @@ void assemble_pressure_system(const StepContext& step, const SolidStates& states
     if (!scene.solids.empty()) active = pressure_cells(parallel, scene, states, solids, matter);
     close_given_cells(step, states, matter, slip, active);
     pressure.system.assemble(parallel, matter.common.grid, matter.common.walls, matter.fixed, matter.specific_volume,
-                             std::move(active), matter.owned, &slip, is_sealed(scene));
+                             std::move(active), matter.owned, &slip, is_sealed(scene),
+                             scene.params.fluid.viscosity > 0.0);
     pressure.lasts = scene.solids.empty();
   }
   if (scene.params.numerics.volume_source && !scene.solids.empty())

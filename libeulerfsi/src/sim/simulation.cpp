@@ -82,7 +82,8 @@ std::shared_ptr<const geometry::Surface> stretched(const SolidDesc& desc, const 
                                                    const Parallel& parallel) {
   if (desc.stretch == Vec3d::Ones()) return rest;
   geometry::TriangleMesh mesh = rest->mesh;
-  for (std::size_t v = 0; v < rest->along.size(); ++v) mesh.points[v][slab->axis] = rest->along[v];
+  if (slab)  // as it was before it was laid in the slab
+    for (std::size_t v = 0; v < mesh.points.size(); ++v) mesh.points[v][slab->axis] = rest->along[v];
   for (Vec3d& x : mesh.points) x = center + desc.stretch.cwiseProduct(x - center);
   auto surface = geometry::examine(std::move(mesh), spacing, parallel);
   return slab ? geometry::lay_in_slab(*surface, *slab, parallel) : surface;

@@ -14,9 +14,10 @@ constexpr int kMaxPcrIterations = 500;
 // Every solve that can converge needs fewer. More do harm to one that cannot, between no-slip walls: pressures that
 // move nothing grow, and their rounding becomes divergence.
 constexpr int kMaxMultigridIterations = 100;
-constexpr int kMostGradients = 10;    // iterations of conjugate gradients before conjugate residuals take over
-constexpr double kHelps = 0.5;        // the last pressure is the start where it leaves less than this residual
-constexpr double kSolidFloor = 1e-3;  // of the whole right-hand side: less divergence in the solids counts as this
+constexpr int kMostGradients = 10;     // iterations of conjugate gradients before conjugate residuals take over
+constexpr double kHelps = 0.5;         // the last pressure is the start where it leaves less than this residual
+constexpr int kAlternatingRounds = 8;  // of taking them out one after the other: the rest is rounding
+constexpr double kSolidFloor = 1e-3;   // of the whole right-hand side: less divergence in the solids counts as this
 
 EFSI_KERNEL void subtract_row(int n, Real value, Real* r) {
 #pragma omp simd
@@ -28,9 +29,10 @@ EFSI_KERNEL void subtract_row(int n, Real value, Real* r) {
 void PressureSystem::assemble(const Parallel& parallel, const Grid& g, const Walls& walls,
                               const std::vector<std::uint8_t>& fixed, const std::vector<Real>& specific_volume,
                               std::vector<std::uint8_t> active, std::vector<std::uint8_t> solid_cell, SlipNodes* slip,
-                              bool sealed) {
+                              bool sealed, bool sticks) {
   slip_ = slip;
   sealed_ = sealed;
+  sticks_ = sticks;
   if (g.cells != grid_.cells) {  // ghosts lie elsewhere, and those that nobody writes must be zero
     rhs_.clear();
     pcg_ = {};
@@ -78,7 +80,7 @@ DivergenceNorms PressureSystem::set_right_side(const Parallel& parallel, const V
                                                const std::vector<Real>& source) {
   compute_residual(parallel, velocity, source, rhs_);
   const DivergenceNorms norms = residual_norms(parallel, rhs_);
-  if (walls_.any_moves()) subtract_alternating(parallel);
+  if (walls_.any_moves() || sticks_) subtract_alternating(parallel);
   if (!closed()) return norms;
   // In a closed box it must sum to zero.
   const auto& active = multigrid_.finest().active;
@@ -100,23 +102,37 @@ void PressureSystem::subtract_alternating(const Parallel& parallel) {
     const int a = static_cast<int>(axis);
     return walls_.lower(a) == grid::Wall::kNoSlip && walls_.upper(a) == grid::Wall::kNoSlip;
   };
-  for (std::size_t a = 0; a < 3; ++a) {
-    const std::size_t u = (a + 1) % 3, v = (a + 2) % 3;
-    if (!alternates(u) || !alternates(v)) continue;
-    parallel.for_each(grid_.cells[a], [&](std::int64_t layer) {
-      const auto for_layer = [&](const auto& body) {
-        Vec3i at{};
-        at[a] = static_cast<int>(layer);
-        for (at[v] = 0; at[v] < grid_.cells[v]; ++at[v])
-          for (at[u] = 0; at[u] < grid_.cells[u]; ++at[u])
-            body(rhs_[grid_.padded(at[0], at[1], at[2])], (at[u] + at[v]) % 2 ? -1.0 : 1.0);
-      };
-      double sum = 0.0;
-      for_layer([&](const Real& value, double sign) { sum += sign * static_cast<double>(value); });
-      const double part = sum / (static_cast<double>(grid_.cells[u]) * grid_.cells[v]);
-      for_layer([&](Real& value, double sign) { value -= static_cast<Real>(sign * part); });
-    });
+  const auto& active = multigrid_.finest().active;
+  // Where cells have no equation these and the mean are not orthogonal.
+  const int rounds = active.empty() ? 1 : kAlternatingRounds;
+  for (int round = 0; round < rounds; ++round) {
+    if (round > 0 && closed()) subtract_mean(parallel, active);
+    for (std::size_t a = 0; a < 3; ++a)
+      if (alternates((a + 1) % 3) && alternates((a + 2) % 3))
+        parallel.for_each(grid_.cells[a],
+                          [&](std::int64_t layer) { subtract_alternating(a, static_cast<int>(layer), active); });
   }
+}
+
+void PressureSystem::subtract_alternating(std::size_t axis, int layer, const std::vector<std::uint8_t>& active) {
+  const std::size_t u = (axis + 1) % 3, v = (axis + 2) % 3;
+  const auto for_cells = [&](const auto& body) {
+    Vec3i at{};
+    at[axis] = layer;
+    for (at[v] = 0; at[v] < grid_.cells[v]; ++at[v])
+      for (at[u] = 0; at[u] < grid_.cells[u]; ++at[u]) {
+        const std::size_t c = grid_.padded(at[0], at[1], at[2]);
+        if (active.empty() || active[c]) body(rhs_[c], (at[u] + at[v]) % 2 ? -1.0 : 1.0);
+      }
+  };
+  double sum = 0.0, count = 0.0;
+  for_cells([&](const Real& value, double sign) {
+    sum += sign * static_cast<double>(value);
+    count += 1.0;
+  });
+  if (!(count > 0.0)) return;
+  const double part = sum / count;
+  for_cells([&](Real& value, double sign) { value -= static_cast<Real>(sign * part); });
 }
 
 void PressureSystem::subtract_mean(const Parallel& parallel, const std::vector<std::uint8_t>& active) {

@@ -1,0 +1,36 @@
+"""`bench table`: what it prints, and what it refuses before anything is simulated."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+pytestmark = pytest.mark.usefixtures("library")
+
+
+def test_tables_have_the_paper_s_row_and_ours(cli, tmp_path):
+    table = tmp_path / "table.md"
+    done = cli("bench", "table", "--only", "cheb", "--frames", "1-3", "--scale", "0.1", "--output", table)
+    assert done.returncode == 0, done.stderr
+    lines = table.read_text().splitlines()
+    assert sum(line.startswith("| cheb | paper | 120 x 100 x 80 |") for line in lines) == 1
+    (ours,) = [line for line in lines if line.startswith("| cheb | here |")]
+    assert re.match(r"\| cheb \| here \| \d+ x \d+ x \d+ \| 0\.0417 \|", ours) and ours.count("|") == 13
+    parameters = [line for line in lines if line.startswith("| cheb | ") and line.count("|") == 5]
+    assert len(parameters) == 1  # table 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["--frames", "3-1"], 2, "runs backwards"),
+        (["--frames", "1"], 2, "a cache needs at least 2"),
+        (["--output", "missing/table.md"], 5, "missing"),
+        (["--only", "nobody"], 2, "--only nobody: must be of"),
+    ],
+)
+def test_bad_options_are_refused_first(cli, tmp_path, arguments, code, message):
+    (tmp_path / "missing").write_text("a file, no folder")
+    done = cli("bench", "table", *arguments)
+    assert done.returncode == code and message in done.stderr and not done.stdout
