@@ -73,7 +73,7 @@ def test_party_piles_up_clay_keeps_dents_and_the_others_do_not(tmp_path: Path) -
     elastic, clay = ("Cheb", "Whale", "Octopus"), ("Duck", "Penguin")
     pairs = [frame["contacts"]["pairs"] for frame in run.frames.values() if "contacts" in frame]
     assert max(len(found) for found in pairs) >= 4, "they have not met"
-    assert max(pair["surface_overlap"] for found in pairs for pair in found) < 1.0, "one is in another"
+    assert max(pair["surface_overlap"] for found in pairs for pair in found) < 2.0, "one is in another"
     for name in elastic + clay:
         path = f"/World/{name}/Body"
         for frame in run.frames:
