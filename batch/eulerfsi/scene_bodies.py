@@ -61,17 +61,21 @@ def _surface(reader: Reader, prim: Usd.Prim) -> tuple[solver.Mesh, str, Pose]:
             raise SceneError(f"{path}: eulerfsi:surfaceFile = {asset.path}: {mesh_reason(file, error)}") from error
     if not prim.IsA(UsdGeom.Mesh):
         raise SceneError(f"{path}: a {prim.GetTypeName() or 'typeless'} prim needs eulerfsi:surfaceFile; or use a Mesh")
-    geom = UsdGeom.Mesh(prim)
-    pose = Pose(prim, own_points=True)
-    try:
-        points = pose.points(reader.time)
-    except PoseError as error:
-        raise SceneError(f"{path}: skel:skeleton = {pose.skeleton}: cannot be applied: {error}") from error
-    counts = geom.GetFaceVertexCountsAttr().Get(reader.time)
-    indices = geom.GetFaceVertexIndicesAttr().Get(reader.time)
+    pose, points, counts, indices = _posed_mesh(reader, prim)
     if not len(points) or not counts or not indices:
         raise SceneError(f"{path}: the mesh has no points or no faces at frame {reader.time.GetValue():g}")
     return solver.Mesh(points, np.array(counts), np.array(indices)), "", pose
+
+
+def _posed_mesh(reader: Reader, prim: Usd.Prim) -> tuple[Pose, Any, Any, Any]:
+    """The pose of a Mesh, its points in it, and its faces: counts and indices, None where nothing is authored."""
+    geom, pose = UsdGeom.Mesh(prim), Pose(prim, own_points=True)
+    try:
+        points = pose.points(reader.time)
+    except PoseError as error:
+        raise SceneError(f"{prim.GetPath()}: skel:skeleton = {pose.skeleton}: cannot be applied: {error}") from error
+    counts = geom.GetFaceVertexCountsAttr().Get(reader.time)
+    return pose, points, counts, geom.GetFaceVertexIndicesAttr().Get(reader.time)
 
 
 def read_passenger(reader: Reader, space: SimulationSpace, solid: Usd.Prim, prim: Usd.Prim) -> Passenger:
@@ -79,14 +83,8 @@ def read_passenger(reader: Reader, space: SimulationSpace, solid: Usd.Prim, prim
     path, is_mesh = str(prim.GetPath()), prim.IsA(UsdGeom.Mesh)
     counts = indices = subdivision = None
     if is_mesh:
-        pose, mesh = Pose(prim, own_points=True), UsdGeom.Mesh(prim)
-        try:
-            points = pose.points(reader.time)
-        except PoseError as error:
-            raise SceneError(f"{path}: skel:skeleton = {pose.skeleton}: cannot be applied: {error}") from error
-        counts = mesh.GetFaceVertexCountsAttr().Get(reader.time)
-        indices = mesh.GetFaceVertexIndicesAttr().Get(reader.time)
-        subdivision = str(mesh.GetSubdivisionSchemeAttr().Get())
+        _, points, counts, indices = _posed_mesh(reader, prim)
+        subdivision = str(UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get())
     else:
         points = np.asarray(UsdGeom.PointBased(prim).GetPointsAttr().Get(reader.time), float)
     local = solver.Mesh(points, np.array(counts or (), int), np.array(indices or (), int))

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import json
 import os
 import subprocess
 import sys
@@ -25,6 +24,7 @@ import eulerfsi_usd  # noqa: E402, F401 - registers the schema
 from bench_loop import machine  # noqa: E402
 from eulerfsi import binding, checks, files  # noqa: E402
 from eulerfsi.frames import parse_frames  # noqa: E402
+from eulerfsi.plot import Statistics  # noqa: E402
 from pxr import Usd  # noqa: E402
 
 SCENES = ROOT / "examples" / "scenes"
@@ -64,8 +64,8 @@ STAGES = {
 }
 
 
-def run(name: str, voxel: float, preset: str, frames: str | None, folder: Path) -> tuple[Row, int]:
-    """Simulates a scene; returns its row and the frames. Raises CalledProcessError."""
+def run(name: str, voxel: float, preset: str, frames: str | None, folder: Path) -> Row:
+    """Simulates a scene; returns its row. Raises CalledProcessError."""
     setting = f"/World/Domain.voxelSize={voxel:g}"
     options = ["--preset", preset, "--set", setting, "-o", str(folder), "--progress", "none"]
     if frames:
@@ -73,17 +73,15 @@ def run(name: str, voxel: float, preset: str, frames: str | None, folder: Path) 
     command = [sys.executable, "-m", "eulerfsi", "simulate", str(SCENES / f"{name}.usda"), *options]
     path = os.pathsep.join((str(ROOT / "batch"), str(ROOT / "usd_plugin")))
     subprocess.run(command, env=os.environ | {"PYTHONPATH": path}, check=True, stdout=subprocess.DEVNULL)
-    lines = [json.loads(line) for line in (folder / "stats.jsonl").read_text(encoding="utf-8").splitlines()]
-    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
-    domain = manifest["parameters"]["/World/Domain"]
+    statistics = Statistics(folder)
+    domain = statistics.manifest.data["parameters"]["/World/Domain"]
     grid = tuple(round(edge / domain["voxel_size"]) for edge in domain["domain_size"])
-    steps = [line["dt"] for line in lines if line["event"] == "step"]
-    done = [line for line in lines if line["event"] == "frame"]
+    steps, done = [line["dt"] for line in statistics.steps], statistics.frames
     count = len(done) - 1  # the first is the start
     seconds = done[-1]["profile"]["seconds"]
     columns = {column: sum(seconds[stage] for stage in stages) / count for column, stages in STAGES.items()}
     frame = sum(line["seconds"] for line in done) / count
-    return Row(grid, sum(steps) / len(steps), min(steps), frame, **columns), count
+    return Row(grid, sum(steps) / len(steps), min(steps), frame, **columns)
 
 
 def table_1() -> list[str]:
@@ -151,7 +149,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         rows = [line(name, "paper", PAPER[name])]
         with tempfile.TemporaryDirectory() as folder:
             try:
-                row, _ = run(name, PAPER_VOXEL / options.scale, options.preset, options.frames, Path(folder) / "cache")
+                row = run(name, PAPER_VOXEL / options.scale, options.preset, options.frames, Path(folder) / "cache")
                 rows.append(line(name, "here", row))
             except subprocess.CalledProcessError as error:
                 failed = True

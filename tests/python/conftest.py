@@ -64,6 +64,20 @@ def write_obj(path: Path, radius: float = 0.1) -> Path:
     return path
 
 
+def metric_stage(path: Path, frames: tuple[int, int]) -> Usd.Stage:
+    """A stage in metres, y up, 24 frames per second, with an empty /World."""
+    stage = Usd.Stage.CreateNew(str(path))
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)
+    stage.SetTimeCodesPerSecond(24)
+    stage.SetFramesPerSecond(24)
+    stage.SetStartTimeCode(frames[0])
+    stage.SetEndTimeCode(frames[1])
+    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
+    return stage
+
+
 def make_scene(
     path: Path,
     *,

@@ -6,8 +6,8 @@ import math
 from pathlib import Path
 
 import numpy as np
-from conftest import author, box
-from pxr import Gf, Usd, UsdGeom, UsdPhysics, UsdSkel, Vt
+from conftest import author, box, metric_stage
+from pxr import Gf, Usd, UsdGeom, UsdSkel, Vt
 
 BODY = "/World/Figure/Body"
 
@@ -29,15 +29,7 @@ def tube(radius: float = 0.1, height: float = 0.6, around: int = 16, rows: int =
 
 def start_stage(path: Path, frames: tuple[int, int] = (1, 3), voxel: float = 0.05) -> Usd.Stage:
     """A stage in metres with a box of 1.4 m around the origin."""
-    stage = Usd.Stage.CreateNew(str(path))
-    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
-    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
-    UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)
-    stage.SetTimeCodesPerSecond(24)
-    stage.SetFramesPerSecond(24)
-    stage.SetStartTimeCode(frames[0])
-    stage.SetEndTimeCode(frames[1])
-    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
+    stage = metric_stage(path, frames)
     author(box(stage, "/World/Domain", (0, 0, 0), (1.4, 1.4, 1.4), 1.0, "EulerFsiDomainAPI"), voxelSize=voxel)
     return stage
 

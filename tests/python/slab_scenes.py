@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 
 import numpy as np
-from conftest import author, box
+from conftest import author, box, metric_stage
 from eulerfsi.simulate import Options, simulate
 from pxr import Usd, UsdGeom, UsdPhysics
 
@@ -38,15 +38,7 @@ def slab_stage(
     **domain,
 ) -> Usd.Stage:
     """A stage in metres, y up, with a box of `size` around the origin, `cells` voxels thick along z, slip walls."""
-    stage = Usd.Stage.CreateNew(str(path))
-    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
-    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
-    UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)
-    stage.SetTimeCodesPerSecond(24)
-    stage.SetFramesPerSecond(24)
-    stage.SetStartTimeCode(0)
-    stage.SetEndTimeCode(frames)
-    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
+    stage = metric_stage(path, (0, frames))
     UsdPhysics.Scene.Define(stage, "/World/PhysicsScene").CreateGravityMagnitudeAttr(gravity)
     prim = box(stage, "/World/Domain", (0, 0, 0), (*size, cells * voxel), 1.0, "EulerFsiDomainAPI")
     author(prim, voxelSize=voxel, **domain)

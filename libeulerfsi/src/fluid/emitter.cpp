@@ -22,10 +22,7 @@ struct Shape {
   double border;  // [m]
 
   bool contains(const Vec3d& x) const {
-    if (volume) return volume->distance.sample(x) <= border;
-    const Vec3d p = (emitter.from_world * x.homogeneous()).head<3>();
-    return emitter.shape == Region::Shape::kBox ? p.cwiseAbs().maxCoeff() <= 0.5 + kOnEdge
-                                                : p.squaredNorm() <= 0.25 + kOnEdge;
+    return volume ? volume->distance.sample(x) <= border : emitter.contains(x, kOnEdge);
   }
   Eigen::AlignedBox3d extent() const {
     if (volume) return {volume->report.extent_min, volume->report.extent_max};

@@ -19,6 +19,8 @@ struct FluidParams {
   double vorticity_confinement = 0.0;
   double smoke_buoyancy = 0.0;        // [m/s^2]
   double temperature_buoyancy = 0.0;  // [m/s^2/K]
+
+  bool is_viscous() const { return present && viscosity > 0.0; }
 };
 
 struct FluidState {
@@ -34,9 +36,10 @@ struct Region {
   Shape shape = Shape::kBox;
   Eigen::Matrix4d from_world = Eigen::Matrix4d::Identity();  // world [m] to the unit box or ball
 
-  bool contains(const Vec3d& x) const {
+  // edge: what is so near to the border of the unit box, or in its square to that of the ball, is in it, too.
+  bool contains(const Vec3d& x, double edge = 0.0) const {
     const Vec3d p = (from_world * x.homogeneous()).head<3>();
-    return shape == Shape::kBox ? p.cwiseAbs().maxCoeff() <= 0.5 : p.squaredNorm() <= 0.25;
+    return shape == Shape::kBox ? p.cwiseAbs().maxCoeff() <= 0.5 + edge : p.squaredNorm() <= 0.25 + edge;
   }
   Vec3d middle() const { return -from_world.topLeftCorner<3, 3>().inverse() * from_world.topRightCorner<3, 1>(); }
 };

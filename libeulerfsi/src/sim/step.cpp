@@ -40,6 +40,14 @@ void push(const StepContext& step, const SolidWorks& solids, const Matter& matte
   ledger.book_forces(matter, fluid_velocity);
 }
 
+// Viscosity of the fluid, where it has any.
+void diffuse(const StepContext& step, const Matter& matter, NodeVelocity& velocity, fluid::ViscousWorkspace& viscous,
+             EnergyLedger& ledger) {
+  if (!step.scene.params.fluid.is_viscous()) return;
+  diffuse_velocity(step, matter, velocity, viscous);
+  ledger.book_nodes(EnergyStage::kViscosity, velocity);
+}
+
 // Plastic flow in the solids that can yield, before their forces.
 void flow(const StepContext& step, const SolidWorks& solids, SolidStates& states, EnergyLedger& ledger) {
   ScopedTimer timer(step.profile, Stage::kComputeG);
@@ -219,8 +227,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   meet_walls(step, states, solids, matter, velocity, elasticity.walls);
   keep_given(elasticity.given, elasticity.walls, velocity);
   ledger.book_nodes(EnergyStage::kWalls, velocity);
-  diffuse_velocity(step, matter, velocity, viscous);
-  ledger.book_nodes(EnergyStage::kViscosity, velocity);
+  diffuse(step, matter, velocity, viscous, ledger);
   assemble_velocity_system(step, states, solids, matter, velocity, elasticity);  // Alg. 1 line 8
   prepare_pressure(step, states, solids, matter, fluid.pressure, elasticity, velocity, pressure);
   ledger.book_nodes(EnergyStage::kPressure, velocity);

@@ -9,8 +9,6 @@ using grid::Grid;
 void diffuse_velocity(const StepContext& step, const Matter& matter, NodeVelocity& velocity,
                       fluid::ViscousWorkspace& work) {
   const auto& [parallel, scene, time, dt, profile, info] = step;
-  const fluid::FluidParams& fluid = scene.params.fluid;
-  if (!fluid.present || !(fluid.viscosity > 0.0)) return;
   ScopedTimer timer(profile, Stage::kFluidForces);
   const Grid& g = matter.common.grid;
   const double eighth = g.h * g.h * g.h / 8.0;
@@ -28,7 +26,7 @@ void diffuse_velocity(const StepContext& step, const Matter& matter, NodeVelocit
   for (const system::SlipNode& n : velocity.slip.nodes())
     if (n.shared() && work.mass[n.node] > 0) work.mass[n.node] = n.fluid_mass;
   const linalg::SolveStats stats =
-      fluid::diffuse(parallel, g, matter.fixed, matter.owned, fluid.viscosity, dt, velocity.field, work);
+      fluid::diffuse(parallel, g, matter.fixed, matter.owned, scene.params.fluid.viscosity, dt, velocity.field, work);
   info.unconverged += !stats.converged;
   timer.visited(g.node_count(), static_cast<std::uint64_t>(stats.iterations + 1) * 12 * sizeof(Real));
 }

@@ -7,7 +7,7 @@
 
 namespace efsi::sim {
 
-// What walls, pins and colliders prescribe stays.
+// Of a viscous fluid. What walls, pins and colliders prescribe stays.
 void diffuse_velocity(const StepContext& step, const Matter& matter, NodeVelocity& velocity,
                       fluid::ViscousWorkspace& work);
 

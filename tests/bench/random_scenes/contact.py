@@ -112,6 +112,20 @@ class ContactScene(Scene):
         )
 
 
+def draw_solids(draws: list[Draw]) -> tuple[list[float], list[str], list[Made]]:
+    """Sizes [m], shapes in words and surfaces [m], one a draw; the other sizes follow from the first."""
+    size, across = draws[0].number("size"), draws[0].number("contact_across")
+    sizes = [size] + [size * max(d.number("other_size"), constant("least_across") / across) for d in draws[1:]]
+    made = [make_solid(d) for d in draws]
+    surfaces = [lay(d, s, surface) for d, s, (_, surface) in zip(draws, sizes, made, strict=True)]
+    return sizes, [words for words, _ in made], surfaces
+
+
+def draw_walls(draw: Draw) -> tuple[str, ...]:
+    """Kinds of the faces -x +x -y +y -z +z, none of them periodic."""
+    return tuple(draw.one_of("wall", axis + side) for axis in AXES for side in "-+")
+
+
 def make_contact_scene(seed: int, number: str) -> ContactScene:
     """The scene "c0", "c1", ... of a seed. Raises solids.Absent."""
     draw = Draw(seed, number)
@@ -119,11 +133,8 @@ def make_contact_scene(seed: int, number: str) -> ContactScene:
     draws = [draw] + [Draw(seed, f"{number} solid {k}") for k in range(2, count + 1)]
     size, across = draw.number("size"), draw.number("contact_across")
     h, duration, ratio = size / across, draw.number("duration"), draw_ratio(draw)
-    sizes = [size] + [size * max(d.number("other_size"), constant("least_across") / across) for d in draws[1:]]
-    made = [make_solid(d) for d in draws]
-    surfaces = [lay(d, s, surface) for d, s, (_, surface) in zip(draws, sizes, made, strict=True)]
-
-    pull, faces = draw_gravity(draw, [False] * 3), tuple(draw.one_of("wall", axis + s) for axis in AXES for s in "-+")
+    sizes, words, surfaces = draw_solids(draws)
+    pull, faces = draw_gravity(draw, [False] * 3), draw_walls(draw)
     pile = bool(pull.any()) and draw.happens("pile")
     if pile:
         axis = int(np.argmax(np.abs(pull)))
@@ -135,7 +146,7 @@ def make_contact_scene(seed: int, number: str) -> ContactScene:
     spins = np.array([(0.0 if pile or d.happens("still") else d.number("spin")) * d.direction("axis") for d in draws])
     cells, places = enclose(draw, surfaces, places, h, pull if pile else np.zeros(3))
 
-    parts, fastest = make_bodies(draws, made, sizes, surfaces, places, velocities, spins, ratio, pull, cells * h, pile)
+    parts, fastest = make_bodies(draws, words, sizes, surfaces, places, velocities, spins, ratio, pull, cells * h, pile)
     return ContactScene(
         **scene_values(draw, across, duration, ratio, pull, faces, parts, cells),
         fastest=fastest,
@@ -179,7 +190,7 @@ def scene_values(
 
 def make_bodies(
     draws: list[Draw],
-    made: list[tuple[str, Made]],
+    words: list[str],
     sizes: list[float],
     surfaces: list[Made],
     places: np.ndarray,
@@ -206,7 +217,7 @@ def make_bodies(
     moduli = [max(energy / d.number("impact_pressure"), load / constant("sag")) for d in draws]
     parts = tuple(
         Body(
-            shape=made[k][0],
+            shape=words[k],
             size=sizes[k],
             place=tuple(map(float, places[k])),
             density=densities[k],

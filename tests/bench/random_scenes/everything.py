@@ -10,11 +10,23 @@ from eulerfsi.solver import Simulation
 from loop.overlap import winding
 
 from .company import Company, Held, Jet
-from .contact import Body, ContactScene, Plastic, enclose, find_place, lay, make_bodies, scene_values, span, thrown
+from .contact import (
+    Body,
+    ContactScene,
+    Plastic,
+    draw_solids,
+    draw_walls,
+    enclose,
+    find_place,
+    make_bodies,
+    scene_values,
+    span,
+    thrown,
+)
 from .draw import Draw, constant
 from .regions import Path, Region, place
-from .scenes import AXES, draw_gravity, draw_ratio
-from .solids import Made, center_of_volume, make_solid
+from .scenes import draw_gravity, draw_ratio
+from .solids import Made, center_of_volume
 
 FREE = 2.0  # cells around a jet's region without walls and, at the start, solids
 LEAST_ACROSS = 4.0  # cells over the regions of pins and jets
@@ -77,10 +89,8 @@ def make_everything_scene(seed: int, number: str) -> EverythingScene:
     draws = [draw] + [Draw(seed, f"{number} solid 2")] * draw.happens("second_solid")
     size, across = draw.number("size"), draw.number("contact_across")
     h, duration, ratio = size / across, draw.number("duration"), draw_ratio(draw)
-    sizes = [size] + [size * max(d.number("other_size"), constant("least_across") / across) for d in draws[1:]]
-    made = [make_solid(d) for d in draws]
-    surfaces = [lay(d, s, surface) for d, s, (_, surface) in zip(draws, sizes, made, strict=True)]
-    pull, faces = draw_gravity(draw, [False] * 3), tuple(draw.one_of("wall", axis + s) for axis in AXES for s in "-+")
+    sizes, words, surfaces = draw_solids(draws)
+    pull, faces = draw_gravity(draw, [False] * 3), draw_walls(draw)
 
     pinned, meets = draw.happens("pinned"), draw.happens("collider")
     region = collider_region(Draw(seed, f"{number} collider"), size, h) if meets else None
@@ -104,7 +114,7 @@ def make_everything_scene(seed: int, number: str) -> EverythingScene:
     blown = float(np.linalg.norm(jet.velocity)) if jet else 0.0
     parts, fastest = make_bodies(
         draws,
-        made,
+        words,
         sizes,
         surfaces,
         places,

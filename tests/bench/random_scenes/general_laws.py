@@ -6,7 +6,7 @@ import numpy as np
 from loop.energy_laws import by_mechanism, in_words
 from loop.measure import ledger
 
-from .law import Moot, Verdict, law, of_each, of_one
+from .law import DEPTH, DEPTH_AT_REST, REST_TIME, TOUCHING, Moot, Verdict, law, of_each, of_one, rest
 from .record import WALLS, Record
 
 DET_F = 2.0  # and its inverse
@@ -15,9 +15,6 @@ THICK = 4.0  # cells
 ENERGY_RISE = 0.02
 APEX = 0.05
 OFF = 1.0  # cells
-DEPTH, DEPTH_AT_REST = 0.5, 0.25  # cells
-REST_TIME, REST_SPEED = 0.1, 0.01  # s, of the fastest speed
-TOUCHING = 0.5  # cells from a wall at which a body at rest lies on it
 QUIET_STRAIN = 2e-3
 SHAPE = 1e-2
 VOLUME = 0.03
@@ -158,12 +155,7 @@ def depth(record: Record) -> Verdict:
 @of_each
 def depth_at_rest(record: Record) -> Verdict:
     depths = wall_depths(record)
-    if not record.whole[-1]:
-        raise Moot("it leaves through an open face")
-    late = record.times[1:] >= record.times[-1] - REST_TIME
-    speeds = np.linalg.norm(record.velocity[1:], axis=1)
-    if record.times[-1] < 2 * REST_TIME or (speeds[late] > REST_SPEED * record.scene.fastest).any():
-        raise Moot("not at rest in the end")
+    late = rest(record)
     if not (record.gaps[1:][late] < TOUCHING).any():
         raise Moot("at rest away from walls")
     return depths[late].max(), 0, DEPTH_AT_REST, f"last {REST_TIME:g} s"
@@ -283,12 +275,7 @@ def overlap(record: Record) -> Verdict:
 @law("overlap at rest", f"cells that the deepest vertex of a solid is in another one at rest <= {OVERLAP_AT_REST:g}")
 def overlap_at_rest(record: Record) -> Verdict:
     depths = overlaps(record)
-    if not record.whole[-1]:
-        raise Moot("one leaves through an open face")
-    late = record.times[1:] >= record.times[-1] - REST_TIME
-    speeds = np.max([np.linalg.norm(solid.velocity[1:], axis=1) for solid in record.solids], axis=0)
-    if record.times[-1] < 2 * REST_TIME or (speeds[late] > REST_SPEED * record.scene.fastest).any():
-        raise Moot("not at rest in the end")
+    late = rest(record, "one leaves through an open face")
     if not (record.result["pushing_rows"][late] > 0).any() and not depths[late].any():
         raise Moot("at rest away from each other")
     return depths[late].max(), 0, OVERLAP_AT_REST, f"last {REST_TIME:g} s"

@@ -8,14 +8,11 @@ import numpy as np
 from eulerfsi import binding
 from loop.measure import ledger
 
-from .law import Moot, Verdict, law, of_each
+from .law import DEPTH, DEPTH_AT_REST, REST_TIME, TOUCHING, Moot, Verdict, law, of_each, rest
 from .record import Record
 
 FLOW = 1e-6  # of the largest energy so far
 PINNED = 1e-6  # of the size
-DEPTH, DEPTH_AT_REST = 0.5, 0.25  # cells
-REST_TIME, REST_SPEED = 0.1, 0.01  # s, of the fastest speed
-TOUCHING = 0.5  # cells from a collider at which a body at rest lies on it
 FLUX = 0.02
 
 
@@ -86,12 +83,7 @@ def collider(record: Record) -> Verdict:
 @of_each
 def collider_at_rest(record: Record) -> Verdict:
     held = part(record, "collider")
-    if not record.whole[-1]:
-        raise Moot("it leaves through an open face")
-    late = record.times[1:] >= record.times[-1] - REST_TIME
-    speeds = np.linalg.norm(record.velocity[1:], axis=1)
-    if record.times[-1] < 2 * REST_TIME or (speeds[late] > REST_SPEED * record.scene.fastest).any():
-        raise Moot("not at rest in the end")
+    late = rest(record)
     if held.path.until > record.times[-1] - REST_TIME:
         raise Moot("the collider is not at rest in the end")
     if not (record.column("collider_gap")[late] < TOUCHING * record.scene.spacing).any():
