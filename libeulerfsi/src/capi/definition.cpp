@@ -6,6 +6,7 @@
 
 #include "base/error.hpp"
 #include "base/math_types.hpp"
+#include "base/refuse.hpp"
 #include "sim/parameter_table.inc"
 
 namespace efsi::capi {
@@ -20,12 +21,6 @@ std::string describe(const Limits& limits) {
     text << (limits.min_exclusive ? "> " : ">= ") << limits.min;
   if (above && !(below && !limits.min_exclusive)) text << (below ? " and " : "") << "at most " << limits.max;
   return text.str();
-}
-
-[[noreturn]] void refuse(const std::string& field, double value, const std::string& limit) {
-  std::ostringstream text;
-  text << field << " = " << value << ": must be " << limit;
-  throw Error(ErrorCode::kArgument, text.str());
 }
 
 void check_value(const std::string& field, double value, const Limits& limits) {

@@ -2,9 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <sstream>
 
-#include "base/error.hpp"
+#include "base/refuse.hpp"
 #include "sim/window.hpp"
 
 namespace efsi::sim {
@@ -34,12 +33,6 @@ Numerics numerics_of(Preset preset) {
 }
 
 namespace {
-
-[[noreturn]] void refuse(const std::string& field, double value, const std::string& limit) {
-  std::ostringstream text;
-  text << field << " = " << value << ": must be " << limit;
-  throw Error(ErrorCode::kArgument, text.str());
-}
 
 void demand_positive(const std::string& field, double value) {
   if (!(value > 0.0) || !std::isfinite(value)) refuse(field, value, "a finite number > 0");
