@@ -255,6 +255,15 @@ class ContactPair(Structure):
     ]
 
 
+class PinReaction(Structure):
+    _fields_ = [
+        ("impulse", Vec3),
+        ("angular_impulse", Vec3),
+        ("center", Vec3),
+        ("work", c_double),
+    ]
+
+
 class TransportChange(Structure):
     _fields_ = [
         ("volume_mesh", c_double),
@@ -400,6 +409,7 @@ STRUCTURES = {
     "EfsiSolidDiagnostics": SolidDiagnostics,
     "EfsiRepairs": Repairs,
     "EfsiContactPair": ContactPair,
+    "EfsiPinReaction": PinReaction,
     "EfsiTransportChange": TransportChange,
     "EfsiEnergy": Energy,
     "EfsiEnergyLedger": EnergyLedger,
@@ -457,6 +467,7 @@ PROTOTYPES: dict[str, list] = {
     "efsi_collider_add": [_SIM, _P(SolidDef), _P(c_uint32), _P(c_uint32), _P(MeshReport)],
     "efsi_pin_set_motion": [_SIM, c_uint32, c_double, c_double, c_void_p, c_void_p],
     "efsi_pin_get_impulse": [_SIM, c_uint32, _P(Vec3)],
+    "efsi_pin_get_reaction": [_SIM, c_uint32, _P(PinReaction)],
     "efsi_passenger_add": [_SIM, c_uint32, c_void_p, c_uint64, _P(c_uint32)],
     "efsi_passenger_get_points": [_SIM, c_uint32, c_void_p, c_void_p, c_uint64],
     "efsi_emitter_def_init": [_P(EmitterDef)],

@@ -261,11 +261,11 @@ class Simulation:
         status = self._lib.efsi_pin_set_motion(self._handle, pin, start, end, before.ctypes.data, after.ctypes.data)
         self._check(status)
 
-    def pin_impulse(self, pin: int) -> list[float]:
-        """What held the nodes of a pin in the last step [kg m/s]."""
-        out = binding.Vec3()
-        self._check(self._lib.efsi_pin_get_impulse(self._handle, pin, byref(out)))
-        return list(out)
+    def pin_reaction(self, pin: int) -> dict[str, Any]:
+        """Fields of EfsiPinReaction: what held the nodes of a pin in the last step."""
+        out = binding.PinReaction()
+        self._check(self._lib.efsi_pin_get_reaction(self._handle, pin, byref(out)))
+        return to_dict(out)
 
     def add_emitter(self, volume: Surface | None = None, keys: Sequence[Mapping] = (), **values: Any) -> int:
         """Adds an emitter before the first step. values: fields of EfsiEmitterDef (SI). Returns its id.

@@ -412,6 +412,11 @@ static void check_given_motion(void) {
   EfsiVec3 impulse = {0, 0, 0};
   CHECK_OK(sim, efsi_pin_get_impulse(sim, lid, &impulse));
   CHECK(impulse.y > 0.0);
+  EfsiPinReaction reaction;
+  CHECK_OK(sim, efsi_pin_get_reaction(sim, moved, &reaction));
+  CHECK(fabs(reaction.work - 0.25 * reaction.impulse.y) < 1e-3 * fabs(reaction.work)); /* 0.01 m in 0.04 s */
+  CHECK(reaction.center.y > low[0][1] && reaction.center.y < low[0][1] + 1.0);
+  CHECK(efsi_pin_get_reaction(sim, 4, &reaction) == EFSI_ERROR_ARGUMENT);
   efsi_simulation_destroy(sim);
 }
 

@@ -508,9 +508,6 @@ def test_work_of_what_is_given_and_of_jets_comes_from_outside() -> None:
     result.columns[name][30] = 0.0  # a collider's own energy is no one's
     result.columns["given_kinetic"][30:] = 0.5
     assert verdicts(result)["energy"] == "pass"
-    turning = Held(REGION, Path(rate=(1.0, 0.0, 0.0), until=0.3))
-    result.run = dataclasses.replace(result.run, collider=turning)
-    assert verdicts(result)["energy"] == "not judged"
 
 
 def test_rounding_of_a_colliders_own_energy_is_no_rise() -> None:

@@ -11,6 +11,15 @@ extern "C" {
 
 struct EfsiSim;
 
+/* What held the nodes of a pin in a step. Over the step's length: force, torque and power on the solid, or, of a
+ * collider, on all that it meets. */
+typedef struct EfsiPinReaction {
+  EfsiVec3 impulse;         /* [kg m/s] */
+  EfsiVec3 angular_impulse; /* about `center` [kg m^2/s] */
+  EfsiVec3 center;          /* about which the given motion turned, at the start of the step [m] */
+  double work;              /* of the given motion [J] */
+} EfsiPinReaction;
+
 /* Holds a solid where its material lies in a volume. solid: its id. volume: around the solid as it lies at rest, made
  * for the simulation's voxel size. id: out, of the pin, 1-based and stable. Before the first step.
  * EFSI_ERROR_ARGUMENT where no node of the solid lies in it. */
@@ -34,6 +43,8 @@ EFSI_API EfsiStatus efsi_pin_set_motion(struct EfsiSim* sim, uint32_t id, double
 /* What held the nodes of a pin in the last step [kg m/s]: over its length the force on the solid, or on all that a
  * collider meets; zero before. */
 EFSI_API EfsiStatus efsi_pin_get_impulse(const struct EfsiSim* sim, uint32_t id, EfsiVec3* impulse);
+/* The same with torque and work; zeros before the first step. */
+EFSI_API EfsiStatus efsi_pin_get_reaction(const struct EfsiSim* sim, uint32_t id, EfsiPinReaction* reaction);
 
 #ifdef __cplusplus
 }

@@ -33,6 +33,11 @@ std::size_t pin_index(const EfsiSim& sim, uint32_t id, const char* function) {
   return check_id(id, sim.simulation.pins().size(), std::string(function) + ": id", "pin");
 }
 
+efsi::sim::PinReaction last_reaction(const EfsiSim& sim, std::size_t index) {
+  const std::vector<efsi::sim::PinReaction>& pins = sim.simulation.last_step().pins;
+  return index < pins.size() ? pins[index] : efsi::sim::PinReaction{};
+}
+
 }  // namespace
 
 EfsiStatus efsi_pin_add_volume(EfsiSim* sim, uint32_t solid, const EfsiSurface* volume, uint32_t* id) {
@@ -88,7 +93,15 @@ EfsiStatus efsi_pin_get_impulse(const EfsiSim* sim, uint32_t id, EfsiVec3* impul
   return guarded(sim, [&] {
     const std::size_t index = pin_index(*sim, id, "efsi_pin_get_impulse");
     demand(impulse, "efsi_pin_get_impulse: impulse");
-    const std::vector<efsi::Vec3d>& pins = sim->simulation.last_step().pins;
-    *impulse = to_c(index < pins.size() ? pins[index] : efsi::Vec3d::Zero());
+    *impulse = to_c(last_reaction(*sim, index).impulse);
+  });
+}
+
+EfsiStatus efsi_pin_get_reaction(const EfsiSim* sim, uint32_t id, EfsiPinReaction* reaction) {
+  return guarded(sim, [&] {
+    const std::size_t index = pin_index(*sim, id, "efsi_pin_get_reaction");
+    demand(reaction, "efsi_pin_get_reaction: reaction");
+    const efsi::sim::PinReaction last = last_reaction(*sim, index);
+    *reaction = {to_c(last.impulse), to_c(last.angular_impulse), to_c(last.center), last.work};
   });
 }

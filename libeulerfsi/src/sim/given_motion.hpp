@@ -43,6 +43,14 @@ struct Pin {
   bool holds(const Vec3d& X) const { return whole || region.sample(X) <= 0.0; }
 };
 
+// What holds a pin in a step.
+struct PinReaction {
+  Vec3d impulse = Vec3d::Zero();          // [kg m/s]
+  Vec3d angular_impulse = Vec3d::Zero();  // about `center` [kg m^2/s]
+  Vec3d center = Vec3d::Zero();           // of the given motion at the start of the step [m]
+  double work = 0.0;                      // [J]
+};
+
 // What lies within a cell of a surface's marked vertices, of edges and triangles between such.
 geometry::SignedDistance region_of(const geometry::TriangleMesh& surface, const std::vector<std::uint8_t>& marked,
                                    double h);

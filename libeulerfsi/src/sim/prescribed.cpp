@@ -101,7 +101,7 @@ void begin_given(const Parallel& parallel, const Scene& scene, double time, doub
     solid::SolidState& state = states[pin.solid];
     const double speed = fastest(pin, pose, motion);
     state.speed = pin.whole ? speed : std::max(state.speed, speed);
-    if (pin.whole || speed > 0.0) give(parallel, pin, pose, motion, false, state);
+    if (pin.whole) give(parallel, pin, pose, motion, false, state);
   }
 }
 
@@ -264,9 +264,19 @@ void add_given_reactions(const Parallel& parallel, const Grid& grid, const std::
   }
 }
 
-std::vector<Vec3d> sum_impulses(std::size_t pins, const std::vector<GivenNode>& given) {
-  std::vector<Vec3d> sums(pins, Vec3d::Zero());
-  for (const GivenNode& g : given) sums[g.pin] += g.impulse;
+std::vector<PinReaction> sum_reactions(const StepContext& step, const Grid& grid, const std::vector<GivenNode>& given) {
+  std::vector<PinReaction> sums;
+  for (const Pin& pin : step.scene.pins) {
+    sums.emplace_back();
+    sums.back().center = pin.motion.pose(step.time).place(pin.motion.center);
+  }
+  for (const GivenNode& g : given) {
+    const auto [i, j, k] = grid.node_place(g.node);
+    PinReaction& sum = sums[g.pin];
+    sum.impulse += g.impulse;
+    sum.angular_impulse += (grid.node_position(i, j, k) - sum.center).cross(g.impulse);
+    sum.work += g.impulse.dot(g.velocity.cast<double>());
+  }
   return sums;
 }
 

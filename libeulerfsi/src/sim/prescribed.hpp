@@ -10,7 +10,7 @@
 
 namespace efsi::sim {
 
-// Before anything else in a step from `time` on: velocities of what is given, for the choice of its size.
+// Before anything else in a step from `time` on: velocities of colliders and speeds of what is given, for its size.
 void begin_given(const Parallel& parallel, const Scene& scene, double time, double remaining, SolidStates& states);
 // With the masses of the step: the given nodes and their velocities; takes their W away.
 std::vector<GivenNode> find_given(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
@@ -37,8 +37,9 @@ void add_given_reactions(const Parallel& parallel, VelocityEquation& elasticity)
 void add_given_reactions(const Parallel& parallel, const grid::Grid& grid, const std::vector<Real>& q, Real coupled,
                          const std::vector<Real>& correction, const system::SlipNodes& slip,
                          VelocityEquation& elasticity);
-// Impulse per pin [kg m/s].
-std::vector<Vec3d> sum_impulses(std::size_t pins, const std::vector<GivenNode>& given);
+// What held each pin in the step.
+std::vector<PinReaction> sum_reactions(const StepContext& step, const grid::Grid& grid,
+                                       const std::vector<GivenNode>& given);
 // After the transport of solid l: map and velocity, then the vertices, where its pins hold it.
 void give_map(const StepContext& step, std::size_t l, solid::SolidState& state);
 void give_surface(const StepContext& step, std::size_t l, solid::SolidState& state);

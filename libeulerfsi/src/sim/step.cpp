@@ -240,7 +240,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   keep_off(matter.mass, velocity, elasticity.walls);
   remember_rows(dt, elasticity.walls, states);
   remember_contacts(dt, elasticity.contacts, states);
-  info.pins = sum_impulses(scene.pins.size(), elasticity.given);
+  info.pins = sum_reactions(step, common, elasticity.given);
   info.jets = pressure.jets.flux;
   info.contacts = record_contacts(scene, states, elasticity, pressure);
   if (numerics.conserve_momentum) measure_momenta(step, states, solids, matter, velocity, momenta);

@@ -25,7 +25,7 @@ struct StepInfo {
   std::uint64_t degenerate_cells = 0, retries = 0, unconverged = 0;
   Repairs repairs;                         // of the last step
   std::vector<TransportChange> transport;  // per solid, of the last step; empty where nothing restores momenta
-  std::vector<Vec3d> pins;                 // impulse per pin, of the last step [kg m/s]
+  std::vector<PinReaction> pins;           // of the last step
   std::vector<double> jets;                // what each emitter brings in, in the last step [m^3/s]
   std::optional<EnergyRecord> energy;      // of the last step, where the ledger is on
   ContactPairs contacts;                   // of the last step

@@ -58,7 +58,7 @@ class Company(experiment.Company):
     pin_gap: farthest that a vertex in the pin's region is from where the pose puts it, at times for which a pose was
     given, 0 between them [m];
     collider_gap (`of` every solid): nearest that a vertex is to the collider, negative inside [m];
-    given_work: of what holds a pin or a collider that moves straight ahead, in the step [J];
+    given_work: of what holds a pin or a collider, in the step [J];
     given_kinetic, given_potential: energies of the collider, which the ledger counts with the solids [J];
     jet_flux [m^3/s], jet_on: part of the step; jet_covered: a solid is near its region.
     """
@@ -66,17 +66,17 @@ class Company(experiment.Company):
     def __init__(self, simulation: Simulation, scene: Any) -> None:
         self.simulation, self.scene = simulation, scene
         self.rest = [mesh.points.astype(float) for mesh, _ in scene.bodies()]
-        self.given: dict[int, tuple[Held, np.ndarray]] = {}  # by pin: and its velocity now
+        self.given: dict[int, Held] = {}  # by pin
         self.ends, self.time = 0.0, 0.0
         self.collider = self.jet = 0
         if scene.pin:
             number = simulation.add_pin(1, Surface(scene.pin.region.mesh(), scene.spacing))
-            self.given[number] = scene.pin, np.zeros(3)
+            self.given[number] = scene.pin
             self.pinned = scene.pin.region.distance(self.rest[0]) < -WITHIN * scene.spacing
         if scene.collider:
             mesh = scene.collider.region.mesh()
             self.collider, number = simulation.add_collider(mesh, friction=scene.collider.friction)
-            self.given[number] = scene.collider, np.zeros(3)
+            self.given[number] = scene.collider
             self.colliders = 1
         if scene.jet:
             region = scene.jet.region
@@ -91,12 +91,9 @@ class Company(experiment.Company):
             )
 
     def lead(self, begin: float, end: float) -> None:
-        for number, (held, _) in self.given.items():
-            poses = held.path.pose(begin), held.path.pose(end)
-            middle = np.array([held.region.middle])
-            self.given[number] = held, (place(poses[1], middle) - place(poses[0], middle))[0] / (end - begin)
+        for number, held in self.given.items():
             if held.path.moves:
-                self.simulation.set_motion(number, begin, end, poses)
+                self.simulation.set_motion(number, begin, end, (held.path.pose(begin), held.path.pose(end)))
         self.ends = end
 
     def observe(self) -> dict[str, Any]:
@@ -120,9 +117,7 @@ class Company(experiment.Company):
         return seen
 
     def work(self) -> float:
-        return sum(
-            float(np.dot(self.simulation.pin_impulse(number), velocity)) for number, (_, velocity) in self.given.items()
-        )
+        return sum(self.simulation.pin_reaction(number)["work"] for number in self.given)
 
     def pin_gap(self, points: np.ndarray, time: float) -> float:
         if abs(time - self.ends) > 1e-9 and self.scene.pin.path.moves or not self.pinned.any():

@@ -76,8 +76,6 @@ def energy(record: Record) -> Verdict:
         raise Moot("with fluid: needs the energy ledger")
     if record.scene.density_ratio is not None and "open" in record.scene.faces and any(record.scene.pull):
         raise Moot("fluid that falls brings energy in through an open face")
-    if any(held.path.turns for held in getattr(record.scene, "given_parts", ())):
-        raise Moot("the work of what turns as given is not told")
     if record.whole.sum() < 2 or not max(record.energy_scale) > record.energy_noise:
         raise Moot("no energy to look at")
     rises = [energy_rise(values[record.whole], record.energy_scale[record.whole]) for values in record.energies]

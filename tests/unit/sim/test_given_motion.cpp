@@ -58,7 +58,7 @@ struct HangingBar {
 Vec3d force_in_frame(sim::Simulation& s, std::size_t pin, double length = kFrame) {
   Vec3d sum = Vec3d::Zero();
   s.advance(length, [&](double, const sim::StepInfo& last) {
-    sum += last.pins[pin];
+    sum += last.pins[pin].impulse;
     return false;
   });
   return sum / length;
@@ -128,7 +128,32 @@ TEST_CASE("A compressible bar that is pinned comes to rest in steps of a frame",
                shear = 9800.0 * 0.16 / (5.0 / 3.0 * 1e6 / 2.6);
   INFO("sag " << sag << " m, of the beam " << bend + shear);
   CHECK(sag == Approx(bend + shear).epsilon(0.06));
-  CHECK(s->diagnose_solid(0).kinetic_energy < 1e-3 * s->diagnose_solid(0).elastic_energy);
+  const sim::SolidDiagnostics lies = s->diagnose_solid(0);
+  CHECK(lies.kinetic_energy < 1e-3 * lies.elastic_energy);
+  // What holds it answers the torque of its weight, and does no work.
+  const sim::PinReaction held = s->last_step().pins[0];
+  const Vec3d torque = -(lies.center - held.center).cross(9.8 * lies.mass * kFrame * -Vec3d::UnitY());
+  INFO("torque " << held.angular_impulse.transpose() << ", of the weight " << torque.transpose());
+  CHECK((held.angular_impulse - torque).norm() < 0.01 * torque.norm());
+  CHECK(held.work == 0.0);
+}
+
+TEST_CASE("What turns as given takes its angular momentum and twice its energy from what holds it", "[law]") {
+  sim::Params p = vacuum({0.6, 0.6, 0.6});
+  p.gravity.setZero();
+  const auto s = make_simulation(p, {desc_of(box_mesh({0.2, 0.22, 0.24}, {0.4, 0.38, 0.36}))});
+  const geometry::TriangleMesh around = box_mesh({0.1, 0.1, 0.1}, {0.5, 0.5, 0.5});
+  s->add_pin(0, geometry::examine(around, sim::kRestSpacing * p.voxel_size)->distance);
+  s->set_motion(0, 0.0, kFrame, {},
+                {solid::rotation({0.0, 0.0, 0.02}),
+                 s->pins()[0].motion.center - solid::rotation({0.0, 0.0, 0.02}) * s->pins()[0].motion.center});
+  s->step(kFrame);
+  const sim::PinReaction held = s->last_step().pins[0];
+  const sim::SolidDiagnostics turns = s->diagnose_solid(0);
+  INFO("angular impulse " << held.angular_impulse.transpose() << ", work " << held.work);
+  CHECK((held.angular_impulse - turns.angular_momentum).norm() < 1e-3 * turns.angular_momentum.norm());
+  // The force acts as long as the step, all of which the solid has its new velocity.
+  CHECK(held.work == Approx(2.0 * turns.kinetic_energy).epsilon(0.01));
 }
 
 TEST_CASE("A pin that turns and goes takes its end where the pose says") {
@@ -184,7 +209,7 @@ TEST_CASE("A ball that is set in motion takes half its volume of fluid along", "
   // The box brings that to 1 + 3 (r / R)^3 times as much, R the radius of a ball of its volume.
   const double volume = report.solid_volume, radius = 0.6 / std::cbrt(4.0 * 3.14159265358979 / 3.0);
   const double wanted = 0.5 * p.fluid.density * volume * 0.1 * (1.0 + 3.0 * std::pow(0.1 / radius, 3));
-  const Vec3d impulse = s->last_step().pins[pin];
+  const Vec3d impulse = s->last_step().pins[pin].impulse;
   INFO("impulse " << impulse[0] << ", of added mass " << wanted);
   CHECK(impulse[0] / wanted == Approx(1.0).margin(0.1));
 }
@@ -199,7 +224,7 @@ TEST_CASE("Nothing falls through a collider, and it gives a ball the momentum th
     const auto at = [](int f) { return pose(Vec3d::Zero(), {0.0, 0.01 * std::min(f, 8), 0.0}); };
     s->set_motion(pin, frame * kFrame, (frame + 1) * kFrame, at(frame), at(frame + 1));
     s->advance(kFrame, [&](double, const sim::StepInfo& last) {
-      impulse += last.pins[pin][1];
+      impulse += last.pins[pin].impulse[1];
       const double top = s->state().solids[1].surface[7][1];
       for (const Vec3d& x : s->state().solids[0].surface) least = std::min(least, (x[1] - top) / kCell);
       return false;
