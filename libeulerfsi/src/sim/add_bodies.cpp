@@ -242,16 +242,18 @@ std::size_t Simulation::add_pin(std::size_t solid, const geometry::SignedDistanc
   Pin pin;
   pin.solid = solid;
   const std::optional<geometry::Slab> slab = slab_of(params_, grid_);
-  pin.region = slab ? geometry::flattened(volume, *slab) : volume;
-  for (float& distance : pin.region.values) distance -= static_cast<float>(kOnBorder * grid_.h);
+  geometry::SignedDistance region = slab ? geometry::flattened(volume, *slab) : volume;
+  for (float& distance : region.values) distance -= static_cast<float>(kOnBorder * grid_.h);
+  pin.region = std::make_shared<const geometry::SignedDistance>(std::move(region));
   return add_pin(std::move(pin));
 }
 
 std::size_t Simulation::add_pin(std::size_t solid, const std::vector<std::uint8_t>& vertices) {
   Pin pin;
   pin.solid = solid;
-  pin.region = region_of(solids_[solid].surface, vertices, grid_.h);
-  if (const auto slab = slab_of(params_, grid_)) pin.region = geometry::flattened(pin.region, *slab);
+  geometry::SignedDistance region = region_of(solids_[solid].surface, vertices, grid_.h);
+  if (const auto slab = slab_of(params_, grid_)) region = geometry::flattened(region, *slab);
+  pin.region = std::make_shared<const geometry::SignedDistance>(std::move(region));
   return add_pin(std::move(pin));
 }
 
@@ -280,9 +282,10 @@ std::size_t Simulation::add_pin(Pin pin) {
                                           "the solid or between the nodes of voxels of " +
                                           number(grid_.h) + " m");
   for (const Vec3d& X : solids_[pin.solid].surface.points) pin.vertices.push_back(pin.holds(X));
-  pin.low = pin.region.origin;
-  pin.high = pin.region.node(pin.region.size[0] - 1, pin.region.size[1] - 1, pin.region.size[2] - 1);
+  pin.low = pin.region->origin;
+  pin.high = pin.region->node(pin.region->size[0] - 1, pin.region->size[1] - 1, pin.region->size[2] - 1);
   pin.motion.center = sum / static_cast<double>(held);
+  solids_[pin.solid].held.push_back(pin.region);
   pins_.push_back(std::move(pin));
   return pins_.size() - 1;
 }

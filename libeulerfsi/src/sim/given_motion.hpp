@@ -2,6 +2,7 @@
 // so: a region of a solid (a pin) or all of it (a collider).
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "geometry/signed_distance.hpp"
@@ -34,13 +35,13 @@ struct GivenMotion {
 // Nodes and vertices of a solid whose material lies in a region move as given.
 struct Pin {
   std::size_t solid = 0;
-  bool whole = false;                               // all of the solid: it is a collider
-  geometry::SignedDistance region;                  // material space; < 0 inside; not of a collider
-  std::vector<std::uint8_t> vertices;               // of the solid's surface: 1: in the region
-  Vec3d low = Vec3d::Zero(), high = Vec3d::Zero();  // box around what moves [m]
+  bool whole = false;                                      // all of the solid: it is a collider
+  std::shared_ptr<const geometry::SignedDistance> region;  // material space; < 0 inside; not of a collider
+  std::vector<std::uint8_t> vertices;                      // of the solid's surface: 1: in the region
+  Vec3d low = Vec3d::Zero(), high = Vec3d::Zero();         // box around what moves [m]
   GivenMotion motion;
 
-  bool holds(const Vec3d& X) const { return whole || region.sample(X) <= 0.0; }
+  bool holds(const Vec3d& X) const { return whole || region->sample(X) <= 0.0; }
 };
 
 // What holds a pin in a step.

@@ -119,9 +119,6 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
   work.resize_elements(points_per_element);
   const PlasticField plastic(rest, state);
   work.hourglass_force.resize(plastic.empty() || points != 1 ? 0 : elements);
-  material::Elastic elastic = rest.elastic;
-  elastic.mu *= work.element_weight;
-  elastic.lambda *= work.element_weight;
 
   struct Range {
     double low = std::numeric_limits<double>::infinity(), high = 0.0, stretch = 1.0, energy = 0.0;
@@ -139,6 +136,9 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
       for (std::size_t a = 0; a < 8; ++a) u[a] = state.u.at(n + corner[a]).cast<double>();
       const Vec3d x0 = plastic.empty() ? Vec3d(Vec3d::Zero()) : position_of(g, n);
       bool degenerate = false;
+      material::Elastic elastic = rest.elastic;
+      elastic.mu *= work.element_weight * work.stiffened(e);
+      elastic.lambda *= work.element_weight * work.stiffened(e);
       for (std::size_t q = 0; q < points; ++q) {
         const ElasticPoint p = elastic_point(plastic, u, x0, g.h, q, points);
         const Deformation& d = p.elastic;

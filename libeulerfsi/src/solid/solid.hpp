@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -35,8 +36,9 @@ struct SolidRest {
   geometry::NearestTriangle nearest;  // of the surface at rest; empty: nothing asks
   std::vector<double> along;          // in a slab: where the surface's points were given along its axis [m]
   SurfaceClusters clusters;           // of its points; none: no vertex is mended
-  double volume = 0.0;                // of the closed rest shape [m^3]
-  double area = 0.0;                  // of the surface at rest [m^2]
+  std::vector<std::shared_ptr<const geometry::SignedDistance>> held;  // regions of pins, material space; < 0 inside
+  double volume = 0.0;                                                // of the closed rest shape [m^3]
+  double area = 0.0;                                                  // of the surface at rest [m^2]
 };
 
 // The part of the box's grid around a solid.
@@ -135,6 +137,7 @@ struct SolidWork {
   std::vector<std::int32_t> element;         // band cell -> element, -1: none
   std::vector<std::int32_t> element_cell;    // element -> band cell
   std::vector<std::int32_t> element_corner;  // element -> band node of corner 0
+  std::vector<double> stiffening;            // per element: factor of its stiffness; empty: 1 everywhere
   std::vector<std::array<Real, 12>>
       hourglass_force;            // per element: along x y z on each mode [N]; empty: it cannot yield
   std::vector<PointBlock> point;  // point q of block b at b points_per_element + q; free lanes are zero
@@ -153,6 +156,7 @@ struct SolidWork {
   double elastic_energy = 0.0;  // [J]
   double max_speed = 0.0;
 
+  double stiffened(std::size_t e) const { return stiffening.empty() ? 1.0 : stiffening[e]; }
   std::size_t blocks() const { return (element_cell.size() + kBlock - 1) / kBlock; }
   void resize_elements(int points);  // for element_cell.size() elements
   ElementPoint element_point(std::size_t e, std::size_t q) const;
