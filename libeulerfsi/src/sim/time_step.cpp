@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "grid/interpolate.hpp"
+#include "sim/fold_contact.hpp"
 #include "sim/solid_contact.hpp"
 #include "solid/displacement.hpp"
 
@@ -128,6 +129,14 @@ double pair_limit(const Parallel& parallel, const Scene& scene, const SolidState
   return limit;
 }
 
+// What the folds of a solid allow: as two solids do.
+double fold_limit(const Parallel& parallel, const Scene& scene, std::size_t l, const solid::SolidState& solid) {
+  const SolidGap seen = measure_folds(parallel, scene.solids[l], solid);
+  if (!std::isfinite(seen.gap)) return seen.gap;
+  const double cells = std::max(kContactCfl, seen.gap / scene.grid.h - kContactDistance);
+  return time_to_move(seen.closing, scene.params.gravity.norm(), cells * scene.grid.h);
+}
+
 // How many cells a solid may move in a step: cfl_solid, or more in flight, away from walls and from other solids, which
 // come towards it as far.
 double free_cells(const Scene& scene, const std::vector<Box>& boxes, std::size_t l, const Gaps& gaps) {
@@ -170,6 +179,7 @@ double compute_time_step(const Parallel& parallel, const Scene& scene, const Sol
       limit = std::min(limit, time_to_move(states[l].speed, 0.0, params.cfl_solid * g.h));
       continue;
     }
+    limit = std::min(limit, fold_limit(parallel, scene, l, states[l]));
     const Gaps gaps = measure_gaps(scene, states[l]);
     limit = std::min(limit, wall_limit(parallel, scene, l, states[l], gaps));
     limit = speed_limit(parallel, scene, states[l], free_cells(scene, boxes, l, gaps), limit);
