@@ -66,7 +66,7 @@ ContactPairs record_contacts(const Scene& scene, const SolidStates& states, cons
     ++pair.pushing;
     pair.sticking += row.sticks;
     pair.push += row.push + row.normal.dot(coupling[r]);
-    pair.impulse += row.impulse() + coupling[r];
+    if (!place.is_fold()) pair.impulse += row.impulse() + coupling[r];
   }
   std::erase_if(pairs, [](const ContactPair& pair) { return pair.pushing == 0; });
   for (ContactPair& pair : pairs) {

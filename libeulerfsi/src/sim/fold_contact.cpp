@@ -19,11 +19,12 @@ using solid::NearPair;
 
 namespace {
 
-constexpr double kStandOff = 2.0;      // cells: between folds, so that one map holds both
-constexpr double kOfRest = 0.5;        // or this part of what is between them at rest
+constexpr double kStandOff = 2.5;      // cells: between folds, so that one map holds both
+constexpr double kOfRest = 0.9;        // or this part of what is between them at rest
+constexpr double kNearer = 1.05;       // times: a pair of points has come nearer than at rest
 constexpr double kReach = 0.5;         // cells: rows from this gap on, or where they are to meet in the step
-constexpr double kRowReach = 4.0;      // cells: points farther apart have no row
-constexpr double kSeen = 6.0;          // cells: from here on points limit the step
+constexpr double kRowReach = 5.0;      // cells: points farther apart have no row
+constexpr double kSeen = 7.0;          // cells: from here on points limit the step
 constexpr double kAgainst = -0.3;      // cosine of the normals, at most
 constexpr double kMostBeside = 1.0;    // cells: points farther beside each other do not face each other
 constexpr double kDeepest = 1.0;       // cells: deeper than that counts as that
@@ -121,7 +122,8 @@ std::vector<FoundRow> find_folds(const StepContext& step, std::size_t l, const s
   const solid::SolidRest& rest = step.scene.solids[l];
   const double h = step.scene.grid.h;
   const std::vector<Vec3d> places = solid::place_fold_points(step.parallel, rest, state);
-  const std::vector<NearPair> pairs = solid::find_near_pairs(step.parallel, rest.fold_points, places, kRowReach * h);
+  const std::vector<NearPair> pairs =
+      solid::find_near_pairs(step.parallel, rest.fold_points, places, kRowReach * h, kNearer);
   if (pairs.empty()) return {};
   std::vector<float> apart(places.size(), std::numeric_limits<float>::infinity());  // from the nearest one, at rest
   for (const NearPair& pair : pairs)
@@ -164,7 +166,7 @@ SolidGap measure_folds(const Parallel& parallel, const solid::SolidRest& rest, c
   SolidGap out{std::numeric_limits<double>::infinity(), 0.0};
   const Grid& g = state.band.grid;
   const std::vector<Vec3d> places = solid::place_fold_points(parallel, rest, state);
-  const std::vector<NearPair> pairs = solid::find_near_pairs(parallel, rest.fold_points, places, kSeen * g.h);
+  const std::vector<NearPair> pairs = solid::find_near_pairs(parallel, rest.fold_points, places, kSeen * g.h, kNearer);
   const grid::NodeSampler sampler(g);
   const auto normal = [&](std::int32_t p) {
     const auto& t =

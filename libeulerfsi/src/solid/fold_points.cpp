@@ -120,7 +120,7 @@ std::vector<Vec3d> place_fold_points(const Parallel& parallel, const SolidRest& 
 }
 
 std::vector<NearPair> find_near_pairs(const Parallel& parallel, const std::vector<FoldPoint>& points,
-                                      const std::vector<Vec3d>& places, double reach) {
+                                      const std::vector<Vec3d>& places, double reach, double nearer) {
   if (points.empty()) return {};
   Vec3d low = places[0];
   for (const Vec3d& x : places) low = low.cwiseMin(x);
@@ -147,7 +147,7 @@ std::vector<NearPair> find_near_pairs(const Parallel& parallel, const std::vecto
   for (std::size_t i = 0; i < entries.size(); ++i)
     if (i == 0 || entries[i].box != entries[i - 1].box) begins.push_back(i);
   begins.push_back(entries.size());
-  const float most = static_cast<float>(reach * reach);
+  const float most = static_cast<float>(reach * reach), least = static_cast<float>(nearer * nearer);
   std::vector<std::vector<NearPair>> found(begins.size() - 1);
   parallel.for_each(static_cast<std::int64_t>(found.size()), [&](std::int64_t b) {
     const auto box = static_cast<std::size_t>(b);
@@ -158,7 +158,7 @@ std::vector<NearPair> find_near_pairs(const Parallel& parallel, const std::vecto
         now += (p.now[a] - q.now[a]) * (p.now[a] - q.now[a]);
         rest += (p.rest[a] - q.rest[a]) * (p.rest[a] - q.rest[a]);
       }
-      if (now < most && rest > kNearer * kNearer * now)
+      if (now < most && rest > least * now)
         found[box].push_back({std::min(p.point, q.point), std::max(p.point, q.point), std::sqrt(now), std::sqrt(rest)});
     };
     for (std::size_t i = begins[box]; i < begins[box + 1]; ++i)

@@ -35,9 +35,8 @@ struct NearPair {
   std::int32_t one, other;
   float distance, at_rest;  // now and at rest [m]
 };
-// Those less than `reach` apart that were kNearer times as far from each other at rest, in ascending order.
-inline constexpr float kNearer = 1.5f;
+// Those less than `reach` apart that were more than `nearer` times as far from each other at rest, in ascending order.
 std::vector<NearPair> find_near_pairs(const Parallel& parallel, const std::vector<FoldPoint>& points,
-                                      const std::vector<Vec3d>& places, double reach);
+                                      const std::vector<Vec3d>& places, double reach, double nearer);
 
 }  // namespace efsi::solid
