@@ -19,9 +19,9 @@ using solid::NearPair;
 
 namespace {
 
-constexpr double kStandOff = 2.5;      // cells: between folds, so that one map holds both
-constexpr double kOfRest = 0.9;        // or this part of what is between them at rest
-constexpr double kNearer = 1.05;       // times: a pair of points has come nearer than at rest
+constexpr double kStandOff = 3.0;      // cells: between folds, so that one map holds both
+constexpr double kOfRest = 0.5;        // or this part of what is between them at rest
+constexpr double kNearer = 1.5;       // times: a pair of points has come nearer than at rest
 constexpr double kReach = 0.5;         // cells: rows from this gap on, or where they are to meet in the step
 constexpr double kRowReach = 5.0;      // cells: points farther apart have no row
 constexpr double kSeen = 7.0;          // cells: from here on points limit the step

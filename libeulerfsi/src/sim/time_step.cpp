@@ -133,8 +133,9 @@ double pair_limit(const Parallel& parallel, const Scene& scene, const SolidState
 double fold_limit(const Parallel& parallel, const Scene& scene, std::size_t l, const solid::SolidState& solid) {
   const SolidGap seen = measure_folds(parallel, scene.solids[l], solid);
   if (!std::isfinite(seen.gap)) return seen.gap;
-  const double cells = std::max(kContactCfl, seen.gap / scene.grid.h - kContactDistance);
-  return time_to_move(seen.closing, scene.params.gravity.norm(), cells * scene.grid.h);
+  const double h = scene.grid.h, cells = std::max(kContactCfl, seen.gap / h - kContactDistance);
+  const double limit = time_to_move(seen.closing, 0.0, cells * h);
+  return seen.gap < kContactReach * h ? wave_limit(parallel, scene.grid, scene.solids[l], solid, limit) : limit;
 }
 
 // How many cells a solid may move in a step: cfl_solid, or more in flight, away from walls and from other solids, which
