@@ -21,10 +21,10 @@ namespace {
 
 constexpr double kStandOff = 3.0;      // cells: between folds, so that one map holds both
 constexpr double kOfRest = 0.5;        // or this part of what is between them at rest
-constexpr double kNearer = 1.5;       // times: a pair of points has come nearer than at rest
+constexpr double kNearer = 1.5;        // times: a pair of points has come nearer than at rest
 constexpr double kReach = 0.5;         // cells: rows from this gap on, or where they are to meet in the step
 constexpr double kRowReach = 5.0;      // cells: points farther apart have no row
-constexpr double kSeen = 7.0;          // cells: from here on points limit the step
+constexpr double kSeen = 6.0;          // cells: from here on points limit the step
 constexpr double kAgainst = -0.3;      // cosine of the normals, at most
 constexpr double kMostBeside = 1.0;    // cells: points farther beside each other do not face each other
 constexpr double kDeepest = 1.0;       // cells: deeper than that counts as that
@@ -121,20 +121,21 @@ std::vector<FoundRow> find_folds(const StepContext& step, std::size_t l, const s
                                  const solid::SolidWork& work, const Grid& common, const NodeVelocity& velocity) {
   const solid::SolidRest& rest = step.scene.solids[l];
   const double h = step.scene.grid.h;
-  const std::vector<Vec3d> places = solid::place_fold_points(step.parallel, rest, state);
-  const std::vector<NearPair> pairs =
-      solid::find_near_pairs(step.parallel, rest.fold_points, places, kRowReach * h, kNearer);
+  std::vector<NearPair> pairs = work.near_folds;
+  std::erase_if(pairs, [&](const NearPair& pair) { return !(static_cast<double>(pair.distance) < kRowReach * h); });
   if (pairs.empty()) return {};
-  std::vector<float> apart(places.size(), std::numeric_limits<float>::infinity());  // from the nearest one, at rest
+  const solid::FoldPlaces places = solid::place_fold_points(step.parallel, rest, state);
+  std::vector<float> apart(places.place.size(),
+                           std::numeric_limits<float>::infinity());  // from the nearest one, at rest
   for (const NearPair& pair : pairs)
     for (const std::int32_t p : {pair.one, pair.other})
       apart[static_cast<std::size_t>(p)] = std::min(apart[static_cast<std::size_t>(p)], pair.at_rest);
-  std::vector<Side> sides(places.size());
-  step.parallel.for_each(static_cast<std::int64_t>(places.size()), [&](std::int64_t i) {
+  std::vector<Side> sides(places.place.size());
+  step.parallel.for_each(static_cast<std::int64_t>(places.place.size()), [&](std::int64_t i) {
     const auto p = static_cast<std::size_t>(i);
     if (!std::isfinite(apart[p])) return;
     const double alike = std::max(kSameMaterial * h, 0.5 * static_cast<double>(apart[p]));
-    sides[p] = find_side(rest.fold_points[p], places[p], alike, state, work);
+    sides[p] = find_side(rest.fold_points[p], places.place[p], alike, state, work);
   });
   std::vector<FoundRow> rows;
   for (const auto& [one, other] : choose(pairs, sides, h)) {
@@ -162,25 +163,21 @@ std::vector<FoundRow> find_folds(const StepContext& step, std::size_t l, const s
   return rows;
 }
 
-SolidGap measure_folds(const Parallel& parallel, const solid::SolidRest& rest, const solid::SolidState& state) {
+SolidGap measure_folds(const Parallel& parallel, const solid::SolidRest& rest, const solid::SolidState& state,
+                       std::vector<NearPair>& near) {
   SolidGap out{std::numeric_limits<double>::infinity(), 0.0};
   const Grid& g = state.band.grid;
-  const std::vector<Vec3d> places = solid::place_fold_points(parallel, rest, state);
-  const std::vector<NearPair> pairs = solid::find_near_pairs(parallel, rest.fold_points, places, kSeen * g.h, kNearer);
+  const solid::FoldPlaces places = solid::place_fold_points(parallel, rest, state);
+  near = solid::find_near_pairs(parallel, rest.fold_points, places, kSeen * g.h, kNearer);
   const grid::NodeSampler sampler(g);
-  const auto normal = [&](std::int32_t p) {
-    const auto& t =
-        rest.surface.triangles[static_cast<std::size_t>(rest.fold_points[static_cast<std::size_t>(p)].triangle)];
-    const Vec3d &a = state.surface[t[0]], &b = state.surface[t[1]], &c = state.surface[t[2]];
-    return (b - a).cross(c - a).eval();
-  };
   const auto velocity_at = [&](const Vec3d& x) {
     return sampler.vector(state.v, ((x - g.origin) / g.h).cast<Real>()).cast<double>().eval();
   };
-  for (const NearPair& pair : pairs) {
-    const Vec3d &a = places[static_cast<std::size_t>(pair.one)], &b = places[static_cast<std::size_t>(pair.other)];
-    const Vec3d way = b - a;
-    if (!(normal(pair.one).dot(way) > 0.0 && normal(pair.other).dot(way) < 0.0)) continue;
+  for (const NearPair& pair : near) {
+    const auto one = static_cast<std::size_t>(pair.one), other = static_cast<std::size_t>(pair.other);
+    const Vec3d &a = places.place[one], &b = places.place[other], way = b - a;
+    if (!(places.normal[one].cast<double>().dot(way) > 0.0 && places.normal[other].cast<double>().dot(way) < 0.0))
+      continue;
     out.gap = std::min(out.gap, static_cast<double>(pair.distance) - stand_off(static_cast<double>(pair.at_rest), g.h));
     out.closing = std::max(out.closing, way.normalized().dot(velocity_at(a) - velocity_at(b)));
   }

@@ -130,8 +130,9 @@ double pair_limit(const Parallel& parallel, const Scene& scene, const SolidState
 }
 
 // What the folds of a solid allow: as two solids do.
-double fold_limit(const Parallel& parallel, const Scene& scene, std::size_t l, const solid::SolidState& solid) {
-  const SolidGap seen = measure_folds(parallel, scene.solids[l], solid);
+double fold_limit(const Parallel& parallel, const Scene& scene, std::size_t l, const solid::SolidState& solid,
+                  solid::SolidWork& work) {
+  const SolidGap seen = measure_folds(parallel, scene.solids[l], solid, work.near_folds);
   if (!std::isfinite(seen.gap)) return seen.gap;
   const double h = scene.grid.h, cells = std::max(kContactCfl, seen.gap / h - kContactDistance);
   const double limit = time_to_move(seen.closing, 0.0, cells * h);
@@ -166,7 +167,7 @@ double speed_limit(const Parallel& parallel, const Scene& scene, const solid::So
 }  // namespace
 
 double compute_time_step(const Parallel& parallel, const Scene& scene, const SolidStates& states, double fluid_speed,
-                         std::uint64_t steps, double remaining) {
+                         std::uint64_t steps, double remaining, SolidWorks& solids) {
   const Params& params = scene.params;
   const grid::Grid& g = scene.grid;
   double limit = params.max_time_step > 0.0 ? std::min(params.max_time_step, remaining) : remaining;
@@ -180,7 +181,7 @@ double compute_time_step(const Parallel& parallel, const Scene& scene, const Sol
       limit = std::min(limit, time_to_move(states[l].speed, 0.0, params.cfl_solid * g.h));
       continue;
     }
-    limit = std::min(limit, fold_limit(parallel, scene, l, states[l]));
+    limit = std::min(limit, fold_limit(parallel, scene, l, states[l], solids[l]));
     const Gaps gaps = measure_gaps(scene, states[l]);
     limit = std::min(limit, wall_limit(parallel, scene, l, states[l], gaps));
     limit = speed_limit(parallel, scene, states[l], free_cells(scene, boxes, l, gaps), limit);

@@ -16,6 +16,7 @@ namespace {
 constexpr double kFine = 0.5;    // boxes: longest side of the parts into which triangles are cut
 constexpr double kFar = 2.0;     // boxes: side of a triangle whose points its corners do not place
 constexpr double kBuried = 0.5;  // boxes: deeper in the solid there is no surface
+constexpr double kAlike = 0.5;   // cosine of normals: sides of the surface in a box that one point stands for
 constexpr double kHeld = 0.1;    // cells of material: a place with more left does not hold the point
 
 // A part of a triangle, and in which box and on which side of it that is.
@@ -74,7 +75,10 @@ std::vector<FoldPoint> make_fold_points(const geometry::TriangleMesh& surface, c
     return std::tie(a.key, a.triangle, a.second, a.third) < std::tie(b.key, b.triangle, b.second, b.third);
   });
   std::vector<FoldPoint> points;
+  std::vector<Eigen::Vector3f> taken;  // normals of the points of a box
   for (std::size_t begin = 0, end = 0; begin < parts.size(); begin = end) {
+    const auto box = [&](std::size_t i) { return Vec3i{parts[i].key[0], parts[i].key[1], parts[i].key[2]}; };
+    if (begin == 0 || box(begin) != box(begin - 1)) taken.clear();
     Vec3d middle = Vec3d::Zero(), normal = Vec3d::Zero();
     double area = 0.0;
     for (end = begin; end < parts.size() && parts[end].key == parts[begin].key; ++end) {
@@ -83,17 +87,20 @@ std::vector<FoldPoint> make_fold_points(const geometry::TriangleMesh& surface, c
       area += parts[end].area;
     }
     middle /= area;
-    const auto farther = [&](const Part& a, const Part& b) {
+    normal.normalize();
+    const auto nearer = [&](const Part& a, const Part& b) {
       return (a.place - middle).squaredNorm() < (b.place - middle).squaredNorm();
     };
     const auto from = parts.begin() + static_cast<std::ptrdiff_t>(begin);
-    const Part& chosen = *std::min_element(from, parts.begin() + static_cast<std::ptrdiff_t>(end), farther);
-    if (distance.sample(chosen.place) < -kBuried * spacing) continue;
-    normal.normalize();
+    const Part& chosen = *std::min_element(from, parts.begin() + static_cast<std::ptrdiff_t>(end), nearer);
+    const Eigen::Vector3f out = normal.cast<float>();
+    const bool alike = std::any_of(taken.begin(), taken.end(), [&](const auto& n) { return n.dot(out) > kAlike; });
+    if (alike || distance.sample(chosen.place) < -kBuried * spacing) continue;
+    taken.push_back(out);
     FoldPoint point{chosen.triangle, static_cast<float>(chosen.second), static_cast<float>(chosen.third), {}, {}, 0};
     for (Eigen::Index a = 0; a < 3; ++a) {
       point.place[a] = static_cast<float>(chosen.place[a]);
-      point.normal[a] = static_cast<float>(normal[a]);
+      point.normal[a] = out[a];
     }
     const auto& corners = surface.triangles[static_cast<std::size_t>(chosen.triangle)];
     point.bends = longest_side(surface, corners) > kFar * spacing;
@@ -102,15 +109,22 @@ std::vector<FoldPoint> make_fold_points(const geometry::TriangleMesh& surface, c
   return points;
 }
 
-std::vector<Vec3d> place_fold_points(const Parallel& parallel, const SolidRest& rest, const SolidState& state) {
+FoldPlaces place_fold_points(const Parallel& parallel, const SolidRest& rest, const SolidState& state) {
   const auto corner = grid::corner_offsets(state.band.grid);
-  std::vector<Vec3d> places(rest.fold_points.size());
-  parallel.for_each(static_cast<std::int64_t>(places.size()), [&](std::int64_t i) {
-    const FoldPoint& p = rest.fold_points[static_cast<std::size_t>(i)];
+  FoldPlaces places;
+  places.place.resize(rest.fold_points.size());
+  places.normal.resize(rest.fold_points.size());
+  parallel.for_each(static_cast<std::int64_t>(rest.fold_points.size()), [&](std::int64_t i) {
+    const auto n = static_cast<std::size_t>(i);
+    const FoldPoint& p = rest.fold_points[n];
     const geometry::Triangle& t = rest.surface.triangles[static_cast<std::size_t>(p.triangle)];
     const double second = static_cast<double>(p.second), third = static_cast<double>(p.third);
-    Vec3d& x = places[static_cast<std::size_t>(i)];
-    x = (1.0 - second - third) * state.surface[t[0]] + second * state.surface[t[1]] + third * state.surface[t[2]];
+    const Vec3d &a = state.surface[t[0]], &b = state.surface[t[1]], &c = state.surface[t[2]];
+    Vec3d& x = places.place[n];
+    x = (1.0 - second - third) * a + second * b + third * c;
+    const Vec3d across = (b - a).cross(c - a);
+    const double length = across.norm();
+    places.normal[n] = length > 0.0 ? Eigen::Vector3f((across / length).cast<float>()) : Eigen::Vector3f::Zero();
     if (!p.bends) return;
     Vec3d moved = x;
     const Vec3d at_rest(p.place[0], p.place[1], p.place[2]);
@@ -119,61 +133,104 @@ std::vector<Vec3d> place_fold_points(const Parallel& parallel, const SolidRest& 
   return places;
 }
 
-std::vector<NearPair> find_near_pairs(const Parallel& parallel, const std::vector<FoldPoint>& points,
-                                      const std::vector<Vec3d>& places, double reach, double nearer) {
-  if (points.empty()) return {};
-  Vec3d low = places[0];
-  for (const Vec3d& x : places) low = low.cwiseMin(x);
-  // Boxes of edge `reach`, their points side by side.
-  struct Entry {
-    Vec3i box;  // z first: the order is that of the boxes
-    std::int32_t point;
-    float now[3], rest[3];
+namespace {
+
+// Boxes of the present space by their numbers, that along the last axis counts fastest.
+using BoxKey = std::uint64_t;
+BoxKey box_key(std::int64_t x, std::int64_t y, std::int64_t z) {
+  return static_cast<BoxKey>(x) << 42 | static_cast<BoxKey>(y) << 21 | static_cast<BoxKey>(z);
+}
+
+// A point in a box.
+struct Entry {
+  Eigen::Vector3f now, rest, normal;
+  std::int32_t point;
+};
+
+// The points of a box, and the range of their normals.
+struct Box {
+  BoxKey key;
+  std::size_t begin, end;
+  std::array<int, 3> place;
+  Eigen::Array3f low, high;
+};
+
+// Whether some normal of one box may point against some of the other: no product of theirs is less than this.
+bool may_oppose(const Box& a, const Box& b) {
+  const Eigen::Array3f ll = a.low * b.low, lh = a.low * b.high, hl = a.high * b.low, hh = a.high * b.high;
+  return ll.min(lh).min(hl.min(hh)).sum() < 0.0f;
+}
+
+// edge: of the boxes [m]
+std::vector<Box> sort_into_boxes(const std::vector<FoldPoint>& points, const FoldPlaces& places, double edge,
+                                 std::vector<Entry>& entries) {
+  Vec3d low = places.place[0];
+  for (const Vec3d& x : places.place) low = low.cwiseMin(x);
+  const auto box_of = [&](std::size_t point, std::size_t axis) {
+    const auto a = static_cast<Eigen::Index>(axis);
+    return static_cast<int>((places.place[point][a] - low[a]) / edge);
   };
-  std::vector<Entry> entries(points.size());
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    Entry& e = entries[i];
-    e.point = static_cast<std::int32_t>(i);
-    for (std::size_t a = 0; a < 3; ++a) {
-      const double x = places[i][static_cast<Eigen::Index>(a)] - low[static_cast<Eigen::Index>(a)];
-      e.box[a] = static_cast<int>(x / reach);
-      e.now[a] = static_cast<float>(x);
-      e.rest[a] = points[i].place[a];
-    }
+  std::vector<std::pair<BoxKey, std::int32_t>> order(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i)
+    order[i] = {box_key(box_of(i, 0), box_of(i, 1), box_of(i, 2)), static_cast<std::int32_t>(i)};
+  std::sort(order.begin(), order.end());
+  entries.resize(points.size());
+  std::vector<Box> boxes;
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const auto p = static_cast<std::size_t>(order[i].second);
+    const Eigen::Vector3f& normal = places.normal[p];
+    entries[i] = {(places.place[p] - low).cast<float>(),
+                  {points[p].place[0], points[p].place[1], points[p].place[2]},
+                  normal,
+                  order[i].second};
+    if (boxes.empty() || order[i].first != boxes.back().key)
+      boxes.push_back({order[i].first, i, i, {box_of(p, 0), box_of(p, 1), box_of(p, 2)}, normal, normal});
+    Box& box = boxes.back();
+    box.end = i + 1;
+    box.low = box.low.min(normal.array());
+    box.high = box.high.max(normal.array());
   }
-  std::sort(entries.begin(), entries.end(),
-            [](const Entry& a, const Entry& b) { return std::tie(a.box, a.point) < std::tie(b.box, b.point); });
-  std::vector<std::size_t> begins;
-  for (std::size_t i = 0; i < entries.size(); ++i)
-    if (i == 0 || entries[i].box != entries[i - 1].box) begins.push_back(i);
-  begins.push_back(entries.size());
+  return boxes;
+}
+
+}  // namespace
+
+std::vector<NearPair> find_near_pairs(const Parallel& parallel, const std::vector<FoldPoint>& points,
+                                      const FoldPlaces& places, double reach, double nearer) {
+  constexpr int kBoxes = 3;  // a box is reach / kBoxes wide
+  if (points.empty()) return {};
+  std::vector<Entry> entries;
+  const std::vector<Box> boxes = sort_into_boxes(points, places, reach / kBoxes, entries);
   const float most = static_cast<float>(reach * reach), least = static_cast<float>(nearer * nearer);
-  std::vector<std::vector<NearPair>> found(begins.size() - 1);
-  parallel.for_each(static_cast<std::int64_t>(found.size()), [&](std::int64_t b) {
-    const auto box = static_cast<std::size_t>(b);
-    const auto compare = [&](std::size_t i, std::size_t j) {
-      const Entry &p = entries[i], &q = entries[j];
-      float now = 0, rest = 0;
-      for (std::size_t a = 0; a < 3; ++a) {
-        now += (p.now[a] - q.now[a]) * (p.now[a] - q.now[a]);
-        rest += (p.rest[a] - q.rest[a]) * (p.rest[a] - q.rest[a]);
-      }
-      if (now < most && rest > least * now)
-        found[box].push_back({std::min(p.point, q.point), std::max(p.point, q.point), std::sqrt(now), std::sqrt(rest)});
+  std::vector<std::vector<NearPair>> found(boxes.size());
+  parallel.for_each(static_cast<std::int64_t>(boxes.size()), [&](std::int64_t n) {
+    const Box& box = boxes[static_cast<std::size_t>(n)];
+    const auto compare = [&](const Entry& p, const Entry& q) {
+      const float now = (p.now - q.now).squaredNorm();
+      if (!(now < most && p.normal.dot(q.normal) < 0.0f)) return;
+      const float rest = (p.rest - q.rest).squaredNorm();
+      if (!(rest > least * now)) return;
+      const auto [one, other] = std::minmax(p.point, q.point);
+      found[static_cast<std::size_t>(n)].push_back({one, other, std::sqrt(now), std::sqrt(rest)});
     };
-    for (std::size_t i = begins[box]; i < begins[box + 1]; ++i)
-      for (std::size_t j = i + 1; j < begins[box + 1]; ++j) compare(i, j);
-    // Boxes that come later, in rows of three along the last axis.
-    const Vec3i middle = entries[begins[box]].box;
-    for (int row = 4; row < 9; ++row) {
-      const int x = middle[0] + row / 3 - 1, y = middle[1] + row % 3 - 1;
-      const Vec3i from{x, y, row == 4 ? middle[2] + 1 : middle[2] - 1}, to{x, y, middle[2] + 1};
-      const auto first = std::lower_bound(begins.begin(), begins.end() - 1, from,
-                                          [&](std::size_t i, const Vec3i& key) { return entries[i].box < key; });
-      for (auto at = first; at != begins.end() - 1 && entries[*at].box <= to; ++at)
-        for (std::size_t i = begins[box]; i < begins[box + 1]; ++i)
-          for (std::size_t j = *at; j < *(at + 1); ++j) compare(i, j);
-    }
+    if (may_oppose(box, box))
+      for (std::size_t i = box.begin; i < box.end; ++i)
+        for (std::size_t j = i + 1; j < box.end; ++j) compare(entries[i], entries[j]);
+    // Boxes that come later, in rows along the last axis.
+    auto from = boxes.begin() + n + 1;
+    for (int dx = 0; dx <= kBoxes; ++dx)
+      for (int dy = dx == 0 ? 0 : -kBoxes; dy <= kBoxes; ++dy) {
+        const int x = box.place[0] + dx, y = box.place[1] + dy, z = box.place[2];
+        if (y < 0) continue;
+        const int first = dx == 0 && dy == 0 ? z + 1 : std::max(0, z - kBoxes);
+        from = std::lower_bound(from, boxes.end(), box_key(x, y, first),
+                                [](const Box& b, BoxKey key) { return b.key < key; });
+        for (; from != boxes.end() && from->key <= box_key(x, y, z + kBoxes); ++from) {
+          if (!may_oppose(box, *from)) continue;
+          for (std::size_t i = box.begin; i < box.end; ++i)
+            for (std::size_t j = from->begin; j < from->end; ++j) compare(entries[i], entries[j]);
+        }
+      }
   });
   std::vector<NearPair> pairs;
   for (const auto& some : found) pairs.insert(pairs.end(), some.begin(), some.end());

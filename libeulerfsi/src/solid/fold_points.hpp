@@ -2,6 +2,7 @@
 // material: where it folds onto itself (docs/numerics/folds.md).
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <vector>
 
@@ -27,16 +28,21 @@ struct FoldPoint {
 std::vector<FoldPoint> make_fold_points(const geometry::TriangleMesh& surface, const geometry::SignedDistance& distance,
                                         double spacing);
 
-// Where they are [m].
-std::vector<Vec3d> place_fold_points(const Parallel& parallel, const SolidRest& rest, const SolidState& state);
+// Where they are [m], and the normals of their triangles; those that have no area: 0.
+struct FoldPlaces {
+  std::vector<Vec3d> place;
+  std::vector<Eigen::Vector3f> normal;
+};
+FoldPlaces place_fold_points(const Parallel& parallel, const SolidRest& rest, const SolidState& state);
 
 // Two points, one < other.
 struct NearPair {
   std::int32_t one, other;
   float distance, at_rest;  // now and at rest [m]
 };
-// Those less than `reach` apart that were more than `nearer` times as far from each other at rest, in ascending order.
+// Those less than `reach` apart whose normals point in opposite directions, within a right angle, and that were more
+// than `nearer` times as far from each other at rest, in ascending order.
 std::vector<NearPair> find_near_pairs(const Parallel& parallel, const std::vector<FoldPoint>& points,
-                                      const std::vector<Vec3d>& places, double reach, double nearer);
+                                      const FoldPlaces& places, double reach, double nearer);
 
 }  // namespace efsi::solid

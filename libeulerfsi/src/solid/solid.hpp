@@ -145,6 +145,7 @@ struct SolidWork {
   std::vector<std::uint8_t> carries;  // band nodes: corner of an element; here the solid owns u and v
   std::vector<Real> mass;             // of the solid per band node [kg]
   std::vector<std::uint8_t> layer;    // band nodes: 0 data, k: k-th layer of the extension, 255: none
+  std::vector<NearPair> near_folds;   // fold points near each other at the start of the step
   double min_det_f = 1.0, max_det_f = 1.0;
   double max_stretch = 1.0;  // largest principal stretch of an element that is not degenerate, at least 1
   std::uint64_t degenerate = 0;

@@ -149,12 +149,13 @@ TEST_CASE("Folds that push each other do the same on two threads, and after a re
 
 TEST_CASE("Points near in space and far in the material are all found, and each pair once") {
   std::vector<solid::FoldPoint> points;
-  std::vector<Vec3d> places;
+  solid::FoldPlaces places;
   const std::vector<float> values = noise(6 * 300, 2.0f);
   for (std::size_t i = 0; i < 300; ++i) {
     const float* v = values.data() + 6 * i;
     points.push_back({0, 0, 0, {v[0], v[1], v[2]}, {0, 0, 1}, 0});
-    places.emplace_back(static_cast<double>(v[3]), static_cast<double>(v[4]), static_cast<double>(v[5]));
+    places.place.emplace_back(static_cast<double>(v[3]), static_cast<double>(v[4]), static_cast<double>(v[5]));
+    places.normal.emplace_back(v[0], v[4], v[2]);
   }
   const double reach = 0.31, nearer = 1.5;
   std::vector<std::pair<int, int>> expected, found;
@@ -163,8 +164,9 @@ TEST_CASE("Points near in space and far in the material are all found, and each 
       const auto a = static_cast<std::size_t>(i), b = static_cast<std::size_t>(j);
       const Vec3d rest(points[a].place[0] - points[b].place[0], points[a].place[1] - points[b].place[1],
                        points[a].place[2] - points[b].place[2]);
-      const double now = (places[a] - places[b]).norm();
-      if (now < reach && rest.norm() > nearer * now) expected.emplace_back(i, j);
+      const double now = (places.place[a] - places.place[b]).norm();
+      if (now < reach && rest.norm() > nearer * now && places.normal[a].dot(places.normal[b]) < 0)
+        expected.emplace_back(i, j);
     }
   for (const solid::NearPair& pair : solid::find_near_pairs(Parallel(2), points, places, reach, nearer))
     found.emplace_back(pair.one, pair.other);
@@ -196,7 +198,9 @@ TEST_CASE("A solid in its shape at rest, however it folds, has no row, limits no
       x = Vec3d::Constant(0.4) + 0.5 / (box.max - box.min).maxCoeff() * (x - 0.5 * (box.min + box.max));
   }
   auto s = make_simulation(p, {d});
-  const sim::SolidGap gap = sim::measure_folds(Parallel(1), s->solids()[0], s->state().solids[0]);
+  std::vector<solid::NearPair> near;
+  const sim::SolidGap gap = sim::measure_folds(Parallel(1), s->solids()[0], s->state().solids[0], near);
+  CHECK(near.empty());
   CHECK(!std::isfinite(gap.gap));
   CHECK(gap.closing == 0.0);
   CHECK(!s->solids()[0].fold_points.empty());
