@@ -27,6 +27,7 @@ from pieces import (
     box_mesh,
     new_stage,
     on_ellipsoid,
+    on_hairpin,
     on_rounded_box,
     on_sphere,
     set_density,
@@ -258,6 +259,36 @@ def make_meeting_balls() -> Usd.Stage:
     return stage
 
 
+def make_tongs() -> Usd.Stage:
+    """A rubber U, held at its bend, is squeezed between two rolls, which then let go."""
+    frames = 48
+    stage = new_stage("A rubber U is squeezed until its legs meet, and springs open when it is let go.", frames)
+    lower, size = (-0.24, 0.0, -0.1), (0.48, 0.48, 0.2)
+    add_domain(stage, lower, size, "slip", voxelSize=0.01, fluidDensity=1.0)
+    rod = box_mesh(28, on_hairpin(0.03, 0.12, 0.2))
+    tongs = add_mesh(stage, "/World/Tongs", rod, (0.8, 0.3, 0.15))
+    tongs.AddTranslateOp().Set(Gf.Vec3d(0.0, 0.14, 0.0))
+    apply_schema(tongs.GetPrim(), "solid", youngsModulus=2e5, poissonsRatio=0.4, rayleighBeta=0.001)
+    set_density(tongs.GetPrim(), 1000.0)
+    foot = add_cube(stage, "/World/Foot", (-0.05, 0.0, -0.05), (0.1, 0.09, 0.1))
+    tongs.GetPrim().CreateRelationship("eulerfsi:pins", False).SetTargets([foot.GetPath()])
+    for name, side in (("Left", -1.0), ("Right", 1.0)):
+        roll = UsdGeom.Cylinder.Define(stage, f"/World/{name}")
+        roll.CreateAxisAttr(UsdGeom.Tokens.z)
+        roll.CreateRadiusAttr(0.04)
+        roll.CreateHeightAttr(0.12)
+        roll.CreateExtentAttr(Vt.Vec3fArray([(-0.04, -0.04, -0.06), (0.04, 0.04, 0.06)]))
+        place = roll.AddTranslateOp()
+        for frame in range(1, frames + 1):
+            inwards = 0.5 - 0.5 * math.cos(math.pi * min(frame - 1, 20) / 20)
+            outwards = min(1.0, max(0.0, (frame - 24) / 4))
+            place.Set(Gf.Vec3d(side * round(0.175 - 0.062 * (inwards - outwards), 5), 0.3, 0.0), frame)
+        apply_schema(roll.GetPrim(), "collider", friction=0.0)
+        bind_material(stage, roll.GetPrim(), (0.3, 0.32, 0.36))
+    add_camera(stage, (0.25, 0.4, 1.1), (0.0, 0.22, 0.0))
+    return stage
+
+
 MAKERS: dict[str, Callable[[], Usd.Stage]] = {
     "ball.usda": make_ball,
     "falling_bunny.usda": make_falling_bunny,
@@ -268,6 +299,7 @@ MAKERS: dict[str, Callable[[], Usd.Stage]] = {
     "struck.usda": make_struck,
     "clay_and_rubber.usda": make_clay_and_rubber,
     "meeting_balls.usda": make_meeting_balls,
+    "tongs.usda": make_tongs,
     **paper_scenes.MAKERS,
 }
 

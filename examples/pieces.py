@@ -75,6 +75,22 @@ def on_cylinder(radius: float, half: float) -> Callable[[Gf.Vec3d], Gf.Vec3d]:
     return place
 
 
+def on_hairpin(half: float, gap: float, leg: float) -> Callable[[Gf.Vec3d], Gf.Vec3d]:
+    """Maps the cube to a rod of half edge `half` bent to a U: legs of length `leg` along y, `gap` apart in x; the
+    middle of the bend is the origin."""
+    radius = half + gap / 2
+    bend = math.pi * radius
+
+    def place(p: Gf.Vec3d) -> Gf.Vec3d:
+        way = p[2] * (leg + bend / 2)  # along the rod, from the middle of the bend
+        turn = max(-math.pi / 2, min(math.pi / 2, way / radius))
+        straight = max(0.0, abs(way) - bend / 2)
+        out = radius + half * p[0]
+        return Gf.Vec3d(out * math.sin(turn), straight - out * math.cos(turn), -half * p[1])
+
+    return place
+
+
 def checker(radius: float, side: float, z: float) -> dict[str, list]:
     """Every other square of a lattice of squares in the plane at z, as far as they lie in a circle around the axis."""
     count = math.ceil(radius / side)

@@ -137,6 +137,34 @@ def test_solids_of_the_heap_meet_and_stay_apart(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_legs_of_the_tongs_push_each_other_and_spring_open(tmp_path: Path) -> None:
+    """Coarse voxels: they stay voxels apart, no cell breaks, and the statistics tell of a solid that pushes itself."""
+    voxel, frames = 0.0125, 36
+    options = Options(
+        output=tmp_path / "cache",
+        frames=f"1-{frames}",
+        settings=(f"/World/Domain.voxelSize={voxel}",),
+        progress="none",
+    )
+    result = simulate(SCENES / "tongs.usda", options)
+    events = [json.loads(line) for line in (result.folder / "stats.jsonl").read_text().splitlines()]
+    itself = [
+        (event["frame"], pair)
+        for event in events
+        for pair in event.get("contacts", {}).get("pairs", [])
+        if pair["solids"] == ["/World/Tongs", "/World/Tongs"]
+    ]
+    assert {frame for frame, _ in itself} & set(range(15, 25)), "the legs have not met"
+    assert all(pair["surface_overlap"] < -0.5 and pair["sticking_share"] == 0 for _, pair in itself)
+    assert sum(event.get("degenerate_cells", 0) for event in events) < 5
+    stage = Usd.Stage.Open(str(result.folder / "tongs.usda"))
+    tips = written_points(stage, 1)[0][:, 1] > 0.33
+    between = {frame: 2 * np.abs(written_points(stage, frame)[0][tips, 0]).min() for frame in (1, 20, frames)}
+    assert between[20] < 0.5 * between[1]
+    assert between[frames] > 0.9 * between[1]
+
+
+@pytest.mark.slow
 def test_struck_pillar_holds_its_foot_gives_way_and_returns(tmp_path: Path) -> None:
     """Coarse voxels: a pin, a collider that swings, eyes that ride along."""
     voxel, frames = 0.02, 60

@@ -92,14 +92,16 @@ typedef struct EfsiRepairs {
 /* Two solids that have pushed each other. A row is a point where they may touch; rows are counted anew in every step.
  * Overlaps are the largest at the starts of these steps, in edges of a cell; < 0: they were apart by so much. With
  * EFSI_PRESET_PAPER2016 a row is a particle of either solid, and impulses are those on the particles of solid[1], or,
- * where that is a collider, against those of solid[0]. */
+ * where that is a collider, against those of solid[0]. With EFSI_PRESET_PRODUCTION also folds of one solid that have
+ * pushed each other: the same id twice; they keep a distance, have no friction, and `impulse`, of the solid on itself,
+ * is 0. */
 typedef struct EfsiContactPair {
-  uint32_t solid[2];      /* ids, the smaller one first */
+  uint32_t solid[2];      /* ids, the smaller one first; the same twice: folds of it */
   uint64_t steps;         /* in which they did */
   uint64_t rows;          /* of these steps, summed */
   uint64_t pushing_rows;  /* those with an impulse */
   uint64_t sticking_rows; /* of these, those at which friction holds */
-  double row_overlap;     /* what the deepest row was beyond the skin that contact keeps between solids [cells] */
+  double row_overlap;     /* what the deepest row was beyond what contact keeps between surfaces [cells] */
   double surface_overlap; /* how deep a row or vertex of one was in the other, without that skin [cells] */
   double normal_impulse;  /* magnitudes along the rows' normals, summed over rows and steps [N s] */
   EfsiVec3 impulse;       /* of solid[0] on solid[1], friction included, summed over them [N s] */

@@ -158,6 +158,8 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
   if (params_.numerics.uses_particles()) rest.nearest = geometry::NearestTriangle(rest.surface);
   rest.along = surface->along;
   rest.clusters = solid::make_surface_clusters(rest.surface, rest.distance, grid_.h);
+  if (params_.numerics.walls_push_only && !collider)
+    rest.fold_points = solid::make_fold_points(rest.surface, rest.distance, grid_.h);
   rest.volume = report.solid_volume;
   rest.area = geometry::surface_area(rest.surface);
   if (!(rest.volume > 0.0)) throw Error(ErrorCode::kMesh, "EfsiSolidDef.mesh: encloses no volume");

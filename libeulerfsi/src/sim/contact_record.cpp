@@ -60,16 +60,19 @@ ContactPairs record_contacts(const Scene& scene, const SolidStates& states, cons
     ContactPair& pair = find_pair(pairs, place.solids[0], place.solids[1]);
     ++pair.rows;
     pair.row_overlap = std::max(pair.row_overlap, -place.gap / scene.grid.h);
+    if (place.is_fold())
+      pair.surface_overlap = std::max(pair.surface_overlap, -(place.gap + place.skin) / scene.grid.h);
     if (!(row.push > 0.0)) continue;
     ++pair.pushing;
     pair.sticking += row.sticks;
     pair.push += row.push + row.normal.dot(coupling[r]);
-    pair.impulse += row.impulse() + coupling[r];
+    if (!place.is_fold()) pair.impulse += row.impulse() + coupling[r];
   }
   std::erase_if(pairs, [](const ContactPair& pair) { return pair.pushing == 0; });
   for (ContactPair& pair : pairs) {
-    const double gap = measure_gap(scene, states, pair.one, pair.other).gap / scene.grid.h;
     pair.steps = 1;
+    if (pair.one == pair.other) continue;
+    const double gap = measure_gap(scene, states, pair.one, pair.other).gap / scene.grid.h;
     pair.surface_overlap = std::max(pair.row_overlap, -gap) - kContactSkin;
   }
   return pairs;

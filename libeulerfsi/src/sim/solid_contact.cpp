@@ -9,7 +9,9 @@
 #include <optional>
 
 #include "grid/interpolate.hpp"
+#include "sim/fold_contact.hpp"
 #include "sim/push_out.hpp"
+#include "sim/row_parts.hpp"
 
 namespace efsi::sim {
 
@@ -19,11 +21,9 @@ namespace {
 
 constexpr double kReach = 1.0;    // cells: rows from this gap on
 constexpr double kDeepest = 1.0;  // cells: deeper than that counts as that
-constexpr double kOutside = 0.5;  // cells: rows act at most that far outside the cells that carry stiffness
 constexpr double kFan =
     0.01;  // 1 less the square of the mean of the normals in a cell, of a surface of middling curvature
 constexpr double kFacing = 0.5;  // least length of the difference of the unit normals of two surfaces that meet
-constexpr int kSearch = 2;       // cells around a surface point in which its element is looked for
 
 // What two bands have in common, in cells of the box.
 struct Overlap {
@@ -91,16 +91,6 @@ Sight look(const Parallel& parallel, const solid::SolidRest& rest, const solid::
   return sight;
 }
 
-using Weights = std::array<double, 8>;
-Weights trilinear(const Vec3d& t) {
-  Weights w;
-  for (std::size_t a = 0; a < 8; ++a) {
-    w[a] = 1.0;
-    for (int axis = 0; axis < 3; ++axis) w[a] *= grid::kCorner[a][axis] ? t[axis] : 1.0 - t[axis];
-  }
-  return w;
-}
-
 // The middle of the points at which a function that is linear along the edges vanishes, in cells from corner 0.
 std::optional<Vec3d> crossing(const std::array<double, 8>& f) {
   Vec3d sum = Vec3d::Zero();
@@ -117,45 +107,6 @@ std::optional<Vec3d> crossing(const std::array<double, 8>& f) {
   if (count == 0) return {};
   return Vec3d(sum / count);
 }
-
-// Adds what a solid's surface point at x has in a row: the corners of the element nearest to it. False: there is none.
-bool add_parts(const solid::SolidState& state, const solid::SolidWork& work, const Grid& common, const Vec3d& x,
-               double sign, std::vector<system::RowPart>& parts) {
-  const Grid& g = state.band.grid;
-  const Vec3d at = (x - g.origin) / g.h;
-  Vec3i base;
-  for (std::size_t a = 0; a < 3; ++a) base[a] = static_cast<int>(std::floor(at[static_cast<Eigen::Index>(a)]));
-  double least = std::numeric_limits<double>::infinity();
-  Vec3i nearest{};
-  for (int k = base[2] - kSearch; k <= base[2] + kSearch; ++k)
-    for (int j = base[1] - kSearch; j <= base[1] + kSearch; ++j)
-      for (int i = base[0] - kSearch; i <= base[0] + kSearch; ++i) {
-        if (i < 0 || j < 0 || k < 0 || i >= g.cells[0] || j >= g.cells[1] || k >= g.cells[2]) continue;
-        if (work.element[g.cell(i, j, k)] < 0) continue;
-        const Vec3d low(i, j, k);
-        const double square = (at - at.cwiseMax(low).cwiseMin(low + Vec3d::Ones())).squaredNorm();
-        if (!(square < least)) continue;
-        least = square;
-        nearest = {i, j, k};
-      }
-  if (!(least < std::numeric_limits<double>::infinity())) return false;
-  const Vec3d local = (at - Vec3d(nearest[0], nearest[1], nearest[2]))
-                          .cwiseMax(Vec3d::Constant(-kOutside))
-                          .cwiseMin(Vec3d::Constant(1.0 + kOutside));
-  const Weights w = trilinear(local);
-  const Vec3i lo = grid::offset(g, common);
-  for (std::size_t a = 0; a < 8; ++a) {
-    const auto& c = grid::kCorner[a];
-    parts.push_back({common.node(nearest[0] + c[0] + lo[0], nearest[1] + c[1] + lo[1], nearest[2] + c[2] + lo[2]),
-                     static_cast<Real>(sign * w[a])});
-  }
-  return true;
-}
-
-struct FoundRow {
-  RowPlace place;
-  system::ContactRow contact;
-};
 
 // Two solids, and what they say of the nodes that their bands have in common.
 struct Pair {
@@ -193,14 +144,19 @@ std::optional<FoundRow> find_row(const StepContext& step, const SolidStates& sta
   }
   const double gap = from_one + from_other - kContactSkin * g.h;
   if (!(gap < kReach * g.h && (out_of_one - out_of_other).norm() > kFacing)) return {};
-  FoundRow row{{{pair.one, pair.other}, {cell[0] + g.lo[0], cell[1] + g.lo[1], cell[2] + g.lo[2]}, gap, false}, {}};
+  const Vec3i place_in_box{cell[0] + g.lo[0], cell[1] + g.lo[1], cell[2] + g.lo[2]};
+  FoundRow row{{{pair.one, pair.other}, place_in_box, gap, kContactSkin * g.h, false}, {}};
   system::ContactRow& contact = row.contact;
   contact.normal = (certainty(out_of_one) * out_of_one - certainty(out_of_other) * out_of_other).normalized();
   contact.least = least_velocity(std::max(gap, -kDeepest * g.h), step.dt);
   contact.friction = 0.5 * (step.scene.solids[pair.one].friction + step.scene.solids[pair.other].friction);
   const Vec3d x = g.node_position(cell[0], cell[1], cell[2]) + g.h * *place;
   const auto add = [&](std::size_t l, double along, double sign) {
-    return add_parts(states[l], solids[l], common, x + along * contact.normal, sign, contact.parts);
+    const Vec3d end = x + along * contact.normal;
+    const auto element = nearest_element(states[l].band.grid, solids[l], end, [](const Vec3i&) { return true; });
+    if (!element) return false;
+    add_parts(states[l].band.grid, *element, common, end, sign, contact.parts);
+    return true;
   };
   if (!add(pair.one, -from_one, -1.0) || !add(pair.other, from_other, 1.0)) return {};
   return row;
@@ -239,6 +195,7 @@ void recall(const solid::SolidState& solid, double dt, std::vector<FoundRow>& ro
   std::map<std::array<std::int32_t, 4>, const solid::SolidPress*> last;
   for (const solid::SolidPress& p : solid.contacts) last[{p.cell[0], p.cell[1], p.cell[2], p.other}] = &p;
   for (FoundRow& row : rows) {
+    if (row.place.is_fold()) continue;
     Vec3i cell = row.place.cell;
     Eigen::Index axis = 0;
     row.contact.normal.cwiseAbs().maxCoeff(&axis);
@@ -255,18 +212,6 @@ void recall(const solid::SolidState& solid, double dt, std::vector<FoundRow>& ro
   }
 }
 
-// The solid to which a part of a row belongs.
-std::size_t solid_of(const RowPlace& place, std::size_t part) { return place.solids[part < 8 ? 0 : 1]; }
-
-// B v of a row whose parts name nodes.
-Vec3d velocity_of(const RowPlace& place, const system::ContactRow& row, const NodeVelocity& velocity) {
-  Vec3d sum = Vec3d::Zero();
-  for (std::size_t p = 0; p < row.parts.size(); ++p)
-    sum += static_cast<double>(row.parts[p].weight) *
-           velocity.slip.velocity_of(solid_of(place, p), row.parts[p].unknown, velocity.field).cast<double>();
-  return sum;
-}
-
 }  // namespace
 
 SolidContacts find_solid_contacts(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
@@ -274,7 +219,7 @@ SolidContacts find_solid_contacts(const StepContext& step, const SolidStates& st
   SolidContacts contacts;
   if (!step.scene.params.numerics.walls_push_only) return contacts;
   for (std::size_t one = 0; one < states.size(); ++one) {
-    std::vector<FoundRow> rows;
+    std::vector<FoundRow> rows = find_folds(step, one, states[one], solids[one], common.grid, velocity);
     for (std::size_t other = one + 1; other < states.size(); ++other) {
       if (is_collider(step.scene.pins, one) && is_collider(step.scene.pins, other)) continue;
       for (FoundRow& row : find_pair_rows(step, states, solids, common.grid, one, other))

@@ -198,7 +198,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   StepInfo info;
   begin_given(parallel, scene, state.time, remaining, states);
   const double fluid_speed = std::max(state.fluid_speed, fastest_jet(scene, state.time, remaining));
-  double dt = compute_time_step(parallel, scene, states, fluid_speed, state.steps, remaining);  // Alg. 1 line 1
+  double dt = compute_time_step(parallel, scene, states, fluid_speed, state.steps, remaining, solids);  // Alg. 1 line 1
   if (shrink < 1.0) dt = std::min(dt, shrink * remaining);
   info.dt = dt;
   const StepContext step{parallel, scene, state.time, dt, profile, info};

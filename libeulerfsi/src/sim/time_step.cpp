@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "grid/interpolate.hpp"
+#include "sim/fold_contact.hpp"
 #include "sim/solid_contact.hpp"
 #include "solid/displacement.hpp"
 
@@ -128,6 +129,16 @@ double pair_limit(const Parallel& parallel, const Scene& scene, const SolidState
   return limit;
 }
 
+// What the folds of a solid allow: as two solids do.
+double fold_limit(const Parallel& parallel, const Scene& scene, std::size_t l, const solid::SolidState& solid,
+                  solid::SolidWork& work) {
+  const SolidGap seen = measure_folds(parallel, scene.solids[l], solid, work.near_folds);
+  if (!std::isfinite(seen.gap)) return seen.gap;
+  const double h = scene.grid.h, cells = std::max(kContactCfl, seen.gap / h - kContactDistance);
+  const double limit = time_to_move(seen.closing, 0.0, cells * h);
+  return seen.gap < kContactReach * h ? wave_limit(parallel, scene.grid, scene.solids[l], solid, limit) : limit;
+}
+
 // How many cells a solid may move in a step: cfl_solid, or more in flight, away from walls and from other solids, which
 // come towards it as far.
 double free_cells(const Scene& scene, const std::vector<Box>& boxes, std::size_t l, const Gaps& gaps) {
@@ -156,7 +167,7 @@ double speed_limit(const Parallel& parallel, const Scene& scene, const solid::So
 }  // namespace
 
 double compute_time_step(const Parallel& parallel, const Scene& scene, const SolidStates& states, double fluid_speed,
-                         std::uint64_t steps, double remaining) {
+                         std::uint64_t steps, double remaining, SolidWorks& solids) {
   const Params& params = scene.params;
   const grid::Grid& g = scene.grid;
   double limit = params.max_time_step > 0.0 ? std::min(params.max_time_step, remaining) : remaining;
@@ -170,6 +181,7 @@ double compute_time_step(const Parallel& parallel, const Scene& scene, const Sol
       limit = std::min(limit, time_to_move(states[l].speed, 0.0, params.cfl_solid * g.h));
       continue;
     }
+    limit = std::min(limit, fold_limit(parallel, scene, l, states[l], solids[l]));
     const Gaps gaps = measure_gaps(scene, states[l]);
     limit = std::min(limit, wall_limit(parallel, scene, l, states[l], gaps));
     limit = speed_limit(parallel, scene, states[l], free_cells(scene, boxes, l, gaps), limit);

@@ -66,12 +66,14 @@ struct GivenNode {
 };
 
 // Where two solids may touch (sim/solid_contact.hpp): the rows of Eq. 8, and of each the solids and the cell of the
-// box.
+// box. Where a solid may touch itself (sim/fold_contact.hpp) in place of the cell the two fold points, and 0.
 struct RowPlace {
   std::array<std::size_t, 2> solids{};
   Vec3i cell{};
   double gap = 0.0;    // less the skin, < 0: too deep [m]
+  double skin = 0.0;   // what the row keeps between the surfaces [m]
   bool meets = false;  // it has pushed in the last step, or will if the solids' own forces do nothing
+  bool is_fold() const { return solids[0] == solids[1]; }
 };
 struct SolidContacts {
   std::vector<RowPlace> places;

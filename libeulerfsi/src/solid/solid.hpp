@@ -14,6 +14,7 @@
 #include "geometry/triangle_mesh.hpp"
 #include "grid/grid.hpp"
 #include "material/plastic_flow.hpp"
+#include "solid/fold_points.hpp"
 #include "solid/surface_clusters.hpp"
 
 namespace efsi::solid {
@@ -28,14 +29,15 @@ struct SolidRest {
   Grid plastic_lattice;     // of a solid that can yield, material space (solid/plasticity.hpp)
   double density = 1000.0;  // [kg/m^3]
   double rayleigh_alpha = 0.0, rayleigh_beta = 0.0;
-  double friction = 0.0;              // Coulomb's coefficient; of two solids the mean
-  double contact_stiffness = 0.0;     // k of Eq. 14; of two solids the mean [N/m]
-  bool compressible = false;          // no pressure acts in its cells
-  geometry::SignedDistance distance;  // material space
-  geometry::TriangleMesh surface;     // as given, material space; in a slab what lies beyond it is on its faces
-  geometry::NearestTriangle nearest;  // of the surface at rest; empty: nothing asks
-  std::vector<double> along;          // in a slab: where the surface's points were given along its axis [m]
-  SurfaceClusters clusters;           // of its points; none: no vertex is mended
+  double friction = 0.0;               // Coulomb's coefficient; of two solids the mean
+  double contact_stiffness = 0.0;      // k of Eq. 14; of two solids the mean [N/m]
+  bool compressible = false;           // no pressure acts in its cells
+  geometry::SignedDistance distance;   // material space
+  geometry::TriangleMesh surface;      // as given, material space; in a slab what lies beyond it is on its faces
+  geometry::NearestTriangle nearest;   // of the surface at rest; empty: nothing asks
+  std::vector<double> along;           // in a slab: where the surface's points were given along its axis [m]
+  SurfaceClusters clusters;            // of its points; none: no vertex is mended
+  std::vector<FoldPoint> fold_points;  // of it; empty: its folds do not see each other
   std::vector<std::shared_ptr<const geometry::SignedDistance>> held;  // regions of pins, material space; < 0 inside
   double volume = 0.0;                                                // of the closed rest shape [m^3]
   double area = 0.0;                                                  // of the surface at rest [m^2]
@@ -58,7 +60,8 @@ struct WallPress {
   std::int32_t slides;         // or would have
 };
 
-// What another solid did in a cell of the box in the last step.
+// What another solid did in a cell of the box in the last step, or another part of the same one: then in place of the
+// cell both fold points, and 0.
 struct SolidPress {
   std::int32_t cell[3], other;
   Real force;    // on the other, along the normal [N]
@@ -79,7 +82,7 @@ struct SolidState {
   std::vector<std::uint8_t> valid;   // band nodes: kNoData, or where u and v came from in the last step
   std::vector<std::uint8_t> stiff;   // band cells: carried stiffness in the last step; empty: not known
   std::vector<WallPress> presses;    // where walls held it in the last step
-  std::vector<SolidPress> contacts;  // where it pushed solids that come after it in the last step
+  std::vector<SolidPress> contacts;  // where it pushed itself and solids that come after it in the last step
   std::vector<PlasticNode> plastic;  // nodes of rest.plastic_lattice; empty: it cannot yield
   double flow_due = 0.0;             // time in which that has yet to flow: half of the last step [s]
   std::vector<Vec3d> surface;        // positions of the embedded surface [m]
@@ -145,6 +148,7 @@ struct SolidWork {
   std::vector<std::uint8_t> carries;  // band nodes: corner of an element; here the solid owns u and v
   std::vector<Real> mass;             // of the solid per band node [kg]
   std::vector<std::uint8_t> layer;    // band nodes: 0 data, k: k-th layer of the extension, 255: none
+  std::vector<NearPair> near_folds;   // fold points near each other at the start of the step
   double min_det_f = 1.0, max_det_f = 1.0;
   double max_stretch = 1.0;  // largest principal stretch of an element that is not degenerate, at least 1
   std::uint64_t degenerate = 0;

@@ -1,0 +1,26 @@
+// Purpose: the folds of one solid stay apart: a row wherever two parts of its surface come near each other through
+// what is not solid, and are far from each other in the material (docs/numerics/folds.md). What rows do: Eq. 8 with
+// contact, system/contact_solve.hpp.
+#pragma once
+
+#include <vector>
+
+#include "sim/row_parts.hpp"
+#include "sim/solid_contact.hpp"
+#include "sim/step_context.hpp"
+
+namespace efsi::sim {
+
+// How far apart folds stay [m] that are at_rest [m] apart in the rest shape.
+double stand_off(double at_rest, double h);
+
+// The rows of solid l, in the order of their points, with the impulses of the last step. After measure_folds.
+std::vector<FoundRow> find_folds(const StepContext& step, std::size_t l, const solid::SolidState& state,
+                                 const solid::SolidWork& work, const grid::Grid& common, const NodeVelocity& velocity);
+
+// The gap between parts of a solid less what they keep, the least [m], and how fast it closes at most [m/s]. Infinite
+// where none is within reach of another. near: the pairs that are.
+SolidGap measure_folds(const Parallel& parallel, const solid::SolidRest& rest, const solid::SolidState& state,
+                       std::vector<solid::NearPair>& near);
+
+}  // namespace efsi::sim
