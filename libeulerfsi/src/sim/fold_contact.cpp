@@ -1,6 +1,6 @@
 #include "sim/fold_contact.hpp"
 
-#include <Eigen/Geometry>
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -33,6 +33,7 @@ constexpr double kSameMaterial = 2.0;  // cells: material as near to a point's a
 // A point where it is, with its element.
 struct Side {
   Vec3d place, normal;
+  Mat3d f = Mat3d::Identity();  // F of the element
   std::optional<Vec3i> element;
 };
 
@@ -44,7 +45,7 @@ Side find_side(const FoldPoint& point, const Vec3d& x, double alike, const solid
   const Grid& g = state.band.grid;
   const auto corner = grid::corner_offsets(g);
   const Vec3d material = at_rest(point);
-  Side side{x, Vec3d::Zero(), {}};
+  Side side{x, Vec3d::Zero(), Mat3d::Identity(), {}};
   side.element = nearest_element(g, work, x, [&](const Vec3i& cell) {
     const std::size_t n = g.node(cell[0], cell[1], cell[2]);
     Vec3d u = Vec3d::Zero();
@@ -60,6 +61,7 @@ Side find_side(const FoldPoint& point, const Vec3d& x, double alike, const solid
     for (std::size_t a = 0; a < 3; ++a)
       inverse_f.col(static_cast<Eigen::Index>(a)) -=
           state.u.at(n + corner[c]).cast<double>() * ((grid::kCorner[c][a] ? 0.25 : -0.25) / g.h);
+  side.f = inverse_f.inverse();
   side.normal = (inverse_f.transpose() * Vec3d(point.normal[0], point.normal[1], point.normal[2])).normalized();
   return side;
 }
@@ -71,6 +73,12 @@ bool face(const Side& a, const Side& b, double h, Vec3d& normal) {
   if (!(way.dot(a.normal) > 0.0 && way.dot(b.normal) < 0.0)) return false;
   normal = (a.normal - b.normal).normalized();
   return (way - normal.dot(way) * normal).norm() < kMostBeside * h;
+}
+
+// What is between two points at rest, or less where the solid is pressed there: a whole that shrinks has no folds.
+double between(const FoldPoint& one, const Side& a, const FoldPoint& other, const Side& b) {
+  const Vec3d way = at_rest(other) - at_rest(one);
+  return std::min({way.norm(), (a.f * way).norm(), (b.f * way).norm()});
 }
 
 // Each point with the nearest one that it faces.
@@ -144,9 +152,8 @@ std::vector<FoundRow> find_folds(const StepContext& step, std::size_t l, const s
     face(a, b, h, row.contact.normal);
     const Vec3d middle = 0.5 * (a.place + b.place);
     const double distance = row.contact.normal.dot(b.place - a.place);
-    const double skin = stand_off((at_rest(rest.fold_points[static_cast<std::size_t>(one)]) -
-                                   at_rest(rest.fold_points[static_cast<std::size_t>(other)]))
-                                      .norm(),
+    const double skin = stand_off(between(rest.fold_points[static_cast<std::size_t>(one)], a,
+                                          rest.fold_points[static_cast<std::size_t>(other)], b),
                                   h);
     row.place = {{l, l}, {one, other, 0}, distance - skin, skin, false};
     row.contact.least = least_velocity(std::max(row.place.gap, -kDeepest * h), step.dt);
