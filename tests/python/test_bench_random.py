@@ -260,6 +260,22 @@ def test_a_path_goes_straight_and_turns_and_then_rests() -> None:
     assert path.pose(0.0) == pytest.approx(np.eye(4)) and rotation(np.zeros(3)) == pytest.approx(np.eye(3))
 
 
+def test_a_path_that_ends_within_a_frame_is_where_the_solver_has_it(library) -> None:
+    region = Region("box", (0.3, 0.2, 0.16), (0.5, 0.5, 0.5))
+    path, mesh = Path((1.0, 0.0, 0.2), (0.0, 2.0, 1.0), (0.4, 0.5, 0.6), until=0.05), region.mesh()
+    box = {"domain_size": (1.0, 1.0, 1.0), "voxel_size": 0.05, "ambient_fluid": 0, "gravity": (0.0, 0.0, 0.0)}
+    with Simulation(box) as simulation:
+        solid, pin = simulation.add_collider(mesh)
+        simulation.set_motion(pin, 0.0, 0.08, (path.pose(0.0), path.pose(0.08)))
+        for _ in range(3):
+            simulation.step(0.03)
+            points = simulation.surface(solid, len(mesh.points))[0]
+            pose = path.between(0.0, 0.08, simulation.time, np.array(region.middle))
+            assert points == pytest.approx(place(pose, mesh.points.astype(float)), abs=1e-5)
+            assert simulation.time >= 0.08 or np.abs(pose - path.pose(simulation.time)).max() > 1e-3
+    assert path.between(0.0, 0.08, 0.08, np.zeros(3)) == pytest.approx(path.pose(0.08))
+
+
 # --- the laws --------------------------------------------------------------------------------------------------------
 
 RADIUS, FALL, G, DT = 0.1, 0.2, 9.8, 0.005

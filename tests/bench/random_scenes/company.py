@@ -67,7 +67,7 @@ class Company(experiment.Company):
         self.simulation, self.scene = simulation, scene
         self.rest = [mesh.points.astype(float) for mesh, _ in scene.bodies()]
         self.given: dict[int, Held] = {}  # by pin
-        self.ends, self.time = 0.0, 0.0
+        self.begin = self.ends = self.time = 0.0
         self.collider = self.jet = 0
         if scene.pin:
             number = simulation.add_pin(1, Surface(scene.pin.region.mesh(), scene.spacing))
@@ -94,7 +94,11 @@ class Company(experiment.Company):
         for number, held in self.given.items():
             if held.path.moves:
                 self.simulation.set_motion(number, begin, end, (held.path.pose(begin), held.path.pose(end)))
-        self.ends = end
+        self.begin, self.ends = begin, end
+
+    def pose(self, held: Held, time: float) -> np.ndarray:
+        """Where the solver has it: on its way between the poses that `lead` gave last."""
+        return held.path.between(self.begin, self.ends, time, np.array(held.region.middle))
 
     def observe(self) -> dict[str, Any]:
         time = self.simulation.time
@@ -105,7 +109,7 @@ class Company(experiment.Company):
         if self.scene.collider:
             held = self.scene.collider
             for k, points in enumerate(surfaces, 1):
-                gaps = held.region.distance(taken_back(held.path.pose(time), points))
+                gaps = held.region.distance(taken_back(self.pose(held, time), points))
                 seen[of("collider_gap", k)] = float(gaps.min())
             seen |= self.energies_of_collider()
         if self.scene.jet:
@@ -136,7 +140,7 @@ class Company(experiment.Company):
         around = [*surfaces]
         if self.scene.collider:
             held = self.scene.collider
-            pose = held.path.pose(time)
+            pose = self.pose(held, time)
             around.append(place(pose, held.region.surface[0]))
             if held.region.distance(taken_back(pose, region.surface[0])).min() < near:
                 return True

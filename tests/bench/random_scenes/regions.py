@@ -103,6 +103,19 @@ class Path:
         pose[:3, 3] = pivot + np.array(self.velocity) * way - pose[:3, :3] @ pivot
         return pose
 
+    def between(self, begin: float, end: float, time: float, middle: np.ndarray) -> np.ndarray:
+        """Of a body that the solver moves from the pose at `begin` to that at `end`: its middle goes straight ahead at
+        one speed while it turns at one rate, also where the path ends between the two."""
+        if not begin < time < end:
+            return self.pose(time)
+        first, last, part = self.pose(begin), self.pose(end), (time - begin) / (end - begin)
+        pose = np.eye(4)
+        angle = np.array(self.rate) * (min(end, self.until) - min(begin, self.until))
+        pose[:3, :3] = rotation(part * angle) @ first[:3, :3]
+        start, stop = (place(matrix, middle[None])[0] for matrix in (first, last))
+        pose[:3, 3] = start + part * (stop - start) - pose[:3, :3] @ middle
+        return pose
+
 
 def rotation(turn: np.ndarray) -> np.ndarray:
     """Matrix of a turn by |turn| about its direction (Rodrigues)."""
