@@ -30,7 +30,8 @@ from .system import available_memory, available_threads
 from .usd_messages import usd_messages
 
 CHECKPOINT_EVERY = 10  # frames
-GIVEN_COLUMNS = {"impulses": "impulse", "angular_impulses": "angular_impulse", "given_work": "work"}
+# What moves as given, in a step of stats.jsonl: fields of its EfsiReaction.
+_GIVEN_COLUMNS = {"impulses": "impulse", "angular_impulses": "angular_impulse", "given_work": "work"}
 _RESUME = "continue with --resume"
 # Fields of EfsiStepInfo that count.
 _COUNTERS = ("steps", "velocity_iterations", "pressure_iterations", "degenerate_cells", "retries", "unconverged")
@@ -309,7 +310,7 @@ class _Run:
         }
         if self._given:
             reactions = {body.path: self.simulation.pin_reaction(pin) for body, pin in self._given}
-            for column, field in GIVEN_COLUMNS.items():
+            for column, field in _GIVEN_COLUMNS.items():
                 columns[column] = {path: reaction[field] for path, reaction in reactions.items()}
         emitters = zip(self.scene.emitters, self.ids.emitters, strict=True)
         jets = {emitter.path: self.simulation.emitter_flux(number) for emitter, number in emitters if emitter.is_jet}

@@ -2,39 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 from eulerfsi.log import Log
 from eulerfsi.scene import open_stage, read_scene
-from eulerfsi.simulate import Options, build_simulation, simulate
+from eulerfsi.simulate import build_simulation
 from pxr import Usd, UsdGeom
-
-SCENES = Path(__file__).resolve().parents[2] / "examples" / "scenes"
-
-
-class Run:
-    """A scene simulated into a folder: its statistics and its points."""
-
-    def __init__(self, name: str, folder: Path, *settings: str, **options: str | None):
-        options = Options(output=folder, settings=settings, progress="none", **options)
-        self.folder = simulate(SCENES / name, options).folder
-        self.stage = Usd.Stage.Open(str(self.folder / name))
-        lines = [json.loads(line) for line in (self.folder / "stats.jsonl").read_text().splitlines()]
-        self.steps = [line for line in lines if line["event"] == "step"]
-        self.frames = {line["frame"]: line for line in lines if line["event"] == "frame"}
-
-    def solid(self, path: str, frame: int) -> dict:
-        """Diagnostics of a solid at the end of a frame."""
-        return self.frames[frame]["solids"][path]
-
-    def points(self, path: str, frame: int) -> np.ndarray:
-        """World positions (n, 3) [m] of the Mesh at a path."""
-        prim = self.stage.GetPrimAtPath(path)
-        place = np.array(UsdGeom.XformCache(frame).GetLocalToWorldTransform(prim))
-        return np.asarray(UsdGeom.Mesh(prim).GetPointsAttr().Get(frame), float) @ place[:3, :3] + place[3, :3]
+from scene_run import SCENES, Run
 
 
 def beside_rigid(rest: np.ndarray, now: np.ndarray) -> float:

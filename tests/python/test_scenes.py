@@ -12,12 +12,11 @@ from pathlib import Path
 import eulerfsi_usd  # noqa: F401  (registers the schema before the first stage)
 import numpy as np
 import pytest
-from eulerfsi.simulate import Options, simulate
 from eulerfsi_usd import checks
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
+from scene_run import SCENES, Run
 
 ROOT = Path(__file__).resolve().parents[2]
-SCENES = ROOT / "examples" / "scenes"
 sys.path.insert(0, str(ROOT / "examples"))
 
 import make_scenes  # noqa: E402
@@ -90,76 +89,47 @@ def test_written_meshes_are_whole(name: str, tmp_path: Path) -> None:
     """Twelve frames, with the impact: no edge that the solid does not explain, and no warning of one."""
     if missing_files(Usd.Stage.Open(str(SCENES / name))):
         pytest.skip("a surface file is not on this machine")
-    folder = simulate(SCENES / name, Options(output=tmp_path / "cache", frames="1-12", progress="none")).folder
-    for line in (folder / "stats.jsonl").read_text().splitlines():
-        event = json.loads(line)
-        for path, facts in event.get("solids", {}).items():
-            assert facts["false_edges"] == 0, f"{path}: frame {event['frame']}"
-    assert "parts of it have exchanged points" not in (folder / "log").read_text()
-
-
-def written_points(stage: Usd.Stage, frame: int) -> list[np.ndarray]:
-    """World positions of the vertices of each mesh (n, 3) [m]."""
-    clouds = []
-    for prim in stage.Traverse():
-        if not prim.IsA(UsdGeom.Mesh):
-            continue
-        place = np.array(UsdGeom.XformCache(frame).GetLocalToWorldTransform(prim))
-        points = np.asarray(UsdGeom.Mesh(prim).GetPointsAttr().Get(frame), dtype=float)
-        clouds.append(points @ place[:3, :3] + place[3, :3])
-    return clouds
+    run = Run(name, tmp_path / "cache", frames="1-12")
+    for number, frame in run.frames.items():
+        for path, facts in frame.get("solids", {}).items():
+            assert facts["false_edges"] == 0, f"{path}: frame {number}"
+    assert "parts of it have exchanged points" not in (run.folder / "log").read_text()
 
 
 @pytest.mark.slow
 def test_solids_of_the_heap_meet_and_stay_apart(tmp_path: Path) -> None:
     """Eighteen frames of coarse voxels: they touch, none enters another or the floor, what fell has come to lie."""
     voxel, frames = 0.0125, 18
-    options = Options(
-        output=tmp_path / "cache",
-        frames=f"1-{frames}",
-        settings=(f"/World/Domain.voxelSize={voxel}",),
-        progress="none",
-    )
-    result = simulate(SCENES / "heap.usda", options)
-    stage = Usd.Stage.Open(str(result.folder / "heap.usda"))
-    written = [written_points(stage, frame) for frame in range(2, frames + 1)]
+    run = Run("heap.usda", tmp_path / "cache", f"/World/Domain.voxelSize={voxel}", frames=f"1-{frames}")
+    meshes = [str(prim.GetPath()) for prim in run.stage.Traverse() if prim.IsA(UsdGeom.Mesh)]
+    written = [[run.points(path, frame) for path in meshes] for frame in range(2, frames + 1)]
     lowest = [min(cloud[:, 1].min() for cloud in clouds) / voxel for clouds in written]
     assert len(written[-1]) == 12
     assert min(lowest) > -0.5, "a solid is in the floor"
-    events = [json.loads(line) for line in (result.folder / "stats.jsonl").read_text().splitlines()]
-    contacts = [event["contacts"]["pairs"] for event in events if "contacts" in event]
+    contacts = [event["contacts"]["pairs"] for event in run.events if "contacts" in event]
     assert max(len(pairs) for pairs in contacts) > 5, "nothing has touched"
     deepest = [max(pair["surface_overlap"] for pair in pairs) for pairs in contacts]
     assert max(deepest) < 1.0, "solids have entered each other"
     assert deepest[-1] < 0.25, "a solid lies in another one"
-    assert all(event.get("degenerate_cells", 0) == 0 for event in events)
-    assert any("degenerate_cells" in event for event in events)
+    assert run.steps and all(step["degenerate_cells"] == 0 for step in run.steps)
 
 
 @pytest.mark.slow
 def test_legs_of_the_tongs_push_each_other_and_spring_open(tmp_path: Path) -> None:
     """Coarse voxels: they stay voxels apart, no cell breaks, and the statistics tell of a solid that pushes itself."""
     voxel, frames = 0.0125, 36
-    options = Options(
-        output=tmp_path / "cache",
-        frames=f"1-{frames}",
-        settings=(f"/World/Domain.voxelSize={voxel}",),
-        progress="none",
-    )
-    result = simulate(SCENES / "tongs.usda", options)
-    events = [json.loads(line) for line in (result.folder / "stats.jsonl").read_text().splitlines()]
+    run = Run("tongs.usda", tmp_path / "cache", f"/World/Domain.voxelSize={voxel}", frames=f"1-{frames}")
     itself = [
         (event["frame"], pair)
-        for event in events
+        for event in run.events
         for pair in event.get("contacts", {}).get("pairs", [])
         if pair["solids"] == ["/World/Tongs", "/World/Tongs"]
     ]
     assert {frame for frame, _ in itself} & set(range(15, 25)), "the legs have not met"
     assert all(pair["surface_overlap"] < -0.5 and pair["sticking_share"] == 0 for _, pair in itself)
-    assert sum(event.get("degenerate_cells", 0) for event in events) < 5
-    stage = Usd.Stage.Open(str(result.folder / "tongs.usda"))
-    tips = written_points(stage, 1)[0][:, 1] > 0.33
-    between = {frame: 2 * np.abs(written_points(stage, frame)[0][tips, 0]).min() for frame in (1, 20, frames)}
+    assert sum(step["degenerate_cells"] for step in run.steps) < 5
+    tips = run.points("/World/Tongs", 1)[:, 1] > 0.33
+    between = {frame: 2 * np.abs(run.points("/World/Tongs", frame)[tips, 0]).min() for frame in (1, 20, frames)}
     assert between[20] < 0.5 * between[1]
     assert between[frames] > 0.9 * between[1]
 
@@ -168,27 +138,19 @@ def test_legs_of_the_tongs_push_each_other_and_spring_open(tmp_path: Path) -> No
 def test_struck_pillar_holds_its_foot_gives_way_and_returns(tmp_path: Path) -> None:
     """Coarse voxels: a pin, a collider that swings, eyes that ride along."""
     voxel, frames = 0.02, 60
-    options = Options(output=tmp_path / "cache", settings=(f"/World/Domain.voxelSize={voxel}",), progress="none")
-    result = simulate(SCENES / "struck.usda", options)
-    stage = Usd.Stage.Open(str(result.folder / "struck.usda"))
-
-    def points(path: str, frame: int) -> np.ndarray:
-        prim = stage.GetPrimAtPath(path)
-        place = np.array(UsdGeom.XformCache(frame).GetLocalToWorldTransform(prim))
-        return np.asarray(UsdGeom.Mesh(prim).GetPointsAttr().Get(frame), float) @ place[:3, :3] + place[3, :3]
-
-    rest = points("/World/Pillar", 1)
+    run = Run("struck.usda", tmp_path / "cache", f"/World/Domain.voxelSize={voxel}")
+    rest = run.points("/World/Pillar", 1)
     foot, top = rest[:, 1] <= 0.05, rest[:, 1] > 0.29
     moved, deepest = [], []
     for frame in range(1, frames + 1):
-        now = points("/World/Pillar", frame)
+        now = run.points("/World/Pillar", frame)
         assert np.abs(now[foot] - rest[foot]).max() < 1e-6, f"frame {frame}: the foot is not held"
         moved.append(float((now[top] - rest[top])[:, 0].mean()))
-        ball = stage.GetPrimAtPath("/World/Pendulum/Ball")
+        ball = run.stage.GetPrimAtPath("/World/Pendulum/Ball")
         center = np.array(UsdGeom.XformCache(frame).GetLocalToWorldTransform(ball))[3, :3]
         deepest.append((float(np.linalg.norm(now - center, axis=1).min()) - 0.05) / voxel)
         # An eye sits on the pillar: the vertices nearest to it stay as near.
-        eye = [points("/World/Face/EyeLeft", at).mean(axis=0) for at in (1, frame)]
+        eye = [run.points("/World/Face/EyeLeft", at).mean(axis=0) for at in (1, frame)]
         near = np.argsort(np.linalg.norm(rest - eye[0], axis=1))[:4]
         apart = [np.linalg.norm(shape[near] - center, axis=1) for shape, center in zip((rest, now), eye, strict=True)]
         assert np.abs(apart[1] - apart[0]).max() < 0.5 * voxel, f"frame {frame}: the eye has left its place"
@@ -196,33 +158,27 @@ def test_struck_pillar_holds_its_foot_gives_way_and_returns(tmp_path: Path) -> N
     assert abs(moved[-1]) < 0.2 * max(moved), "the pillar has not come back"
     assert min(deepest) < 1.0, "nothing has touched"
     assert min(deepest) > -0.5, "the ball has gone into the pillar"
-    steps = [json.loads(line) for line in (result.folder / "stats.jsonl").read_text().splitlines()]
-    given = sum(np.array(step["impulses"]["/World/Pendulum/Ball"]) for step in steps if step["event"] == "step")
+    given = sum(np.array(step["impulses"]["/World/Pendulum/Ball"]) for step in run.steps)
     assert given[0] > 0.1  # kg m/s
 
 
 @pytest.mark.slow
 def test_clay_keeps_its_dent_and_rubber_does_not(tmp_path: Path) -> None:
     """Sixteen frames of coarse voxels: heights over the diameter, volumes, and what the clay has yielded."""
-    options = Options(
-        output=tmp_path / "cache", frames="1-16", settings=("/World/Domain.voxelSize=0.015",), progress="none"
-    )
-    folder = simulate(SCENES / "clay_and_rubber.usda", options).folder
-    events = [json.loads(line) for line in (folder / "stats.jsonl").read_text().splitlines()]
-    frames = {event["frame"]: event["solids"] for event in events if "solids" in event}
+    run = Run("clay_and_rubber.usda", tmp_path / "cache", "/World/Domain.voxelSize=0.015", frames="1-16")
 
     def height(name: str, frame: int) -> float:
-        solid = frames[frame][f"/World/{name}"]
+        solid = run.solid(f"/World/{name}", frame)
         return (solid["extent_max"][1] - solid["extent_min"][1]) / 0.18
 
     assert height("Rubber", 3) < 0.8, "it has not been pressed"
     assert height("Rubber", 9) == pytest.approx(1.0, abs=0.03)
     assert height("Clay", 9) < 0.75
     assert height("Clay", 16) == pytest.approx(height("Clay", 9), abs=0.01), "something pulls it back"
-    assert frames[16]["/World/Rubber"]["max_plastic_strain"] == 0.0
-    assert frames[16]["/World/Clay"]["max_plastic_strain"] > 0.3
-    for solids in frames.values():
-        for solid in solids.values():
+    assert run.solid("/World/Rubber", 16)["max_plastic_strain"] == 0.0
+    assert run.solid("/World/Clay", 16)["max_plastic_strain"] > 0.3
+    for frame in run.frames.values():
+        for solid in frame["solids"].values():
             assert solid["volume_mesh"] == pytest.approx(solid["rest_volume"], rel=0.01)
 
 
@@ -285,19 +241,16 @@ def test_ball_has_the_published_set_up() -> None:
 
 def test_puff_blows_two_rings_of_its_volume(tmp_path: Path) -> None:
     """The pipe's area across the flow is that of its round, the speeds are those of its samples."""
-    voxel = ("/World/Domain.voxelSize=0.03",)
-    folder = simulate(SCENES / "puff.usda", Options(output=tmp_path / "cache", progress="none", settings=voxel)).folder
-    events = [json.loads(line) for line in (folder / "stats.jsonl").read_text().splitlines()]
+    run = Run("puff.usda", tmp_path / "cache", "/World/Domain.voxelSize=0.03")
     brought: Counter = Counter()
-    for step in events:
-        if step["event"] == "step":
-            brought[step["frame"]] += step["dt"] * step["jets"]["/World/Pipe"]
+    for step in run.steps:
+        brought[step["frame"]] += step["dt"] * step["jets"]["/World/Pipe"]
     puffs = [sum(brought[frame] for frame in frames) for frames in (range(2, 7), range(7, 26), range(26, 30))]
     area = math.pi * 0.07**2
     assert puffs[0] == pytest.approx(area * (2 * 0.75 + 3 * 1.5) / 24, rel=0.01)
     assert puffs[1] == 0.0
     assert puffs[2] == pytest.approx(area * (2 * 2.25 + 2 * 3.0) / 24, rel=0.01)
-    smoke = {event["frame"]: event["fluid"]["smoke"] for event in events if event["event"] == "frame"}
+    smoke = {number: frame["fluid"]["smoke"] for number, frame in run.frames.items()}
     assert smoke[7] - smoke[2] == pytest.approx(puffs[0] - brought[2], rel=0.15)
     # Its first step fills the pipe, too.
     assert smoke[30] - smoke[26] == pytest.approx(0.6 * (puffs[2] - brought[26]), rel=0.15)

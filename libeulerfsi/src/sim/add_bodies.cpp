@@ -3,6 +3,7 @@
 #include <cmath>
 #include <sstream>
 
+#include "base/error.hpp"
 #include "base/refuse.hpp"
 #include "geometry/overlap.hpp"
 #include "sim/simulation.hpp"

@@ -235,8 +235,8 @@ std::uint64_t Simulation::scene_hash() const {
   for (const Pin& pin : pins_) {
     hash.add_value(static_cast<std::uint64_t>(pin.solid));
     hash.add_value(static_cast<std::uint64_t>(pin.whole));
-    hash.add_array(pin.region ? pin.region->values : std::vector<float>());
-    vector(pin.region ? pin.region->origin : Vec3d::Zero());
+    hash.add_array(pin.region->values);
+    vector(pin.region->origin);
   }
   for (const auto& e : emitters_) {
     hash.add(e.from_world.data(), 16 * sizeof(double));

@@ -10,6 +10,8 @@
 
 #include "grid/interpolate.hpp"
 #include "sim/push_out.hpp"
+#include "solid/displacement.hpp"
+#include "solid/hexahedron.hpp"
 
 namespace efsi::sim {
 
@@ -27,7 +29,6 @@ constexpr double kRowReach = 5.0;      // cells: points farther apart have no ro
 constexpr double kSeen = 6.0;          // cells: from here on points limit the step
 constexpr double kAgainst = -0.3;      // cosine of the normals, at most
 constexpr double kMostBeside = 1.0;    // cells: points farther beside each other do not face each other
-constexpr double kDeepest = 1.0;       // cells: deeper than that counts as that
 constexpr double kSameMaterial = 2.0;  // cells: material as near to a point's as this is the point's own
 
 // A point where it is, with its element.
@@ -37,30 +38,24 @@ struct Side {
   std::optional<Vec3i> element;
 };
 
-Vec3d at_rest(const FoldPoint& p) { return {p.place[0], p.place[1], p.place[2]}; }
+// How far apart folds stay [m] that are at_rest [m] apart in the rest shape.
+double stand_off(double at_rest, double h) { return std::min(kStandOff * h, kOfRest * at_rest); }
 
 // The element that holds the material of a point, and its normal: F^-T N. alike: [m] of material.
 Side find_side(const FoldPoint& point, const Vec3d& x, double alike, const solid::SolidState& state,
                const solid::SolidWork& work) {
   const Grid& g = state.band.grid;
-  const auto corner = grid::corner_offsets(g);
-  const Vec3d material = at_rest(point);
+  const Vec3d material = point.at_rest();
   Side side{x, Vec3d::Zero(), Mat3d::Identity(), {}};
-  side.element = nearest_element(g, work, x, [&](const Vec3i& cell) {
-    const std::size_t n = g.node(cell[0], cell[1], cell[2]);
-    Vec3d u = Vec3d::Zero();
-    for (const std::size_t c : corner) u += state.u.at(n + c).cast<double>() / 8.0;
-    const Vec3d middle = g.node_position(cell[0], cell[1], cell[2]) + Vec3d::Constant(0.5 * g.h);
-    return (middle - u - material).norm() < alike;
-  });
+  side.element = nearest_element(
+      g, work, x, [&](const Vec3i& cell) { return (solid::material_in_cell(state, cell) - material).norm() < alike; });
   if (!side.element) return side;
   const Vec3i& cell = *side.element;
   const std::size_t n = g.node(cell[0], cell[1], cell[2]);
-  Mat3d inverse_f = Mat3d::Identity();
-  for (std::size_t c = 0; c < 8; ++c)
-    for (std::size_t a = 0; a < 3; ++a)
-      inverse_f.col(static_cast<Eigen::Index>(a)) -=
-          state.u.at(n + corner[c]).cast<double>() * ((grid::kCorner[c][a] ? 0.25 : -0.25) / g.h);
+  const auto corner = grid::corner_offsets(g);
+  Vec3d u[8];
+  for (std::size_t c = 0; c < 8; ++c) u[c] = state.u.at(n + corner[c]).cast<double>();
+  const Mat3d inverse_f = Mat3d::Identity() - solid::displacement_gradient(u, solid::center_gradients(), g.h);
   side.f = inverse_f.inverse();
   side.normal = (inverse_f.transpose() * Vec3d(point.normal[0], point.normal[1], point.normal[2])).normalized();
   return side;
@@ -77,7 +72,7 @@ bool face(const Side& a, const Side& b, double h, Vec3d& normal) {
 
 // What is between two points at rest, or less where the solid is pressed there: a whole that shrinks has no folds.
 double between(const FoldPoint& one, const Side& a, const FoldPoint& other, const Side& b) {
-  const Vec3d way = at_rest(other) - at_rest(one);
+  const Vec3d way = other.at_rest() - one.at_rest();
   return std::min({way.norm(), (a.f * way).norm(), (b.f * way).norm()});
 }
 
@@ -123,7 +118,13 @@ void recall(const solid::SolidState& state, std::int32_t l, double dt, std::vect
 
 }  // namespace
 
-double stand_off(double at_rest, double h) { return std::min(kStandOff * h, kOfRest * at_rest); }
+void find_near_folds(const Parallel& parallel, const solid::SolidRest& rest, const solid::SolidState& state,
+                     solid::SolidWork& work) {
+  work.fold_places = solid::place_fold_points(parallel, rest, state);
+  work.near_folds =
+      solid::find_near_pairs(parallel, rest.fold_points, work.fold_places, kSeen * state.band.grid.h, kNearer);
+  if (work.near_folds.empty()) work.fold_places = {};
+}
 
 std::vector<FoundRow> find_folds(const StepContext& step, std::size_t l, const solid::SolidState& state,
                                  const solid::SolidWork& work, const Grid& common, const NodeVelocity& velocity) {
@@ -132,7 +133,7 @@ std::vector<FoundRow> find_folds(const StepContext& step, std::size_t l, const s
   std::vector<NearPair> pairs = work.near_folds;
   std::erase_if(pairs, [&](const NearPair& pair) { return !(static_cast<double>(pair.distance) < kRowReach * h); });
   if (pairs.empty()) return {};
-  const solid::FoldPlaces places = solid::place_fold_points(step.parallel, rest, state);
+  const solid::FoldPlaces& places = work.fold_places;
   std::vector<float> apart(places.place.size(),
                            std::numeric_limits<float>::infinity());  // from the nearest one, at rest
   for (const NearPair& pair : pairs)
@@ -156,7 +157,7 @@ std::vector<FoundRow> find_folds(const StepContext& step, std::size_t l, const s
                                           rest.fold_points[static_cast<std::size_t>(other)], b),
                                   h);
     row.place = {{l, l}, {one, other, 0}, distance - skin, skin, false};
-    row.contact.least = least_velocity(std::max(row.place.gap, -kDeepest * h), step.dt);
+    row.contact.least = least_velocity(row.place.gap, h, step.dt);
     const auto add = [&](const Side& side, double along, double sign) {
       add_parts(state.band.grid, *side.element, common, middle + along * distance * row.contact.normal, sign,
                 row.contact.parts);
@@ -170,17 +171,15 @@ std::vector<FoundRow> find_folds(const StepContext& step, std::size_t l, const s
   return rows;
 }
 
-SolidGap measure_folds(const Parallel& parallel, const solid::SolidRest& rest, const solid::SolidState& state,
-                       std::vector<NearPair>& near) {
+SolidGap measure_folds(const solid::SolidState& state, const solid::SolidWork& work) {
   SolidGap out{std::numeric_limits<double>::infinity(), 0.0};
   const Grid& g = state.band.grid;
-  const solid::FoldPlaces places = solid::place_fold_points(parallel, rest, state);
-  near = solid::find_near_pairs(parallel, rest.fold_points, places, kSeen * g.h, kNearer);
+  const solid::FoldPlaces& places = work.fold_places;
   const grid::NodeSampler sampler(g);
   const auto velocity_at = [&](const Vec3d& x) {
     return sampler.vector(state.v, ((x - g.origin) / g.h).cast<Real>()).cast<double>().eval();
   };
-  for (const NearPair& pair : near) {
+  for (const NearPair& pair : work.near_folds) {
     const auto one = static_cast<std::size_t>(pair.one), other = static_cast<std::size_t>(pair.other);
     const Vec3d &a = places.place[one], &b = places.place[other], way = b - a;
     if (!(places.normal[one].cast<double>().dot(way) > 0.0 && places.normal[other].cast<double>().dot(way) < 0.0))

@@ -11,16 +11,17 @@
 
 namespace efsi::sim {
 
-// How far apart folds stay [m] that are at_rest [m] apart in the rest shape.
-double stand_off(double at_rest, double h);
+// Before anything else in a step: where the fold points of a solid are, and which are near each other
+// (work.fold_places, work.near_folds; empty where none are).
+void find_near_folds(const Parallel& parallel, const solid::SolidRest& rest, const solid::SolidState& state,
+                     solid::SolidWork& work);
 
-// The rows of solid l, in the order of their points, with the impulses of the last step. After measure_folds.
+// The rows of solid l, in the order of their points, with the impulses of the last step.
 std::vector<FoundRow> find_folds(const StepContext& step, std::size_t l, const solid::SolidState& state,
                                  const solid::SolidWork& work, const grid::Grid& common, const NodeVelocity& velocity);
 
 // The gap between parts of a solid less what they keep, the least [m], and how fast it closes at most [m/s]. Infinite
-// where none is within reach of another. near: the pairs that are.
-SolidGap measure_folds(const Parallel& parallel, const solid::SolidRest& rest, const solid::SolidState& state,
-                       std::vector<solid::NearPair>& near);
+// where none is within reach of another.
+SolidGap measure_folds(const solid::SolidState& state, const solid::SolidWork& work);
 
 }  // namespace efsi::sim

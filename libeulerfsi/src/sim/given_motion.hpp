@@ -35,10 +35,11 @@ struct GivenMotion {
 // Nodes and vertices of a solid whose material lies in a region move as given.
 struct Pin {
   std::size_t solid = 0;
-  bool whole = false;                                      // all of the solid: it is a collider
-  std::shared_ptr<const geometry::SignedDistance> region;  // material space; < 0 inside; not of a collider
-  std::vector<std::uint8_t> vertices;                      // of the solid's surface: 1: in the region
-  Vec3d low = Vec3d::Zero(), high = Vec3d::Zero();         // box around what moves [m]
+  bool whole = false;  // all of the solid: it is a collider
+  // Material space; < 0 inside; empty of a collider.
+  std::shared_ptr<const geometry::SignedDistance> region = std::make_shared<const geometry::SignedDistance>();
+  std::vector<std::uint8_t> vertices;               // of the solid's surface: 1: in the region
+  Vec3d low = Vec3d::Zero(), high = Vec3d::Zero();  // box around what moves [m]
   GivenMotion motion;
 
   bool holds(const Vec3d& X) const { return whole || region->sample(X) <= 0.0; }

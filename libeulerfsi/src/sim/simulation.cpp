@@ -10,6 +10,7 @@
 #include "base/refuse.hpp"
 #include "linalg/reduce.hpp"
 #include "sim/checkpoint.hpp"
+#include "sim/time_step.hpp"
 #include "solid/displacement.hpp"
 #include "solid/mass.hpp"
 #include "solid/surface.hpp"
@@ -18,7 +19,6 @@ namespace efsi::sim {
 namespace {
 
 constexpr int kMaxRetries = 4;
-constexpr double kRetryTravel = 4.0;        // cells that a solid may have moved in a step before it is repeated smaller
 constexpr double kRetryStrain = 0.5;        // strain of a compressible solid, which no pressure keeps from overshooting
 constexpr double kLostShare = 0.1;          // of a solid's elements; more degenerate ones than that: its shape is lost
 constexpr std::uint64_t kLostElements = 8;  // and no fewer than these

@@ -19,8 +19,7 @@ using grid::Grid;
 
 namespace {
 
-constexpr double kReach = 1.0;    // cells: rows from this gap on
-constexpr double kDeepest = 1.0;  // cells: deeper than that counts as that
+constexpr double kReach = 1.0;  // cells: rows from this gap on
 constexpr double kFan =
     0.01;  // 1 less the square of the mean of the normals in a cell, of a surface of middling curvature
 constexpr double kFacing = 0.5;  // least length of the difference of the unit normals of two surfaces that meet
@@ -148,7 +147,7 @@ std::optional<FoundRow> find_row(const StepContext& step, const SolidStates& sta
   FoundRow row{{{pair.one, pair.other}, place_in_box, gap, kContactSkin * g.h, false}, {}};
   system::ContactRow& contact = row.contact;
   contact.normal = (certainty(out_of_one) * out_of_one - certainty(out_of_other) * out_of_other).normalized();
-  contact.least = least_velocity(std::max(gap, -kDeepest * g.h), step.dt);
+  contact.least = least_velocity(gap, g.h, step.dt);
   contact.friction = 0.5 * (step.scene.solids[pair.one].friction + step.scene.solids[pair.other].friction);
   const Vec3d x = g.node_position(cell[0], cell[1], cell[2]) + g.h * *place;
   const auto add = [&](std::size_t l, double along, double sign) {
@@ -195,7 +194,6 @@ void recall(const solid::SolidState& solid, double dt, std::vector<FoundRow>& ro
   std::map<std::array<std::int32_t, 4>, const solid::SolidPress*> last;
   for (const solid::SolidPress& p : solid.contacts) last[{p.cell[0], p.cell[1], p.cell[2], p.other}] = &p;
   for (FoundRow& row : rows) {
-    if (row.place.is_fold()) continue;
     Vec3i cell = row.place.cell;
     Eigen::Index axis = 0;
     row.contact.normal.cwiseAbs().maxCoeff(&axis);
@@ -219,18 +217,18 @@ SolidContacts find_solid_contacts(const StepContext& step, const SolidStates& st
   SolidContacts contacts;
   if (!step.scene.params.numerics.walls_push_only) return contacts;
   for (std::size_t one = 0; one < states.size(); ++one) {
-    std::vector<FoundRow> rows = find_folds(step, one, states[one], solids[one], common.grid, velocity);
+    std::vector<FoundRow> folds = find_folds(step, one, states[one], solids[one], common.grid, velocity), rows;
     for (std::size_t other = one + 1; other < states.size(); ++other) {
       if (is_collider(step.scene.pins, one) && is_collider(step.scene.pins, other)) continue;
       for (FoundRow& row : find_pair_rows(step, states, solids, common.grid, one, other))
         rows.push_back(std::move(row));
     }
-    if (rows.empty()) continue;
     recall(states[one], step.dt, rows);
-    for (FoundRow& row : rows) {
-      contacts.places.push_back(row.place);
-      contacts.rows.push_back(std::move(row.contact));
-    }
+    for (auto* found : {&folds, &rows})
+      for (FoundRow& row : *found) {
+        contacts.places.push_back(row.place);
+        contacts.rows.push_back(std::move(row.contact));
+      }
   }
   if (contacts.rows.empty()) return contacts;
   for (std::size_t r = 0; r < contacts.rows.size(); ++r) {

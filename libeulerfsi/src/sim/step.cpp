@@ -7,6 +7,7 @@
 #include "sim/contact_record.hpp"
 #include "sim/energy_ledger.hpp"
 #include "sim/fluid_transport.hpp"
+#include "sim/fold_contact.hpp"
 #include "sim/force_field.hpp"
 #include "sim/jets.hpp"
 #include "sim/masses.hpp"
@@ -197,6 +198,8 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   fluid::FluidState& fluid = state.fluid;
   StepInfo info;
   begin_given(parallel, scene, state.time, remaining, states);
+  for (std::size_t l = 0; l < scene.solids.size(); ++l)
+    find_near_folds(parallel, scene.solids[l], states[l], solids[l]);
   const double fluid_speed = std::max(state.fluid_speed, fastest_jet(scene, state.time, remaining));
   double dt = compute_time_step(parallel, scene, states, fluid_speed, state.steps, remaining, solids);  // Alg. 1 line 1
   if (shrink < 1.0) dt = std::min(dt, shrink * remaining);

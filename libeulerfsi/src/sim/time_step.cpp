@@ -26,7 +26,6 @@ constexpr double kUnseen = 1.2;           // cells that solids near each other m
 // kThin of a solid's density. The pressure of the fluid grows with what a solid moves in a step, and presses it.
 constexpr double kVacuumReach = 20.0 / 9.0, kFluidReach = 1.5, kThin = 0.01;
 constexpr double kStart = 0.1;         // cells in the first step, in which a dense fluid gives way to solids that move
-constexpr double kUnlimited = 4.0;     // cells per step: a cflSolid above leaves a solid's speed without a limit
 constexpr double kFarthest = 3.95;     // cells per step: one of more than four is repeated
 constexpr double kFlightStrain = 0.1;  // or angle [rad], in a step in flight
 
@@ -132,9 +131,10 @@ double pair_limit(const Parallel& parallel, const Scene& scene, const SolidState
 
 // What the folds of a solid allow: as two solids do. Not where the caller has taken the limit of its speed away.
 double fold_limit(const Parallel& parallel, const Scene& scene, std::size_t l, const solid::SolidState& solid,
-                  solid::SolidWork& work) {
-  const SolidGap seen = measure_folds(parallel, scene.solids[l], solid, work.near_folds);
-  if (!std::isfinite(seen.gap) || scene.params.cfl_solid > kUnlimited) return std::numeric_limits<double>::infinity();
+                  const solid::SolidWork& work) {
+  if (scene.params.cfl_solid > kRetryTravel) return std::numeric_limits<double>::infinity();
+  const SolidGap seen = measure_folds(solid, work);
+  if (!std::isfinite(seen.gap)) return seen.gap;
   const double h = scene.grid.h, cells = std::max(kContactCfl, seen.gap / h - kContactDistance);
   const double limit = time_to_move(seen.closing, 0.0, cells * h);
   return seen.gap < kContactReach * h ? wave_limit(parallel, scene.grid, scene.solids[l], solid, limit) : limit;
@@ -168,7 +168,7 @@ double speed_limit(const Parallel& parallel, const Scene& scene, const solid::So
 }  // namespace
 
 double compute_time_step(const Parallel& parallel, const Scene& scene, const SolidStates& states, double fluid_speed,
-                         std::uint64_t steps, double remaining, SolidWorks& solids) {
+                         std::uint64_t steps, double remaining, const SolidWorks& solids) {
   const Params& params = scene.params;
   const grid::Grid& g = scene.grid;
   double limit = params.max_time_step > 0.0 ? std::min(params.max_time_step, remaining) : remaining;

@@ -18,7 +18,6 @@ using grid::Grid;
 
 namespace {
 
-constexpr double kDeepest = 1.0;    // cells: deeper than that counts as that
 constexpr double kTouches = 0.2;    // cells: a solid that a wall pushed stays in touch up to here
 constexpr double kBetween = 0.075;  // cells: depth of a vertex between columns that a node in touch does not see
 constexpr double kNoGap = 1e30;     // the column of a node does not meet the solid
@@ -158,7 +157,7 @@ void decide(const solid::WallPress* last, double h, double dt, bool fast, double
   // footprint.
   const double seen = row.vertex > 0.0 ? row.vertex : std::min(0.0, row.vertex + kBetween * h);
   if (fast || seen < 0.0) row.gap = std::min(row.gap, seen);
-  row.least = static_cast<Real>(least_velocity(row.gap, dt));
+  row.least = static_cast<Real>(least_velocity(row.gap, h, dt));
   const bool pushed = last && last->force > 0;
   if (last && row.gap < kTouches * h) {
     row.holds = pushed;

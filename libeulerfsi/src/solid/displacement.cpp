@@ -305,6 +305,14 @@ void predict_surface(const Parallel& parallel, double dt, const RigidStep& frame
   });
 }
 
+Vec3d material_in_cell(const SolidState& state, const Vec3i& cell) {
+  const Grid& g = state.band.grid;
+  const std::size_t n = g.node(cell[0], cell[1], cell[2]);
+  Vec3d u = Vec3d::Zero();
+  for (const std::size_t offset : grid::corner_offsets(g)) u += 0.125 * state.u.at(n + offset).cast<double>();
+  return g.cell_center(cell[0], cell[1], cell[2]) - u;
+}
+
 double largest_strain_rate(const Parallel& parallel, const SolidState& state, const std::vector<std::uint8_t>& marked) {
   const Grid& g = state.band.grid;
   const std::size_t stride[3] = {1, g.node_stride(1), g.node_stride(2)};

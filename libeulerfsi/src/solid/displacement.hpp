@@ -56,6 +56,9 @@ void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const R
 void predict_surface(const Parallel& parallel, double dt, const RigidStep& frame, const AdvectWorkspace& packed,
                      SolidState& state);
 
+// Material in the middle of a cell of the band, by the mean of u at its corners.
+Vec3d material_in_cell(const SolidState& state, const Vec3i& cell);
+
 // Largest difference of a velocity component between neighbouring band nodes, both of them marked, over h [1/s].
 double largest_strain_rate(const Parallel& parallel, const SolidState& state, const std::vector<std::uint8_t>& marked);
 

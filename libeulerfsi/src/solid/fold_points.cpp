@@ -127,8 +127,7 @@ FoldPlaces place_fold_points(const Parallel& parallel, const SolidRest& rest, co
     places.normal[n] = length > 0.0 ? Eigen::Vector3f((across / length).cast<float>()) : Eigen::Vector3f::Zero();
     if (!p.bends) return;
     Vec3d moved = x;
-    const Vec3d at_rest(p.place[0], p.place[1], p.place[2]);
-    if (correct_point(state, corner, at_rest, moved) < kHeld * state.band.grid.h) x = moved;
+    if (correct_point(state, corner, p.at_rest(), moved) < kHeld * state.band.grid.h) x = moved;
   });
   return places;
 }

@@ -21,6 +21,8 @@ struct FoldPoint {
   float second, third;        // weights of the triangle's last two corners
   float place[3], normal[3];  // at rest [m]; out of the solid
   std::uint32_t bends;        // 1: so far from its corners that the map has to say where it is
+
+  Vec3d at_rest() const { return {place[0], place[1], place[2]}; }
 };
 
 // One in each box of edge `spacing` per side that the surface shows there, at most. What lies within the solid has

@@ -8,6 +8,7 @@
 
 #include "grid/plane_cut.hpp"
 #include "solid/copies.hpp"
+#include "solid/displacement.hpp"
 #include "solid/hexahedron.hpp"
 
 namespace efsi::solid {
@@ -170,21 +171,18 @@ void find_elements(const Grid& g, const std::vector<std::uint8_t>& full, SolidWo
 
 // An element at the border of a pin gives way in its part outside only, a width theta of a cell, in which all of its
 // strain lies: theta psi(F / theta) is about psi(F) / theta.
-void stiffen_beside_pins(const SolidRest& rest, const SolidState& state, SolidWork& work) {
+void stiffen_beside_pins(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work) {
   work.stiffening.clear();
   if (rest.held.empty() || rest.plastic.yields()) return;  // what has yielded is kept by cells
   const Grid& g = state.band.grid;
-  const auto corner = grid::corner_offsets(g);
-  for (std::size_t e = 0; e < work.element_corner.size(); ++e) {
-    const auto n = static_cast<std::size_t>(work.element_corner[e]);
-    const Vec3i at = g.node_place(n);
-    Vec3d u = Vec3d::Zero();
-    for (std::size_t offset : corner) u += 0.125 * state.u.at(n + offset).cast<double>();
-    const Vec3d X = g.cell_center(at[0], at[1], at[2]) - u;
+  work.stiffening.resize(work.element_corner.size());
+  parallel.for_each(static_cast<std::int64_t>(work.stiffening.size()), [&](std::int64_t i) {
+    const auto e = static_cast<std::size_t>(i);
+    const Vec3d X = material_in_cell(state, g.node_place(static_cast<std::size_t>(work.element_corner[e])));
     double out = std::numeric_limits<double>::infinity();
     for (const auto& region : rest.held) out = std::min(out, region->sample(X));
-    work.stiffening.push_back(1.0 / std::clamp(0.5 + out / g.h, kThinnestFree, 1.0));
-  }
+    work.stiffening[e] = 1.0 / std::clamp(0.5 + out / g.h, kThinnestFree, 1.0);
+  });
 }
 
 void lump_mass(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work) {
@@ -265,7 +263,7 @@ void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidSt
     work.total_mass = weight;
   }
   weigh_elements(rest, g, work);
-  stiffen_beside_pins(rest, state, work);
+  stiffen_beside_pins(parallel, rest, state, work);
 }
 
 void remember_elements(const SolidWork& work, SolidState& state) {

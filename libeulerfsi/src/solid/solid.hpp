@@ -38,9 +38,9 @@ struct SolidRest {
   std::vector<double> along;           // in a slab: where the surface's points were given along its axis [m]
   SurfaceClusters clusters;            // of its points; none: no vertex is mended
   std::vector<FoldPoint> fold_points;  // of it; empty: its folds do not see each other
+  double volume = 0.0;                 // of the closed rest shape [m^3]
+  double area = 0.0;                   // of the surface at rest [m^2]
   std::vector<std::shared_ptr<const geometry::SignedDistance>> held;  // regions of pins, material space; < 0 inside
-  double volume = 0.0;                                                // of the closed rest shape [m^3]
-  double area = 0.0;                                                  // of the surface at rest [m^2]
 };
 
 // The part of the box's grid around a solid.
@@ -148,7 +148,8 @@ struct SolidWork {
   std::vector<std::uint8_t> carries;  // band nodes: corner of an element; here the solid owns u and v
   std::vector<Real> mass;             // of the solid per band node [kg]
   std::vector<std::uint8_t> layer;    // band nodes: 0 data, k: k-th layer of the extension, 255: none
-  std::vector<NearPair> near_folds;   // fold points near each other at the start of the step
+  FoldPlaces fold_places;             // of the fold points at the start of the step, where some are near each other
+  std::vector<NearPair> near_folds;   // those
   double min_det_f = 1.0, max_det_f = 1.0;
   double max_stretch = 1.0;  // largest principal stretch of an element that is not degenerate, at least 1
   std::uint64_t degenerate = 0;

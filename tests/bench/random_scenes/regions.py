@@ -98,10 +98,7 @@ class Path:
     def pose(self, time: float) -> np.ndarray:
         """Matrix (4, 4) that places what is at rest."""
         way, pivot = min(time, self.until), np.array(self.pivot)
-        pose = np.eye(4)
-        pose[:3, :3] = rotation(np.array(self.rate) * way)
-        pose[:3, 3] = pivot + np.array(self.velocity) * way - pose[:3, :3] @ pivot
-        return pose
+        return about(pivot, rotation(np.array(self.rate) * way), pivot + np.array(self.velocity) * way)
 
     def between(self, begin: float, end: float, time: float, middle: np.ndarray) -> np.ndarray:
         """Of a body that the solver moves from the pose at `begin` to that at `end`: its middle goes straight ahead at
@@ -109,12 +106,16 @@ class Path:
         if not begin < time < end:
             return self.pose(time)
         first, last, part = self.pose(begin), self.pose(end), (time - begin) / (end - begin)
-        pose = np.eye(4)
         angle = np.array(self.rate) * (min(end, self.until) - min(begin, self.until))
-        pose[:3, :3] = rotation(part * angle) @ first[:3, :3]
         start, stop = (place(matrix, middle[None])[0] for matrix in (first, last))
-        pose[:3, 3] = start + part * (stop - start) - pose[:3, :3] @ middle
-        return pose
+        return about(middle, rotation(part * angle) @ first[:3, :3], start + part * (stop - start))
+
+
+def about(pivot: np.ndarray, turn: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """Matrix (4, 4) that turns about a place and brings that place to its target."""
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = turn, target - turn @ pivot
+    return pose
 
 
 def rotation(turn: np.ndarray) -> np.ndarray:

@@ -198,9 +198,10 @@ TEST_CASE("A solid in its shape at rest, however it folds, has no row, limits no
       x = Vec3d::Constant(0.4) + 0.5 / (box.max - box.min).maxCoeff() * (x - 0.5 * (box.min + box.max));
   }
   auto s = make_simulation(p, {d});
-  std::vector<solid::NearPair> near;
-  const sim::SolidGap gap = sim::measure_folds(Parallel(1), s->solids()[0], s->state().solids[0], near);
-  CHECK(near.empty());
+  solid::SolidWork work;
+  sim::find_near_folds(Parallel(1), s->solids()[0], s->state().solids[0], work);
+  const sim::SolidGap gap = sim::measure_folds(s->state().solids[0], work);
+  CHECK(work.near_folds.empty());
   CHECK(!std::isfinite(gap.gap));
   CHECK(gap.closing == 0.0);
   CHECK(!s->solids()[0].fold_points.empty());

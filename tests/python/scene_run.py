@@ -1,0 +1,34 @@
+"""An example scene, simulated: what it wrote."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+from eulerfsi.simulate import Options, simulate
+from pxr import Usd, UsdGeom
+
+SCENES = Path(__file__).resolve().parents[2] / "examples" / "scenes"
+
+
+class Run:
+    """A scene simulated into a folder: its statistics and its points."""
+
+    def __init__(self, name: str, folder: Path, *settings: str, **options: str | None):
+        options = Options(output=folder, settings=settings, progress="none", **options)
+        self.folder = simulate(SCENES / name, options).folder
+        self.stage = Usd.Stage.Open(str(self.folder / name))
+        self.events = [json.loads(line) for line in (self.folder / "stats.jsonl").read_text().splitlines()]
+        self.steps = [event for event in self.events if event["event"] == "step"]
+        self.frames = {event["frame"]: event for event in self.events if event["event"] == "frame"}
+
+    def solid(self, path: str, frame: int) -> dict:
+        """Diagnostics of a solid at the end of a frame."""
+        return self.frames[frame]["solids"][path]
+
+    def points(self, path: str, frame: int) -> np.ndarray:
+        """World positions (n, 3) [m] of the Mesh at a path."""
+        prim = self.stage.GetPrimAtPath(path)
+        place = np.array(UsdGeom.XformCache(frame).GetLocalToWorldTransform(prim))
+        return np.asarray(UsdGeom.Mesh(prim).GetPointsAttr().Get(frame), float) @ place[:3, :3] + place[3, :3]
