@@ -242,7 +242,10 @@ std::size_t VelocitySystem::solid_of(std::size_t unknown) const {
 void VelocitySystem::tie(std::size_t unknown, std::size_t to, int axis) {
   const std::size_t from = 3 * unknown + static_cast<std::size_t>(axis), i = 3 * to + static_cast<std::size_t>(axis);
   ties_.push_back({from, i});
-  inverse_diagonal_[i] = 1 / (1 / inverse_diagonal_[i] + 1 / inverse_diagonal_[from]);
+  if (moves_[i] > 0)
+    inverse_diagonal_[i] = 1 / (1 / inverse_diagonal_[i] + 1 / inverse_diagonal_[from]);
+  else
+    moves_[from] = 0;
   free_[from] = 0;
   inverse_diagonal_[from] = 1;
 }
@@ -251,6 +254,8 @@ void VelocitySystem::fix(std::size_t unknown, int axis) {
   const std::size_t entry = 3 * unknown + static_cast<std::size_t>(axis);
   std::erase_if(ties_, [&](const Tie& t) { return t.from == entry; });
   free_[entry] = moves_[entry] = 0;
+  for (const Tie& t : ties_)
+    if (t.to == entry) moves_[t.from] = 0;
   std::uint8_t& held = held_[solid_of(unknown)];
   held = static_cast<std::uint8_t>(held | (1u << axis));
 }
@@ -377,6 +382,8 @@ linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolve
   const linalg::Operator jacobi = linalg::jacobi(parallel, inverse_diagonal_);
   // What is prescribed stands on the right; the rest is solved for.
   load_.resize(b.size());
+  for (const Tie& t : ties_)
+    if (moves_[t.to] == 0) x[t.from] = x[t.to];
   std::vector<Real> given(b.size(), 0);
   bool any = false;
   for (std::size_t i = 0; i < b.size(); ++i) {

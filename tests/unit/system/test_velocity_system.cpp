@@ -148,11 +148,14 @@ TEST_CASE("What is prescribed stands on the right; what is tied moves with what 
     scene.system.multiply(Parallel(1), unit, all);
     g.col(i) = to_vector(all);
   }
-  const std::size_t inside = 150, other = 200;  // unknowns that no wall fixes
+  const std::size_t inside = 150, other = 200, late = 220;  // unknowns that no wall fixes
   REQUIRE(scene.system.free()[3 * inside + 1] > 0);
   REQUIRE(scene.system.free()[3 * other + 2] > 0);
   scene.system.fix(inside, 1);
   scene.system.tie(other, other + 1, 2);
+  scene.system.tie(inside + 1, inside, 1);  // to what is prescribed, and to what is prescribed after that
+  scene.system.tie(late + 1, late, 0);
+  scene.system.fix(late, 0);
   // x = P y + what is given, y without what is prescribed or tied: P^T G P y = P^T (b - G given).
   Eigen::MatrixXd p = Eigen::MatrixXd::Identity(size, size);
   Eigen::VectorXd given = Eigen::VectorXd::Zero(size);
@@ -162,6 +165,11 @@ TEST_CASE("What is prescribed stands on the right; what is tied moves with what 
     if (scene.system.moves()[static_cast<std::size_t>(i)] > 0) continue;
     given[i] = static_cast<double>(x0[static_cast<std::size_t>(i)]);
   }
+  const auto entry = [](std::size_t unknown, std::size_t axis) {
+    return static_cast<Eigen::Index>(3 * unknown + axis);
+  };
+  given[entry(inside + 1, 1)] = given[entry(inside, 1)];
+  given[entry(late + 1, 0)] = given[entry(late, 0)];
   p(static_cast<Eigen::Index>(3 * other + 2), static_cast<Eigen::Index>(3 * (other + 1) + 2)) = 1.0;
   const Eigen::MatrixXd reduced = p.transpose() * g * p;
   const Eigen::VectorXd y = reduced.completeOrthogonalDecomposition().solve(p.transpose() * (to_vector(b) - g * given));
