@@ -37,12 +37,12 @@ std::vector<Vec3d> coupling_impulses(const VelocityEquation& elasticity, const P
   const std::vector<system::ContactRow>& rows = elasticity.contacts.rows;
   std::vector<Vec3d> impulses(rows.size(), Vec3d::Zero());
   if (pressure.coupled == 0) return impulses;
-  auto penalty = elasticity.system.penalties().begin();
-  for (std::size_t r = 0; r < rows.size() && penalty != elasticity.system.penalties().end(); ++r) {
-    if (!same_parts(rows[r].parts, penalty->parts)) continue;
-    const Vec3d answer = penalty->stiffness.cast<double>() * system::row_velocity(rows[r], pressure.correction);
-    impulses[r] = static_cast<double>(pressure.coupled) * answer;
-    ++penalty;
+  const std::vector<system::Penalty>& penalties = elasticity.system.penalties();
+  std::size_t p = 0;
+  for (std::size_t r = 0; r < rows.size() && p < penalties.size(); ++r) {
+    if (!same_parts(rows[r].parts, penalties[p].parts)) continue;
+    impulses[r] = (pressure.coupled * pressure.answers[p]).cast<double>();
+    ++p;
   }
   return impulses;
 }

@@ -245,19 +245,19 @@ void add_given_reactions(const Parallel& parallel, VelocityEquation& elasticity)
   }
 }
 
-void add_given_reactions(const Parallel& parallel, const Grid& grid, const std::vector<Real>& q, Real coupled,
-                         const std::vector<Real>& correction, const system::SlipNodes& slip,
-                         VelocityEquation& elasticity) {
+void add_given_reactions(const Parallel& parallel, const Grid& grid, const PressureEquation& pressure,
+                         const system::SlipNodes& slip, VelocityEquation& elasticity) {
   if (elasticity.given.empty()) return;
+  const Real coupled = pressure.coupled;
   std::vector<Real> stiff;
   if (coupled != 0) {
-    elasticity.system.multiply(parallel, correction, stiff);
-    elasticity.system.add_penalties(1, correction, stiff, true);  // what contact answers
+    elasticity.system.multiply(parallel, pressure.correction, stiff);
+    elasticity.system.add_penalty_impulses(1, pressure.answers, stiff, true);
   }
-  const std::vector<Vec3> slides = slip.sliding_impulse(parallel, q);
+  const std::vector<Vec3> slides = slip.sliding_impulse(parallel, pressure.q);
   for (GivenNode& g : elasticity.given) {
     const auto [i, j, k] = grid.node_place(g.node);
-    Vec3 impulse = system::pressure_impulse(grid, q, i, j, k);
+    Vec3 impulse = system::pressure_impulse(grid, pressure.q, i, j, k);
     if (const std::size_t t = slip.find(g.solid, g.node); t != system::SlipNodes::kNone) impulse -= slides[t];
     if (coupled != 0) impulse -= coupled * entries(stiff, elasticity.system.unknown_of(g.solid, g.node));
     g.impulse += impulse.cast<double>();

@@ -31,12 +31,11 @@ void close_given_cells(const StepContext& step, const SolidStates& states, const
                        const system::SlipNodes& slip, std::vector<std::uint8_t>& active);
 // Whether cells without pressure are all closed off: no solid is a compressible one that moves.
 bool is_sealed(const Scene& scene);
-// What holds the nodes in the velocity solve, G v* - f*, and against the pressure q of all the step; coupled: how much
-// of G correction was taken off.
+// What holds the nodes in the velocity solve, G v* - f*, and against the pressure of all the step (q: ghosts filled),
+// less what elasticity and contact answered to it.
 void add_given_reactions(const Parallel& parallel, VelocityEquation& elasticity);
-void add_given_reactions(const Parallel& parallel, const grid::Grid& grid, const std::vector<Real>& q, Real coupled,
-                         const std::vector<Real>& correction, const system::SlipNodes& slip,
-                         VelocityEquation& elasticity);
+void add_given_reactions(const Parallel& parallel, const grid::Grid& grid, const PressureEquation& pressure,
+                         const system::SlipNodes& slip, VelocityEquation& elasticity);
 // What held each pin in the step.
 std::vector<PinReaction> sum_reactions(const StepContext& step, const grid::Grid& grid,
                                        const std::vector<GivenNode>& given);

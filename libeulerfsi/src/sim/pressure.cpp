@@ -11,6 +11,7 @@
 #include "sim/grid_loops.hpp"
 #include "sim/jets.hpp"
 #include "sim/prescribed.hpp"
+#include "sim/pressure_coupling.hpp"
 #include "sim/solid_contact.hpp"
 #include "sim/velocity_solve.hpp"
 #include "sim/volume_source.hpp"
@@ -42,23 +43,8 @@ std::vector<std::uint8_t> pressure_cells(const Parallel& parallel, const Scene& 
   return active;
 }
 
-constexpr double kLastHolds = 0.7;       // of f*: the last pressure acts at once where it leaves less
-constexpr double kLastPresses = 0.5;     // of f* less M v, while solids push each other; with more it makes energy
-constexpr double kEstimate = 0.2;        // of the divergence that the estimate of a coupling step leaves
-constexpr double kWorthCoupling = 0.01;  // of density |div v|^2: the solids over the fluid
-
-// Whether elasticity has to answer to the pressure: where the divergence of the fluid outweighs that of the solids by
-// far, as in free flight, it hardly does.
-bool needs_coupling(const Scene& scene, const system::DivergenceNorms& divergence) {
-  if (!scene.params.numerics.coupling_step) return false;
-  double density = 0.0;
-  for (const solid::SolidRest& solid : scene.solids)
-    if (!solid.compressible) density = std::max(density, solid.density);
-  const double fluid = scene.params.fluid.present ? scene.params.fluid.density : 0.0;
-  const auto square = [](double x) { return x * x; };
-  return density * square(divergence.solid) > kWorthCoupling * fluid * square(divergence.all);
-}
-
+constexpr double kLastHolds = 0.7;    // of f*: the last pressure acts at once where it leaves less
+constexpr double kLastPresses = 0.5;  // of f* less M v, while solids push each other; with more it makes energy
 // The pressure system of this step and what it shall reach.
 void assemble_pressure_system(const StepContext& step, const SolidStates& states, SolidWorks& solids,
                               const Matter& matter, const Holds& holds, system::SlipNodes& slip,
@@ -78,27 +64,6 @@ void assemble_pressure_system(const StepContext& step, const SolidStates& states
   else
     pressure.source.clear();
   add_jets(step, matter, pressure.jets, pressure.source);
-}
-
-// J^T q on the unknowns, where walls leave them free. Fills the ghosts of q.
-void compute_impulses(const Parallel& parallel, const Grid& grid, const system::VelocitySystem& system,
-                      const system::SlipNodes& slip, std::vector<Real>& q, std::vector<Real>& impulse) {
-  grid::fill_ghosts(grid, q, Real(0));
-  const std::vector<Vec3> slides = slip.sliding_impulse(parallel, q);
-  const auto& nodes = system.nodes();
-  impulse.resize(3 * nodes.size());
-  parallel.for_each(system.unknowns(), [&](std::int64_t u) {
-    const auto [x, y, z] = grid.node_place(nodes[static_cast<std::size_t>(u)]);
-    const Vec3 g = system::pressure_impulse(grid, q, x, y, z);
-    for (std::size_t a = 0; a < 3; ++a) {
-      const std::size_t i = 3 * static_cast<std::size_t>(u) + a;
-      impulse[i] = system.moves()[i] * g[static_cast<Eigen::Index>(a)];
-    }
-  });
-  for (std::size_t t = 0; t < slides.size(); ++t) {
-    const std::size_t u = system.unknown_of(slip.nodes()[t].solid, slip.nodes()[t].node);
-    for (std::size_t a = 0; a < 3; ++a) impulse[3 * u + a] -= slides[t][static_cast<Eigen::Index>(a)];
-  }
 }
 
 // Sum of a row of pressures over the cells that no solid owns; counts them.
@@ -196,76 +161,6 @@ void prepare_pressure(const StepContext& step, const SolidStates& states, SolidW
   linalg::copy(parallel, pressure.taken, held);
 }
 
-namespace {
-
-// Eq. 13: pressure.correction = G^-1 J^T q on the nodes that carry solids.
-void solve_correction(const StepContext& step, const Grid& g, const system::SlipNodes& slip, std::vector<Real>& q,
-                      system::VelocitySystem& elasticity, PressureEquation& pressure) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
-  ScopedTimer timer(profile, Stage::kVelocitySolve);
-  const Numerics& numerics = scene.params.numerics;
-  compute_impulses(parallel, g, elasticity, slip, q, pressure.impulse);
-  pressure.correction.assign(pressure.impulse.size(), 0);
-  const linalg::SolveStats stats = elasticity.solve(parallel, numerics.velocity_solver, pressure.impulse,
-                                                    pressure.correction, numerics.velocity_tolerance);
-  info.velocity_iterations += static_cast<std::uint64_t>(stats.iterations);
-  info.unconverged += !stats.converged;
-  if (!numerics.conserve_momentum) return;
-  elasticity.add_penalties(-1, pressure.correction, pressure.impulse);  // contact answers, too
-  elasticity.conserve_momentum(parallel, pressure.impulse, pressure.correction);
-}
-
-// v -= M^-1 J^T q, but v = v* - share G^-1 J^T q on the nodes that carry solids.
-void correct_velocity(const StepContext& step, std::vector<Real>& q, Real share, const VelocityEquation& elasticity,
-                      PressureEquation& pressure, NodeVelocity& velocity) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
-  ScopedTimer timer(profile, Stage::kPressureSolve);
-  pressure.system.project(parallel, q, velocity.field);
-  std::vector<Real>& corrected = pressure.corrected;
-  corrected.resize(elasticity.v_star.size());
-  parallel.for_ranges(static_cast<std::int64_t>(corrected.size()), [&](std::int64_t begin, std::int64_t end) {
-    for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
-      corrected[i] = elasticity.v_star[i] - share * pressure.correction[i];
-  });
-  write_back(parallel, elasticity.system, corrected, velocity);
-}
-
-// One step of conjugate gradients towards the pressure of J A^-1 J^T q = J v* - b, A = G on the nodes that carry solids
-// and M elsewhere, with the preconditioner of Cahouet and Chabat (1988): to a gradient G is M (1 + d2 (2 mu + lambda) /
-// h^3 J M^-1 J^T), so that the inverse is that of J M^-1 J^T, roughly, and d2 (2 mu + lambda) / h^3 in the solids'
-// cells; d2 K: the stiffness in G. What it leaves the projection takes.
-void couple_pressure(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Grid& g,
-                     VelocityEquation& elasticity, PressureEquation& pressure, NodeVelocity& velocity) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
-  const double volume = scene.grid.h * scene.grid.h * scene.grid.h;
-  std::vector<Real> way;  // of q
-  {
-    ScopedTimer timer(profile, Stage::kPressureSolve);
-    const linalg::SolveStats stats = pressure.system.estimate(parallel, kEstimate, way);
-    info.pressure_iterations += static_cast<std::uint64_t>(stats.iterations);
-    for (std::size_t l = 0; l < scene.solids.size(); ++l) {
-      const solid::SolidRest& solid = scene.solids[l];
-      if (solid.compressible) continue;
-      const double modulus = solids[l].element_weight * (2.0 * solid.elastic.mu + solid.elastic.lambda);
-      const Real share =
-          static_cast<Real>(static_cast<double>(elasticity.system.stiffness_factor(l)) * modulus / volume);
-      for_owned_cells(parallel, g, states[l], solids[l],
-                      [&](std::size_t c) { way[c] += share * pressure.system.right_side()[c]; });
-    }
-  }
-  solve_correction(step, g, velocity.slip, way, elasticity.system, pressure);
-  correct_velocity(step, way, 1, elasticity, pressure, velocity);
-  const Real length = static_cast<Real>(pressure.system.step_length(parallel, velocity.field, pressure.source, way));
-  if (!pressure.takes) linalg::fill(parallel, pressure.taken, way.size(), Real(0));
-  pressure.takes = true;
-  linalg::add_scaled(parallel, pressure.taken, length, way);
-  linalg::scale(parallel, way, length - 1);
-  pressure.coupled = length;
-  correct_velocity(step, way, length, elasticity, pressure, velocity);
-}
-
-}  // namespace
-
 void solve_pressure(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Matter& matter,
                     std::vector<Real>& last, VelocityEquation& elasticity, NodeVelocity& velocity,
                     PressureEquation& pressure) {
@@ -284,24 +179,34 @@ void solve_pressure(const StepContext& step, const SolidStates& states, const So
   }
   pressure.coupled = 0;
   // A body at rest that the step now serves and now does not would never come to rest.
-  const bool couples = pressure.takes || needs_coupling(scene, before);
-  if (couples) couple_pressure(step, states, solids, g, elasticity, pressure, velocity);
-  ScopedTimer timer(profile, Stage::kPressureSolve);
-  if (couples) {
-    balance_inflow(step, solids, matter, velocity, elasticity.walls, inflow, pressure.source);
-    pressure.system.set_right_side(parallel, velocity.field, pressure.source);
+  std::vector<Real> way;  // of the next coupling step
+  if (pressure.takes || needs_coupling(scene, before)) estimate_way(step, pressure, way);
+  for (int steps = 0;; ++steps) {
+    const bool first = steps == 0;
+    if (!way.empty()) {
+      couple_pressure(step, states, solids, g, way, elasticity, pressure, velocity);
+      ScopedTimer timer(profile, Stage::kPressureSolve);
+      balance_inflow(step, solids, matter, velocity, elasticity.walls, inflow, pressure.source);
+      pressure.system.set_right_side(parallel, velocity.field, pressure.source);
+    }
+    ScopedTimer timer(profile, Stage::kPressureSolve);
+    if (first) {  // the solve starts from the last pressure, less what acts already
+      std::swap(pressure.q, last);
+      pressure.q.resize(g.padded_count(), 0);
+      linalg::scale(parallel, pressure.q, -dt);
+      if (pressure.takes) linalg::add_scaled(parallel, pressure.q, -1.0, pressure.taken);
+    } else {
+      linalg::add_scaled(parallel, pressure.q, -1.0, way);
+    }
+    const linalg::SolveStats stats =
+        pressure.system.solve(parallel, numerics.pressure_solver, numerics.pressure_tolerance, before, pressure.q);
+    info.pressure_iterations += static_cast<std::uint64_t>(stats.iterations);
+    info.pressure_residual = stats.residual;
+    info.unconverged += first && !stats.converged;
+    timer.visited(g.cell_count(), 12 * sizeof(Real));
+    if (steps == kMostCoupling || !strains_much(step, solids, g, velocity.slip, elasticity, pressure)) return;
+    linalg::copy(parallel, way, pressure.q);
   }
-  // The solve starts from the last pressure, less what acts already.
-  std::swap(pressure.q, last);
-  pressure.q.resize(g.padded_count(), 0);
-  linalg::scale(parallel, pressure.q, -dt);
-  if (pressure.takes) linalg::add_scaled(parallel, pressure.q, -1.0, pressure.taken);
-  const linalg::SolveStats stats =
-      pressure.system.solve(parallel, numerics.pressure_solver, numerics.pressure_tolerance, before, pressure.q);
-  info.pressure_iterations += static_cast<std::uint64_t>(stats.iterations);
-  info.pressure_residual = stats.residual;
-  info.unconverged += !stats.converged;
-  timer.visited(g.cell_count(), 12 * sizeof(Real));
 }
 
 void project_velocity(const StepContext& step, const Grid& g, VelocityEquation& elasticity, PressureEquation& pressure,
@@ -319,7 +224,7 @@ void project_velocity(const StepContext& step, const Grid& g, VelocityEquation& 
   if (pressure.takes) linalg::add_scaled(parallel, pressure.q, 1.0, pressure.taken);  // the q of all the step
   if (!elasticity.walls.empty() || !elasticity.given.empty()) {
     grid::fill_ghosts(g, pressure.q, Real(0));
-    add_given_reactions(parallel, g, pressure.q, pressure.coupled, pressure.correction, velocity.slip, elasticity);
+    add_given_reactions(parallel, g, pressure, velocity.slip, elasticity);
     add_reactions(parallel, g, pressure.q, pressure.coupled, pressure.correction, velocity.slip, elasticity.system,
                   elasticity.walls);
   }

@@ -286,7 +286,7 @@ void VelocitySystem::apply(const Parallel& parallel, const std::vector<Real>& x,
         return out;
       },
       y);
-  add_penalties(1, masked_, y);
+  if (!penalties_.empty()) add_penalty_impulses(1, penalty_impulses(masked_), y);
   for (const Tie& t : ties_) {
     y[t.to] += y[t.from];
     y[t.from] = x[t.from];
@@ -308,16 +308,25 @@ void VelocitySystem::set_penalties(std::vector<Penalty> penalties) {
       }
 }
 
-void VelocitySystem::add_penalties(Real s, const std::vector<Real>& x, std::vector<Real>& y, bool everywhere) const {
+std::vector<Vec3> VelocitySystem::penalty_impulses(const std::vector<Real>& x) const {
+  std::vector<Vec3> impulses;
   for (const Penalty& p : penalties_) {
     Vec3 v = Vec3::Zero();
     for (const RowPart& part : p.parts)
       for (std::size_t a = 0; a < 3; ++a) v[static_cast<Eigen::Index>(a)] += part.weight * x[3 * part.unknown + a];
-    const Vec3 force = s * (p.stiffness * v);
-    for (const RowPart& part : p.parts)
+    impulses.push_back(p.stiffness * v);
+  }
+  return impulses;
+}
+
+void VelocitySystem::add_penalty_impulses(Real s, const std::vector<Vec3>& impulses, std::vector<Real>& y,
+                                          bool everywhere) const {
+  for (std::size_t p = 0; p < penalties_.size(); ++p) {
+    const Vec3 impulse = s * impulses[p];
+    for (const RowPart& part : penalties_[p].parts)
       for (std::size_t a = 0; a < 3; ++a) {
         const std::size_t i = 3 * part.unknown + a;
-        if (everywhere || moves_[i] > 0) y[i] += part.weight * force[static_cast<Eigen::Index>(a)];
+        if (everywhere || moves_[i] > 0) y[i] += part.weight * impulse[static_cast<Eigen::Index>(a)];
       }
   }
 }
@@ -365,6 +374,17 @@ void VelocitySystem::multiply_mass(const Parallel& parallel, const std::vector<R
   });
 }
 
+void VelocitySystem::divide_by_mass(const Parallel& parallel, const std::vector<Real>& b, std::vector<Real>& x) const {
+  x.resize(b.size());
+  parallel.for_each(unknowns(), [&](std::int64_t node) {
+    const auto u = static_cast<std::size_t>(node);
+    const Real all = node_mass_[u], own = all - sliding_[u];
+    Vec3 v = all > 0 ? Vec3(Vec3(b[3 * u], b[3 * u + 1], b[3 * u + 2]) / all) : Vec3(Vec3::Zero());
+    if (sliding_[u] > 0 && own > 0) v += (all / own - 1) * (v - normal_[u].dot(v) * normal_[u]);
+    for (std::size_t a = 0; a < 3; ++a) x[3 * u + a] = v[static_cast<Eigen::Index>(a)];
+  });
+}
+
 void VelocitySystem::internal_force(const Parallel& parallel, std::vector<Real>& force) {
   sum_blocks(
       parallel,
@@ -393,7 +413,7 @@ linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolve
   }
   if (any) {
     multiply(parallel, given, load_);
-    add_penalties(1, given, load_);
+    add_penalty_impulses(1, penalty_impulses(given), load_);
   }
   for (std::size_t i = 0; i < b.size(); ++i) load_[i] = moves_[i] > 0 ? (any ? b[i] - load_[i] : b[i]) : Real(0);
   for (const Tie& t : ties_) {

@@ -74,8 +74,11 @@ class VelocitySystem {
   // From now on apply() and solve() have these in G; the last ones go. After assemble() there are none.
   void set_penalties(std::vector<Penalty> penalties);
   const std::vector<Penalty>& penalties() const { return penalties_; }
-  // y += s B^T S B x of the penalties, where something moves or everywhere.
-  void add_penalties(Real s, const std::vector<Real>& x, std::vector<Real>& y, bool everywhere = false) const;
+  // S B x of each.
+  std::vector<Vec3> penalty_impulses(const std::vector<Real>& x) const;
+  // y += s B^T of these, where something moves or everywhere.
+  void add_penalty_impulses(Real s, const std::vector<Vec3>& impulses, std::vector<Real>& y,
+                            bool everywhere = false) const;
   // Below this the residual of x is noise.
   double rounding(const Parallel& parallel, const std::vector<Real>& x) const;
   // Inverse of the diagonal of G, the mean of the components that move [1/kg].
@@ -109,6 +112,8 @@ class VelocitySystem {
   const std::vector<Real>& moves() const { return moves_; }
   // y = M x
   void multiply_mass(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y) const;
+  // x = M^-1 b
+  void divide_by_mass(const Parallel& parallel, const std::vector<Real>& b, std::vector<Real>& x) const;
   // G = M + dt C_M + this times K [s^2].
   Real stiffness_factor(std::size_t solid) const { return stiffness_factor_[solid]; }
   // Along which axes walls hold a node of a solid: bit a: axis a; 7 where another solid does.

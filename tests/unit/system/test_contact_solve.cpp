@@ -152,6 +152,6 @@ TEST_CASE("Penalties are symmetric, and leave nothing behind when they go") {
   // B^T S B moves nothing that both sides share.
   std::vector<Real> even(scene.start.size(), 1), none(scene.start.size(), 0);
   scene.system.set_penalties({{scene.rows[0].parts, stiffness}});
-  scene.system.add_penalties(1, even, none);
+  scene.system.add_penalty_impulses(1, scene.system.penalty_impulses(even), none);
   for (const Real v : none) CHECK(std::abs(static_cast<double>(v)) < 1e-6);
 }
