@@ -137,6 +137,9 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
   rest.rayleigh_alpha = desc.rayleigh_alpha;
   rest.rayleigh_beta = desc.rayleigh_beta;
   rest.friction = desc.friction;
+  rest.stiff_by_part = params_.numerics.stiffness_by_part;
+  if (rest.stiff_by_part && !params_.fluid.is_dense_for(rest.density))
+    rest.element_fraction = solid::kElementFractionInThin;
   rest.contact_stiffness = desc.contact_stiffness;
   rest.compressible = desc.compressible;
   rest.plastic = desc.plastic;

@@ -215,9 +215,10 @@ std::uint64_t Simulation::scene_hash() const {
        {static_cast<int>(n.velocity_solver), static_cast<int>(n.pressure_solver), n.points_per_element,
         static_cast<int>(n.solid_advection), static_cast<int>(n.corrected_fluid_advection),
         static_cast<int>(n.stiff_correction), static_cast<int>(n.volume_source), static_cast<int>(n.conserve_momentum),
-        static_cast<int>(n.stiffness_by_pace), static_cast<int>(n.resolve_impacts), static_cast<int>(n.repair_map),
-        static_cast<int>(n.fluid_slips), static_cast<int>(n.coupling_step), static_cast<int>(n.volume_by_pressure),
-        static_cast<int>(n.walls_push_only), static_cast<int>(sizeof(Real))})
+        static_cast<int>(n.stiffness_by_pace), static_cast<int>(n.stiffness_by_part),
+        static_cast<int>(n.resolve_impacts), static_cast<int>(n.repair_map), static_cast<int>(n.fluid_slips),
+        static_cast<int>(n.coupling_step), static_cast<int>(n.volume_by_pressure), static_cast<int>(n.walls_push_only),
+        static_cast<int>(sizeof(Real))})
     hash.add_value(static_cast<std::int64_t>(v));
   for (const auto& s : solids_) {
     for (double v : {s.density, s.rayleigh_alpha, s.rayleigh_beta, s.friction, s.elastic.mu, s.elastic.lambda})

@@ -21,6 +21,7 @@ Numerics numerics_of(Preset preset) {
     n.stiff_correction = true;
     n.coupling_step = false;
     n.stiffness_by_pace = false;
+    n.stiffness_by_part = false;
     n.resolve_impacts = false;
     n.repair_map = false;
     n.volume_by_pressure = false;

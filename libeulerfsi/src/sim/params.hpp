@@ -32,6 +32,7 @@ struct Numerics {
   bool coupling_step = true;
   // How much of the stiffness is implicit follows what a step does to the solid; false: all of it (Eq. 8).
   bool stiffness_by_pace = true;
+  bool stiffness_by_part = true;   // a cell that is solid in part is as stiff; false: as a whole one
   bool resolve_impacts = true;     // at walls, steps that shear waves cross in less than a cell
   bool repair_map = true;          // broken cells are put back in shape
   bool volume_by_pressure = true;  // alone: an incompressible solid's lambda is bounded

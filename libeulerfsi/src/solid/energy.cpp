@@ -37,7 +37,7 @@ double elastic_energy(const Parallel& parallel, const SolidRest& rest, const Sol
       Vec3d u[8];
       for (std::size_t a = 0; a < 8; ++a) u[a] = state.u.at(n + corner[a]).cast<double>();
       const Vec3i place = g.node_place(n);
-      sum += work.stiffened(static_cast<std::size_t>(e)) *
+      sum += work.factor(static_cast<std::size_t>(e)) *
              cell_energy(rest.elastic, plastic, u, g.node_position(place[0], place[1], place[2]), g.h, points);
     }
     return sum;

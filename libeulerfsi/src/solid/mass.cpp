@@ -30,9 +30,9 @@ constexpr double kSplinterGrowth = 1.25;  // of the volume of an element that is
 constexpr std::size_t kSplinter = 3;      // elements
 
 // Of a cell that carries stiffness more than this is solid.
-Real least_fraction(const SolidState& state, std::size_t c) {
-  if (state.stiff.empty()) return kElementFraction;
-  return kElementFraction + (state.stiff[c] ? -kElementLag : kElementLag);
+Real least_fraction(const SolidRest& rest, const SolidState& state, std::size_t c) {
+  if (state.stiff.empty()) return rest.element_fraction;
+  return rest.element_fraction + (state.stiff[c] ? -kElementLag : kElementLag);
 }
 
 bool is_positive(const Mat3d& m) {
@@ -88,7 +88,7 @@ std::vector<std::vector<Holding>> compute_fractions(const Parallel& parallel, co
         }
         const std::size_t c = g.cell(i, j, k);
         if (fraction > 0.0 && !is_credible(nearest, farthest, inverse_f)) {
-          rejected[static_cast<std::size_t>(k)] += static_cast<Real>(fraction) > least_fraction(state, c);
+          rejected[static_cast<std::size_t>(k)] += static_cast<Real>(fraction) > least_fraction(rest, state, c);
           continue;
         }
         work.fraction[c] = static_cast<Real>(fraction);
@@ -169,19 +169,26 @@ void find_elements(const Grid& g, const std::vector<std::uint8_t>& full, SolidWo
       }
 }
 
-// An element at the border of a pin gives way in its part outside only, a width theta of a cell, in which all of its
-// strain lies: theta psi(F / theta) is about psi(F) / theta.
+// An element is as stiff as it is solid: what enters brings little energy, and what leaves takes little.
+void stiffen_by_part(const SolidRest& rest, SolidWork& work) {
+  work.element_factor.clear();
+  if (!rest.stiff_by_part) return;
+  for (const std::int32_t c : work.element_cell)
+    work.element_factor.push_back(static_cast<double>(work.fraction[static_cast<std::size_t>(c)]));
+}
+
+// One at the border of a pin gives way in its part outside only, a width theta of a cell, in which all of its strain
+// lies: theta psi(F / theta) is about psi(F) / theta.
 void stiffen_beside_pins(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work) {
-  work.stiffening.clear();
   if (rest.held.empty() || rest.plastic.yields()) return;  // what has yielded is kept by cells
   const Grid& g = state.band.grid;
-  work.stiffening.resize(work.element_corner.size());
-  parallel.for_each(static_cast<std::int64_t>(work.stiffening.size()), [&](std::int64_t i) {
+  work.element_factor.resize(work.element_corner.size(), 1.0);
+  parallel.for_each(static_cast<std::int64_t>(work.element_factor.size()), [&](std::int64_t i) {
     const auto e = static_cast<std::size_t>(i);
     const Vec3d X = material_in_cell(state, g.node_place(static_cast<std::size_t>(work.element_corner[e])));
     double out = std::numeric_limits<double>::infinity();
     for (const auto& region : rest.held) out = std::min(out, region->sample(X));
-    work.stiffening[e] = 1.0 / std::clamp(0.5 + out / g.h, kThinnestFree, 1.0);
+    work.element_factor[e] /= std::clamp(0.5 + out / g.h, kThinnestFree, 1.0);
   });
 }
 
@@ -225,8 +232,8 @@ void lump_mass(const Parallel& parallel, const SolidRest& rest, const SolidState
 // The elements stand for the whole body in the elastic energy, as their corners do in the mass.
 void weigh_elements(const SolidRest& rest, const Grid& g, SolidWork& work) {
   double elements = 0.0;  // their rest volume in cells
-  for (std::int32_t c : work.element_cell)
-    elements += 1.0 / static_cast<double>(work.volume_ratio[static_cast<std::size_t>(c)]);
+  for (std::size_t e = 0; e < work.element_cell.size(); ++e)
+    elements += work.factor(e) / static_cast<double>(work.volume_ratio[static_cast<std::size_t>(work.element_cell[e])]);
   const double mass = rest.density * g.h * g.h * g.h * elements;
   work.element_weight = mass > 0.0 ? std::clamp(work.total_mass / mass, 1.0 / kMostWeight, kMostWeight) : 1.0;
 }
@@ -237,7 +244,7 @@ void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidSt
   const Grid& g = state.band.grid;
   const auto holdings = compute_fractions(parallel, rest, state, work);
   std::vector<std::uint8_t> full(g.cell_count());
-  for (std::size_t c = 0; c < full.size(); ++c) full[c] = work.fraction[c] > least_fraction(state, c);
+  for (std::size_t c = 0; c < full.size(); ++c) full[c] = work.fraction[c] > least_fraction(rest, state, c);
   remove_cells(find_copies(parallel, g, holdings, full, kMostStretched), full, work);
   remove_splinters(state, full, work);
   find_elements(g, full, work);
@@ -262,6 +269,7 @@ void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidSt
     for (Real& m : work.mass) m *= factor;
     work.total_mass = weight;
   }
+  stiffen_by_part(rest, work);
   weigh_elements(rest, g, work);
   stiffen_beside_pins(parallel, rest, state, work);
 }

@@ -13,6 +13,7 @@ namespace efsi::solid {
 // A cell carries stiffness when more than this part of it is solid. The corners of the elements are what the fluid sees
 // of the solid; at 0.5 its added mass is that of a ball larger by a quarter of a cell (docs/lab/stiffness-support.md).
 inline constexpr Real kElementFraction = Real(0.6);
+inline constexpr Real kElementFractionInThin = Real(0.4);  // where no fluid of account sees how far they reach
 // One that did so in the last step keeps it until this much less of it is solid, one that did not waits for as much
 // more: else a solid at rest takes stiffness up and drops it again in turns, and never comes to rest.
 inline constexpr Real kElementLag = Real(0.1);

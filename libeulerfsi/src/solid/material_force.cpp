@@ -137,8 +137,8 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
       const Vec3d x0 = plastic.empty() ? Vec3d(Vec3d::Zero()) : position_of(g, n);
       bool degenerate = false;
       material::Elastic elastic = rest.elastic;
-      elastic.mu *= work.element_weight * work.stiffened(e);
-      elastic.lambda *= work.element_weight * work.stiffened(e);
+      elastic.mu *= work.element_weight * work.factor(e);
+      elastic.lambda *= work.element_weight * work.factor(e);
       for (std::size_t q = 0; q < points; ++q) {
         const ElasticPoint p = elastic_point(plastic, u, x0, g.h, q, points);
         const Deformation& d = p.elastic;

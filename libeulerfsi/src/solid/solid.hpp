@@ -38,6 +38,8 @@ struct SolidRest {
   std::vector<double> along;           // in a slab: where the surface's points were given along its axis [m]
   SurfaceClusters clusters;            // of its points; none: no vertex is mended
   std::vector<FoldPoint> fold_points;  // of it; empty: its folds do not see each other
+  Real element_fraction = Real(0.6);   // of a cell that carries stiffness more than this is solid
+  bool stiff_by_part = false;          // and it carries as much as it is solid
   double volume = 0.0;                 // of the closed rest shape [m^3]
   double area = 0.0;                   // of the surface at rest [m^2]
   std::vector<std::shared_ptr<const geometry::SignedDistance>> held;  // regions of pins, material space; < 0 inside
@@ -140,7 +142,7 @@ struct SolidWork {
   std::vector<std::int32_t> element;         // band cell -> element, -1: none
   std::vector<std::int32_t> element_cell;    // element -> band cell
   std::vector<std::int32_t> element_corner;  // element -> band node of corner 0
-  std::vector<double> stiffening;            // per element: factor of its stiffness; empty: 1 everywhere
+  std::vector<double> element_factor;        // of their stiffness; empty: 1 everywhere
   std::vector<std::array<Real, 12>>
       hourglass_force;            // per element: along x y z on each mode [N]; empty: it cannot yield
   std::vector<PointBlock> point;  // point q of block b at b points_per_element + q; free lanes are zero
@@ -161,7 +163,7 @@ struct SolidWork {
   double elastic_energy = 0.0;  // [J]
   double max_speed = 0.0;
 
-  double stiffened(std::size_t e) const { return stiffening.empty() ? 1.0 : stiffening[e]; }
+  double factor(std::size_t e) const { return element_factor.empty() ? 1.0 : element_factor[e]; }
   std::size_t blocks() const { return (element_cell.size() + kBlock - 1) / kBlock; }
   void resize_elements(int points);  // for element_cell.size() elements
   ElementPoint element_point(std::size_t e, std::size_t q) const;
