@@ -132,7 +132,11 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
   validate(desc);
   solid::SolidRest rest;
   rest.elastic = material::from_youngs_modulus(desc.law, desc.youngs_modulus, desc.poissons_ratio);
-  if (params_.numerics.volume_by_pressure && !desc.compressible) rest.elastic = material::beside_pressure(rest.elastic);
+  if (params_.numerics.volume_by_pressure && !collider) {
+    const double lambda = rest.elastic.lambda;
+    rest.elastic = material::beside_pressure(rest.elastic);
+    if (desc.compressible) rest.bulk = lambda - rest.elastic.lambda;
+  }
   rest.density = desc.density;
   rest.rayleigh_alpha = desc.rayleigh_alpha;
   rest.rayleigh_beta = desc.rayleigh_beta;

@@ -7,13 +7,15 @@ namespace efsi::solid {
 namespace {
 
 // Of a whole cell with these displacements at its corners, the lowest at x0, per element that it would be [J].
-double cell_energy(const material::Elastic& elastic, const PlasticField& plastic, const Vec3d u[8], const Vec3d& x0,
+double cell_energy(const SolidRest& rest, const PlasticField& plastic, const Vec3d u[8], const Vec3d& x0,
                    double h, std::size_t points) {
+  const material::Elastic& elastic = rest.elastic;
   double energy = 0.0;
   for (std::size_t q = 0; q < points; ++q) {
     const ElasticPoint p = elastic_point(plastic, u, x0, h, q, points);
     const double volume = h * h * h / (static_cast<double>(points) * p.elastic.det);
     energy += volume * material::principal_response(elastic, p.elastic.stretch).energy;
+    energy += volume * material::bulk_energy(rest.bulk, p.elastic.det);
     if (points == 1)
       energy += hourglass_energy(kHourglassFactor * elastic.mu * h, p, hourglass_amplitudes(plastic, p, u, h));
   }
@@ -38,7 +40,7 @@ double elastic_energy(const Parallel& parallel, const SolidRest& rest, const Sol
       for (std::size_t a = 0; a < 8; ++a) u[a] = state.u.at(n + corner[a]).cast<double>();
       const Vec3i place = g.node_place(n);
       sum += work.stiffened(static_cast<std::size_t>(e)) *
-             cell_energy(rest.elastic, plastic, u, g.node_position(place[0], place[1], place[2]), g.h, points);
+             cell_energy(rest, plastic, u, g.node_position(place[0], place[1], place[2]), g.h, points);
     }
     return sum;
   });
@@ -74,7 +76,7 @@ ShapeEnergies measure_shape(const Parallel& parallel, const SolidRest& rest, con
         s.mass += mass;
         s.kinetic += mass * square / 16.0;
         s.moment += mass * g.cell_center(i, j, k);
-        s.elastic += fraction * cell_energy(rest.elastic, plastic, u, g.node_position(i, j, k), g.h, points);
+        s.elastic += fraction * cell_energy(rest, plastic, u, g.node_position(i, j, k), g.h, points);
       }
   });
   Sums total;

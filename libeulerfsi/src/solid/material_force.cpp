@@ -139,12 +139,14 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
       material::Elastic elastic = rest.elastic;
       elastic.mu *= work.element_weight * work.stiffened(e);
       elastic.lambda *= work.element_weight * work.stiffened(e);
+      const double bulk = rest.bulk * work.element_weight * work.stiffened(e);
       for (std::size_t q = 0; q < points; ++q) {
         const ElasticPoint p = elastic_point(plastic, u, x0, g.h, q, points);
         const Deformation& d = p.elastic;
         double energy = 0.0;
         const double volume = g.h * g.h * g.h / (static_cast<double>(points) * d.det);
         ElementPoint point = linearise(elastic, d, volume, energy);
+        energy += volume * material::bulk_energy(bulk, d.det);
         if (points == 1) {
           const double k = kHourglassFactor * elastic.mu * g.h;
           point.hourglass[0] = static_cast<Real>(k);

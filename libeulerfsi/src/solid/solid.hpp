@@ -31,7 +31,8 @@ struct SolidRest {
   double rayleigh_alpha = 0.0, rayleigh_beta = 0.0;
   double friction = 0.0;               // Coulomb's coefficient; of two solids the mean
   double contact_stiffness = 0.0;      // k of Eq. 14; of two solids the mean [N/m]
-  bool compressible = false;           // no pressure acts in its cells
+  bool compressible = false;           // it may change its volume
+  double bulk = 0.0;                   // stiffness against that which the pressure has, not the elements [Pa]
   geometry::SignedDistance distance;   // material space
   geometry::TriangleMesh surface;      // as given, material space; in a slab what lies beyond it is on its faces
   geometry::NearestTriangle nearest;   // of the surface at rest; empty: nothing asks
@@ -42,6 +43,9 @@ struct SolidRest {
   double area = 0.0;                   // of the surface at rest [m^2]
   std::vector<std::shared_ptr<const geometry::SignedDistance>> held;  // regions of pins, material space; < 0 inside
 };
+
+// Whether a pressure acts in its cells.
+inline bool has_pressure(const SolidRest& rest) { return !rest.compressible || rest.bulk > 0.0; }
 
 // The part of the box's grid around a solid.
 struct Band {
