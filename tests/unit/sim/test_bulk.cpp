@@ -1,0 +1,188 @@
+// Purpose: laws of compressible solids whose bulk stiffness the pressure has (sim/bulk.hpp).
+#include <cmath>
+
+#include "unit/geometry/shapes.hpp"
+#include "unit/sim/scene.hpp"
+
+using namespace efsi;
+using namespace efsi::test;
+
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+
+// Calls value(position of the node, component) for every value of a node field of the solid's band.
+template <class Value>
+std::vector<float> band_field(const sim::Simulation& s, const Value& value) {
+  const grid::Grid& g = s.state().solids[0].band.grid;
+  const std::size_t nodes = g.node_count();
+  std::vector<float> out(3 * nodes);
+  for (std::size_t n = 0; n < nodes; ++n) {
+    const auto [i, j, k] = g.node_place(n);
+    for (std::size_t a = 0; a < 3; ++a) out[a * nodes + n] = static_cast<float>(value(n, g.node_position(i, j, k), a));
+  }
+  return out;
+}
+
+// Gives the solid the velocity that a force per mass of `push`(place, axis) adds in steps of dt, until it is at rest.
+template <class Push>
+void load(sim::Simulation& s, double dt, int steps, const Push& push) {
+  for (int n = 0; n < steps; ++n) {
+    const auto& v = s.state().solids[0].v;
+    const auto pushed = band_field(s, [&](std::size_t node, const Vec3d& x, std::size_t a) {
+      return static_cast<double>(v.c[a][node]) + dt * push(x, a);
+    });
+    s.set_solid_field(0, true, pushed.data());
+    REQUIRE(s.step(dt).dt == Approx(dt));
+  }
+}
+
+sim::Params vacuum(const Vec3d& size, double cell) {
+  sim::Params p = box_params(size, cell);
+  p.fluid.present = false;
+  p.gravity.setZero();
+  return p;
+}
+
+sim::SolidDesc described(geometry::TriangleMesh mesh) {
+  sim::SolidDesc d;
+  d.surface = std::move(mesh);
+  return d;
+}
+
+Vec3d displacement(const sim::Simulation& s, const Vec3d& x) {
+  const grid::Grid& g = s.state().solids[0].band.grid;
+  const Vec3d at = (x - g.node_position(0, 0, 0)) / g.h;
+  return s.state()
+      .solids[0]
+      .u
+      .at(g.node(static_cast<int>(std::lround(at[0])), static_cast<int>(std::lround(at[1])),
+                 static_cast<int>(std::lround(at[2]))))
+      .cast<double>();
+}
+
+}  // namespace
+
+TEST_CASE("A bar with free sides strains by sigma / E and contracts by nu of it", "[law]") {
+  // Pulled by a force beta x' per volume: sigma = beta/2 ((L/2)^2 - x'^2), in the middle all but uniaxial.
+  const double nu = GENERATE(0.4, 0.49);
+  constexpr double kCell = 0.0125, kModulus = 1e5, kStrain = 0.01, kLong = 0.6, dt = 0.005;
+  sim::SolidDesc bar = described(geometry::shapes::box({0.1, 0.1, 0.1}, {0.7, 0.2, 0.2}));
+  bar.youngs_modulus = kModulus;
+  bar.poissons_ratio = nu;
+  bar.compressible = true;
+  bar.rayleigh_beta = 4 * dt;
+  const auto s = make_simulation(vacuum({0.8, 0.3, 0.3}, kCell), {bar});
+  const double beta = 8.0 * kStrain * kModulus / (kLong * kLong);
+  load(*s, dt, 80, [&](const Vec3d& x, std::size_t a) { return a == 0 ? beta / 1000.0 * (x[0] - 0.4) : 0.0; });
+  const double reach = 3 * kCell, wide = 3 * kCell;
+  const double along = (displacement(*s, {0.4 + reach, 0.15, 0.15}) - displacement(*s, {0.4 - reach, 0.15, 0.15}))[0];
+  const double across = (displacement(*s, {0.4, 0.15 + wide, 0.15}) - displacement(*s, {0.4, 0.15 - wide, 0.15}))[1];
+  const double longer = 1.0 - along / (2 * reach), wider = 1.0 - across / (2 * wide);  // dX/dx
+  const double strain = 1.0 / longer - 1.0, contraction = 1.0 - 1.0 / wider;
+  const double exact = kStrain * (1.0 - 4.0 / 3.0 * reach * reach / (kLong * kLong));
+  INFO("nu " << nu << ": strain " << strain << " of " << exact << ", contraction " << contraction / strain);
+  CHECK(s->diagnose_solid(0).kinetic_energy < 1e-4 * s->diagnose_solid(0).elastic_energy);
+  CHECK(strain == Approx(exact).epsilon(0.02));
+  CHECK(contraction / strain == Approx(nu).epsilon(0.02));
+}
+
+TEST_CASE("A ball of Poisson's ratio 0.49 under a load towards its centre shrinks by the pressure over K", "[law]") {
+  // beta (x - c) per volume: the mean pressure is beta R^2 / 5.
+  constexpr double kCell = 0.0125, kRadius = 0.1, dt = 0.005, kStrain = 0.002, nu = 0.49, kModulus = 6e4;
+  const double bulk = kModulus / (3.0 * (1.0 - 2.0 * nu)), beta = 5.0 * kStrain * bulk / (kRadius * kRadius);
+  sim::SolidDesc ball = ball_desc(Vec3d::Constant(0.2), kRadius);
+  ball.youngs_modulus = kModulus;
+  ball.poissons_ratio = nu;
+  ball.compressible = true;
+  ball.rayleigh_beta = dt;
+  const auto s = make_simulation(vacuum(Vec3d::Constant(0.4), kCell), {ball});
+  load(*s, dt, 60, [&](const Vec3d& x, std::size_t a) {
+    const auto i = static_cast<Eigen::Index>(a);
+    return -beta / 1000.0 * (x[i] - 0.2);
+  });
+  const auto now = s->diagnose_solid(0);
+  INFO("shrinks by " << 1.0 - now.volume_mesh / now.rest_volume);
+  CHECK(now.kinetic_energy < 1e-3 * now.elastic_energy);
+  CHECK(1.0 - now.volume_mesh / now.rest_volume == Approx(kStrain).epsilon(0.02));
+}
+
+TEST_CASE("A compressible ball of Poisson's ratio 0.4 breathes at the frequency of its radial mode", "[law]") {
+  // x cot x = 1 - (c_p / c_s)^2 x^2 / 4, x = omega R / c_p.
+  constexpr double kRadius = 0.1, kModulus = 6e4, nu = 0.4, kDensity = 1000.0;
+  const double mu = kModulus / (2.0 * (1.0 + nu)), lambda = 2.0 * mu * nu / (1.0 - 2.0 * nu);
+  const double ratio = (lambda + 2.0 * mu) / mu;
+  double low = 1.5, high = 3.1;
+  for (int n = 0; n < 50; ++n) {
+    const double x = 0.5 * (low + high);
+    (x / std::tan(x) - 1.0 + 0.25 * ratio * x * x > 0.0 ? low : high) = x;
+  }
+  const double period = 2.0 * kPi * kRadius / (low * std::sqrt((lambda + 2.0 * mu) / kDensity));
+  sim::SolidDesc ball = ball_desc(Vec3d::Constant(0.2), kRadius);
+  ball.youngs_modulus = kModulus;
+  ball.poissons_ratio = nu;
+  ball.compressible = true;
+  const auto s = make_simulation(vacuum(Vec3d::Constant(0.4), 0.0125), {ball});
+  const auto u = band_field(*s, [&](std::size_t, const Vec3d& x, std::size_t a) {
+    return (x[static_cast<Eigen::Index>(a)] - 0.2) * (1.0 - 1.0 / 1.01);
+  });
+  s->set_solid_field(0, false, u.data());
+  const auto grown = [&] {
+    const auto d = s->diagnose_solid(0);
+    return d.volume_mesh / d.rest_volume - 1.0;
+  };
+  std::vector<double> crossings;
+  double last = grown();
+  const double start = s->diagnose_solid(0).elastic_energy;
+  while (crossings.size() < 3 && s->state().time < 2.0 * period) {
+    s->step(period / 60.0);
+    const double now = grown(), t = s->state().time;
+    if (now * last < 0.0) crossings.push_back(t - period / 60.0 * now / (now - last));
+    last = now;
+    const auto d = s->diagnose_solid(0);
+    CHECK(d.kinetic_energy + d.elastic_energy < 1.1 * start);
+  }
+  REQUIRE(crossings.size() == 3);
+  const auto end = s->diagnose_solid(0);
+  INFO("period " << crossings[2] - crossings[0] << " s, exact " << period << " s, energy kept "
+                 << (end.kinetic_energy + end.elastic_energy) / start);
+  CHECK(crossings[2] - crossings[0] == Approx(period).epsilon(0.07));
+}
+
+TEST_CASE("A compressible ball of Poisson's ratio 0.49 swings at the frequency of Lamb's spheroidal mode", "[law]") {
+  // omega R / c_s = 2.6597 for l = 2 at 0.49.
+  constexpr double kRadius = 0.1, kShear = 1e4, nu = 0.49;
+  const double period = 2.0 * kPi * kRadius / (2.6597 * std::sqrt(kShear / 1000.0));
+  sim::SolidDesc ball = ball_desc(Vec3d::Constant(0.2), kRadius);
+  ball.youngs_modulus = 2.0 * (1.0 + nu) * kShear;
+  ball.poissons_ratio = nu;
+  ball.compressible = true;
+  const auto s = make_simulation(vacuum(Vec3d::Constant(0.4), kRadius / 7), {ball});
+  const Vec3d e(1.05, 1.0 / std::sqrt(1.05), 1.0 / std::sqrt(1.05));
+  const auto u = band_field(*s, [&](std::size_t, const Vec3d& x, std::size_t a) {
+    const auto i = static_cast<Eigen::Index>(a);
+    return (x[i] - 0.2) * (1.0 - 1.0 / e[i]);
+  });
+  s->set_solid_field(0, false, u.data());
+  const auto elongation = [](const std::vector<Vec3d>& points) {
+    Vec3d mean = Vec3d::Zero(), square = Vec3d::Zero();
+    for (const Vec3d& x : points) mean += x / static_cast<double>(points.size());
+    for (const Vec3d& x : points) square += (x - mean).cwiseAbs2() / static_cast<double>(points.size());
+    return square[0] - 0.5 * (square[1] + square[2]);
+  };
+  const double start = s->diagnose_solid(0).elastic_energy, rest = elongation(s->solids()[0].surface.points);
+  std::vector<double> crossings;
+  double last = elongation(s->state().solids[0].surface) - rest;
+  while (crossings.size() < 3 && s->state().time < 2.0 * period) {
+    s->step(period / 40.0);
+    const double now = elongation(s->state().solids[0].surface) - rest, t = s->state().time;
+    if (now * last < 0.0) crossings.push_back(t - period / 40.0 * now / (now - last));
+    last = now;
+  }
+  REQUIRE(crossings.size() == 3);
+  const auto end = s->diagnose_solid(0);
+  const double kept = (end.kinetic_energy + end.elastic_energy) / start;
+  INFO("period " << crossings[2] - crossings[0] << " s, exact " << period << " s, energy kept " << kept);
+  CHECK(crossings[2] - crossings[0] == Approx(period).epsilon(0.07));
+  CHECK(kept > 0.85);
+}
