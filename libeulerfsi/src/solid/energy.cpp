@@ -7,8 +7,8 @@ namespace efsi::solid {
 namespace {
 
 // Of a whole cell with these displacements at its corners, the lowest at x0, per element that it would be [J].
-double cell_energy(const SolidRest& rest, const PlasticField& plastic, const Vec3d u[8], const Vec3d& x0,
-                   double h, std::size_t points) {
+double cell_energy(const SolidRest& rest, const PlasticField& plastic, const Vec3d u[8], const Vec3d& x0, double h,
+                   std::size_t points) {
   const material::Elastic& elastic = rest.elastic;
   double energy = 0.0;
   for (std::size_t q = 0; q < points; ++q) {

@@ -65,7 +65,7 @@ class PressureMultigrid {
   // Smooths these tiles and those beside them, unless they are most of all.
   void set_focus(grid::TileMask& mask);
   PressureLevel finest_;
-  Compliance compliance_;  // of the finest level
+  Compliance compliance_;       // of the finest level
   std::vector<Real> residual_;  // padded cells
   std::vector<Real> excess_;    // of slip nodes
   std::vector<Real> given_;     // D x of a level's cells that give way
