@@ -1,6 +1,6 @@
 #include "sim/given_shape.hpp"
 
-#include <Eigen/Dense>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -16,7 +16,6 @@ namespace {
 constexpr double kFlat = 1e-12;    // square of the sine of an angle of a triangle that has no normal
 constexpr double kWhole = 1e-3;    // relative difference between a mesh's volume and that of the solid that it bounds
 constexpr double kMostPush = 0.5;  // by which a normal velocity is changed, over itself
-constexpr double kReach = 6.0;     // spacings of the distance: farther from the surface G counts no more
 
 // Grad w of a shell on the triangle a b c whose corners move so.
 Mat3d shell_gradient(const std::array<Vec3d, 3>& x, const std::array<Vec3d, 3>& w) {
@@ -55,7 +54,11 @@ std::vector<Vec3d> element_areas(const Grid& g, const solid::SolidWork& work) {
 }  // namespace
 
 ShapeVelocity::ShapeVelocity(std::shared_ptr<const solid::GivenShape> shape, std::vector<Vec3d> velocities)
-    : shape_(std::move(shape)), velocities_(std::move(velocities)) {}
+    : shape_(std::move(shape)), velocities_(std::move(velocities)) {
+  Eigen::AlignedBox3d box;
+  for (const Vec3d& w : velocities_) box.extend(w);
+  if (moves()) range_ = box.diagonal().norm();
+}
 
 Vec3d ShapeVelocity::at(const Vec3d& X) const {
   if (!moves()) return Vec3d::Zero();
@@ -68,10 +71,10 @@ Vec3d ShapeVelocity::at(const Vec3d& X) const {
     x[c] = mesh.points[static_cast<std::size_t>(t[c])];
     w[c] = velocities_[static_cast<std::size_t>(t[c])];
   }
-  const double reach = kReach * shape_->surface->distance.spacing;
-  const Vec3d P = geometry::closest_point(x[0], x[1], x[2], X);
-  const Vec3d place = P + std::min(1.0, reach / std::max(found.distance, reach)) * (X - P);
-  return (w[0] + w[1] + w[2]) / 3.0 + shell_gradient(x, w) * (place - (x[0] + x[1] + x[2]) / 3.0);
+  const Vec3d P = geometry::closest_point(x[0], x[1], x[2], X), middle = (x[0] + x[1] + x[2]) / 3.0;
+  const Mat3d gradient = shell_gradient(x, w);
+  const Vec3d off = gradient * (X - P);
+  return (w[0] + w[1] + w[2]) / 3.0 + gradient * (P - middle) + (off.norm() > range_ ? range_ / off.norm() : 1.0) * off;
 }
 
 PinVelocity velocity_of(const Pin& pin, const solid::SolidState& state, double time, double t, double dt) {

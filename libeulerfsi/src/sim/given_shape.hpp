@@ -2,7 +2,7 @@
 // near them (docs/numerics/given-motion.md):
 //   w(X) = w(P) + G (X - P),   P the nearest point of the surface, G grad w there
 // G is that of a shell: along the triangle what its corners say, across it the normal keeps its length and turns with
-// the triangle. What moves rigidly, moves so at all X.
+// the triangle. What moves rigidly, moves so at all X. |G (X - P)| is at most the range of the w of the surface.
 #pragma once
 
 #include <span>
@@ -27,6 +27,7 @@ class ShapeVelocity {
  private:
   std::shared_ptr<const solid::GivenShape> shape_;
   std::vector<Vec3d> velocities_;
+  double range_ = 0.0;  // diagonal of the box around them [m/s]
 };
 
 // How what a pin holds moves: v = V + omega x (x - c) + R w(X), x = R X + s.
