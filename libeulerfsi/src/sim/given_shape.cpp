@@ -13,7 +13,8 @@ using grid::Grid;
 
 namespace {
 
-constexpr double kFlat = 1e-12;    // square of the sine of an angle of a triangle that has no normal
+constexpr double kFlat = 1e-12;  // square of the sine of an angle of a triangle that has no normal
+constexpr double kWholeInSlab = 0.05;
 constexpr double kWhole = 1e-3;    // relative difference between a mesh's volume and that of the solid that it bounds
 constexpr double kMostPush = 0.5;  // by which a normal velocity is changed, over itself
 
@@ -106,14 +107,15 @@ void keep_volume(const Scene& scene, const PinVelocity& velocity, double dt, con
   const Grid& box = scene.grid;
   const geometry::Surface& surface = *state.shape->surface;
   const double mesh = geometry::signed_volume(surface.mesh), volume = surface.report.solid_volume;
-  if (std::abs(std::abs(mesh) / volume - 1.0) > kWhole) return;
+  const double part = std::abs(mesh) / volume;  // in a slab the mesh ends a little inside its faces
+  if (std::abs(part - 1.0) > (surface.distance.flat < 0 ? kWhole : kWholeInSlab)) return;
   const Vec3d top = box.node_position(box.cells[0], box.cells[1], box.cells[2]);
   for (const Vec3d& x : state.surface)
     if ((x - box.origin).minCoeff() < 0.0 || (top - x).minCoeff() < 0.0) return;
 
   std::vector<Vec3d> moved = velocity.points.points();
   for (std::size_t v = 0; v < moved.size(); ++v) moved[v] += dt * velocity.points.velocities()[v];
-  const double growth = (geometry::signed_volume(moved, surface.mesh.triangles) - mesh) / dt;
+  const double growth = (geometry::signed_volume(moved, surface.mesh.triangles) - mesh) / (part * dt);
   const std::vector<Vec3d> areas = element_areas(state.band.grid, work);
   const Vec3i lo = grid::offset(state.band.grid, common);
   std::vector<Vec3d> push(given.size(), Vec3d::Zero());
