@@ -16,6 +16,7 @@ namespace {
 constexpr double kFlat = 1e-12;  // square of the sine of an angle of a triangle that has no normal
 constexpr double kWholeInSlab = 0.05;
 constexpr double kWhole = 1e-3;    // relative difference between a mesh's volume and that of the solid that it bounds
+constexpr double kReach = 8.0;     // spacings of the distance, half a cell each: farther out w is 0
 constexpr double kMostPush = 0.5;  // by which a normal velocity is changed, over itself
 
 // Grad w of a shell on the triangle a b c whose corners move so.
@@ -64,9 +65,13 @@ ShapeVelocity::ShapeVelocity(std::shared_ptr<const solid::GivenShape> shape, std
 Vec3d ShapeVelocity::at(const Vec3d& X) const {
   if (!moves()) return Vec3d::Zero();
   const geometry::TriangleMesh& mesh = shape_->surface->mesh;
-  const geometry::NearestTriangle::Found found = shape_->nearest.find(X);
-  if (found.triangle < 0) return Vec3d::Zero();
-  const geometry::Triangle& t = mesh.triangles[static_cast<std::size_t>(found.triangle)];
+  const geometry::SignedDistance& distance = shape_->surface->distance;
+  const double phi = distance.sample(X);
+  if (phi > kReach * distance.spacing) return Vec3d::Zero();
+  // A search that starts at the surface is short.
+  const std::int32_t found = shape_->nearest.find(X - phi * distance.gradient(X).stableNormalized()).triangle;
+  if (found < 0) return Vec3d::Zero();
+  const geometry::Triangle& t = mesh.triangles[static_cast<std::size_t>(found)];
   std::array<Vec3d, 3> x, w;
   for (std::size_t c = 0; c < 3; ++c) {
     x[c] = mesh.points[static_cast<std::size_t>(t[c])];

@@ -1,6 +1,6 @@
 // Purpose: colliders whose points are given: their surface at a time, and the velocity that its points give to what is
 // near them (docs/numerics/given-motion.md):
-//   w(X) = w(P) + G (X - P),   P the nearest point of the surface, G grad w there
+//   w(X) = w(P) + G (X - P),   P the nearest point of the surface, G grad w there; 0 more than four cells outside
 // G is that of a shell: along the triangle what its corners say, across it the normal keeps its length and turns with
 // the triangle. What moves rigidly, moves so at all X. |G (X - P)| is at most the range of the w of the surface.
 #pragma once
