@@ -107,7 +107,7 @@ TEST_CASE("A ball whose points move is one whose transform does", "[law]") {
                        << pose.momentum.transpose() << ", impulse " << points.impulse.transpose() << " for "
                        << pose.impulse.transpose() << ", work " << points.work << " for " << pose.work);
         CHECK(pose.momentum[0] > (distance < 0.05 ? 0.9 : 0.01));
-        // As much as turning the mesh by 0.05 changes in the wake of the ball.
+        // Turning the mesh by 0.05 rad alone changes 0.04 in the wake of the ball, 0.05 where balls have met.
         CHECK(off < (distance < 0.05 ? 0.12 : 0.05));
         CHECK((points.momentum - pose.momentum).norm() < 0.02 * pose.momentum.norm());
         CHECK((points.impulse - pose.impulse).norm() < 0.01 * pose.impulse.norm());
