@@ -53,6 +53,7 @@ bool is_credible(std::uint8_t nearest, std::uint8_t farthest, const Mat3d& inver
 std::vector<std::vector<Holding>> compute_fractions(const Parallel& parallel, const SolidRest& rest,
                                                     const SolidState& state, SolidWork& work) {
   const Grid& g = state.band.grid;
+  const geometry::SignedDistance& distance = distance_of(rest, state);
   const auto corner = grid::corner_offsets(g);
   work.fraction.assign(g.cell_count(), 0);
   work.volume_ratio.assign(g.cell_count(), 1);
@@ -75,13 +76,13 @@ std::vector<std::vector<Holding>> compute_fractions(const Parallel& parallel, co
           mean += 0.125 * u[a];
         }
         const Vec3d material = g.cell_center(i, j, k) - mean;
-        const double phi = rest.distance.sample(material);
+        const double phi = distance.sample(material);
         if (phi > 4.0 * g.h) continue;
         const Mat3d inverse_f = Mat3d::Identity() - displacement_gradient(u, center_gradients(), g.h);
         const double inverse_det = std::clamp(inverse_f.determinant(), 0.1, 10.0);
         double fraction = phi < 0.0 ? 1.0 : 0.0;
         if (std::abs(phi) < cutting_distance(inverse_f) * g.h) {
-          Vec3d normal = inverse_f.transpose() * rest.distance.gradient(material);
+          Vec3d normal = inverse_f.transpose() * distance.gradient(material);
           const double length = std::clamp(normal.norm(), 0.25, 4.0);
           normal = normal.norm() > 1e-12 ? Vec3d(normal.normalized()) : Vec3d(0, 1, 0);
           fraction = grid::plane_cut_fraction(phi / (length * g.h), normal);
@@ -173,7 +174,8 @@ void find_elements(const Grid& g, const std::vector<std::uint8_t>& full, SolidWo
 // strain lies: theta psi(F / theta) is about psi(F) / theta.
 void stiffen_beside_pins(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work) {
   work.stiffening.clear();
-  if (rest.held.empty() || rest.plastic.yields()) return;  // what has yielded is kept by cells
+  if (state.shape) work.stiffening.assign(work.element_corner.size(), 0.0);  // what deforms as given resists nothing
+  if (rest.held.empty() || rest.plastic.yields()) return;                    // what has yielded is kept by cells
   const Grid& g = state.band.grid;
   work.stiffening.resize(work.element_corner.size());
   parallel.for_each(static_cast<std::int64_t>(work.stiffening.size()), [&](std::int64_t i) {

@@ -14,6 +14,11 @@ std::size_t SolidWork::bytes() const {
          fold_places.place.size() * (sizeof(fold_places.place[0]) + sizeof(fold_places.normal[0]));
 }
 
+std::size_t GivenShape::bytes() const {
+  return surface->mesh.points.size() * sizeof(Vec3d) + surface->mesh.triangles.size() * sizeof(geometry::Triangle) +
+         surface->distance.values.size() * sizeof(float) + nearest.bytes();
+}
+
 std::size_t state_bytes(const SolidState& state) {
   ByteCount count;
   visit_fields(state, count);

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "geometry/mesh_sdf.hpp"
 #include "geometry/nearest_triangle.hpp"
 #include "geometry/signed_distance.hpp"
 #include "geometry/triangle_mesh.hpp"
@@ -78,6 +79,13 @@ struct PlasticNode {
   Real accumulated;  // equivalent plastic strain that has flown
 };
 
+// The surface of a collider whose points are given, where they are: material space.
+struct GivenShape {
+  std::shared_ptr<const geometry::Surface> surface;
+  geometry::NearestTriangle nearest;  // of it
+  std::size_t bytes() const;
+};
+
 // State: survives a step.
 struct SolidState {
   Band band;
@@ -94,7 +102,20 @@ struct SolidState {
   std::uint8_t whole = 1;            // no part of it has left through an open face
   double speed = 0.0;                // largest component of the velocity in the last step [m/s]
   double leak = 0.0;                 // volume that the last step lost by the mesh, over that at rest
+  // In place of that at rest, of a collider whose points are given. It follows from those: no part of a checkpoint.
+  std::shared_ptr<const GivenShape> shape;
 };
+
+// The surface in material space that a solid's map leads to: signed distance, points, nearest triangle.
+inline const geometry::SignedDistance& distance_of(const SolidRest& rest, const SolidState& state) {
+  return state.shape ? state.shape->surface->distance : rest.distance;
+}
+inline const std::vector<Vec3d>& points_of(const SolidRest& rest, const SolidState& state) {
+  return state.shape ? state.shape->surface->mesh.points : rest.surface.points;
+}
+inline const geometry::NearestTriangle& nearest_of(const SolidRest& rest, const SolidState& state) {
+  return state.shape ? state.shape->nearest : rest.nearest;
+}
 
 // Calls fields.value(x) or fields.array(x) for all that a solid's state holds. One list serves checkpoint, hash and
 // memory count.
