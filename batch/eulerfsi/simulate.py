@@ -30,7 +30,7 @@ from .system import available_memory, available_threads
 from .usd_messages import usd_messages
 
 CHECKPOINT_EVERY = 10  # frames
-# What moves as given, in a step of stats.jsonl: fields of its EfsiReaction.
+# What moves as given, in a step of stats.jsonl: fields of its EfsiPinReaction.
 _GIVEN_COLUMNS = {"impulses": "impulse", "angular_impulses": "angular_impulse", "given_work": "work"}
 _RESUME = "continue with --resume"
 # Fields of EfsiStepInfo that count.

@@ -10,7 +10,7 @@ from pxr import Usd, UsdGeom, UsdSkel
 from .gprims import surface_of
 from .issues import Issue, make_issue
 from .pose import Pose, PoseError
-from .transforms import frames_of, motion, motion_text, moves, stretch
+from .transforms import first_change, frames_of, motion, motion_text, moves, stretch
 
 SAME = 1e-6  # of the extent of a mesh: points that move less stay where they are
 
@@ -74,15 +74,10 @@ def check_shape_over_time(prim: Usd.Prim) -> list[Issue]:
     """Faces and number of points of a collider's Mesh are the same in all frames, and it does not turn inside out."""
     first, *frames = frames_of(prim.GetStage())
     mesh = UsdGeom.Mesh(prim)
-    for attribute in (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()):
-        start = attribute.Get(first)
-        for frame in frames if attribute.ValueMightBeTimeVarying() else ():
-            now = attribute.Get(frame)
-            if now is not None and np.array_equal(np.asarray(now), np.asarray(start)):
-                continue
-            value = f"{len(now or ())} values at frame {frame:g}, {len(start)} at frame {first:g}"
-            limit = "the same in all frames: the points of a collider may move, its faces may not change"
-            return [_named(prim, attribute.GetName(), value, limit, "ChangingCollider")]
+    changed = first_change(prim, (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()))
+    if changed:
+        limit = "the same in all frames: the points of a collider may move, its faces may not change"
+        return [_named(prim, *changed, limit, "ChangingCollider")]
     if not _may_deform(prim):
         return []
     start = Pose(prim, True).points(Usd.TimeCode(first))

@@ -12,7 +12,7 @@ from .gprims import SHAPES, dimensions
 from .issues import Issue, first_time, make_issue, read
 from .pose import Pose
 from .surface import check_surface
-from .transforms import frames_of, motion, moves, stretch
+from .transforms import first_change, frames_of, motion, moves, stretch
 
 PINS, PIN_TO, PIN_PRIMVAR = "eulerfsi:pins", "eulerfsi:pinTo", "primvars:eulerfsi:pin"
 
@@ -52,22 +52,17 @@ def _check_dimensions(prim: Usd.Prim) -> list[Issue]:
 
 def _check_same_mesh(prim: Usd.Prim) -> list[Issue]:
     """Faces and points are the same in all frames."""
-    mesh, start = UsdGeom.Mesh(prim), frames_of(prim.GetStage())[0]
+    mesh = UsdGeom.Mesh(prim)
     skeleton = Pose(prim, True).skeleton
     if skeleton:
         limit = "none: the volume of a pin is moved by transforms only"
         return [make_issue(prim, "skel:skeleton", skeleton, limit, "DeformingPin")]
-    for attribute in (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr(), mesh.GetPointsAttr()):
-        if not attribute.ValueMightBeTimeVarying():
-            continue
-        first = attribute.Get(start)
-        for frame in frames_of(prim.GetStage())[1:]:
-            now = attribute.Get(frame)
-            if now is not None and np.array_equal(np.asarray(now), np.asarray(first)):
-                continue
-            value = f"{len(now or ())} values at frame {frame:g}, {len(first)} at frame {start:g}"
-            limit = "the same in all frames: the volume of a pin is moved by transforms only"
-            return [make_issue(prim, attribute.GetName(), value, limit, "ChangingPin")]
+    changed = first_change(
+        prim, (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr(), mesh.GetPointsAttr())
+    )
+    if changed:
+        limit = "the same in all frames: the volume of a pin is moved by transforms only"
+        return [make_issue(prim, *changed, limit, "ChangingPin")]
     return []
 
 

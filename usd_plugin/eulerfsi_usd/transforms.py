@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 from pxr import Usd, UsdGeom
@@ -41,6 +42,20 @@ def motion_text(prim: Usd.Prim) -> str:
 def moves(prim: Usd.Prim) -> bool:
     """Whether its place in the world is animated."""
     return bool(transform_drivers(prim))
+
+
+def first_change(prim: Usd.Prim, attributes: Iterable[Usd.Attribute]) -> tuple[str, str] | None:
+    """Name of the first of these attributes that is not the same in all frames, and what it is; None: all are."""
+    start, *frames = frames_of(prim.GetStage())
+    for attribute in attributes:
+        first = attribute.Get(start)
+        for frame in frames if attribute.ValueMightBeTimeVarying() else ():
+            now = attribute.Get(frame)
+            if now is not None and np.array_equal(np.asarray(now), np.asarray(first)):
+                continue
+            value = f"{len(now or ())} values at frame {frame:g}, {len(first)} at frame {start:g}"
+            return attribute.GetName(), value
+    return None
 
 
 def stretch(motion: np.ndarray) -> list[float] | None:

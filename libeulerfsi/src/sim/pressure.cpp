@@ -46,6 +46,7 @@ std::vector<std::uint8_t> pressure_cells(const Parallel& parallel, const Scene& 
 
 constexpr double kLastHolds = 0.7;    // of f*: the last pressure acts at once where it leaves less
 constexpr double kLastPresses = 0.5;  // of f* less M v, while solids push each other; with more it makes energy
+
 // The pressure system of this step and what it shall reach.
 void assemble_pressure_system(const StepContext& step, const SolidStates& states, SolidWorks& solids,
                               const Matter& matter, const Holds& holds, system::SlipNodes& slip,

@@ -2,7 +2,7 @@
 #include <cmath>
 
 #include "unit/geometry/shapes.hpp"
-#include "unit/sim/scene.hpp"
+#include "unit/sim/free_solid.hpp"
 
 using namespace efsi;
 using namespace efsi::test;
@@ -10,32 +10,6 @@ using namespace efsi::test;
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
-
-// Calls value(position of the node, component) for every value of a node field of the solid's band.
-template <class Value>
-std::vector<float> band_field(const sim::Simulation& s, const Value& value) {
-  const grid::Grid& g = s.state().solids[0].band.grid;
-  const std::size_t nodes = g.node_count();
-  std::vector<float> out(3 * nodes);
-  for (std::size_t n = 0; n < nodes; ++n) {
-    const auto [i, j, k] = g.node_place(n);
-    for (std::size_t a = 0; a < 3; ++a) out[a * nodes + n] = static_cast<float>(value(n, g.node_position(i, j, k), a));
-  }
-  return out;
-}
-
-// Gives the solid the velocity that a force per mass of `push`(place, axis) adds in steps of dt, until it is at rest.
-template <class Push>
-void load(sim::Simulation& s, double dt, int steps, const Push& push) {
-  for (int n = 0; n < steps; ++n) {
-    const auto& v = s.state().solids[0].v;
-    const auto pushed = band_field(s, [&](std::size_t node, const Vec3d& x, std::size_t a) {
-      return static_cast<double>(v.c[a][node]) + dt * push(x, a);
-    });
-    s.set_solid_field(0, true, pushed.data());
-    REQUIRE(s.step(dt).dt == Approx(dt));
-  }
-}
 
 sim::Params vacuum(const Vec3d& size, double cell) {
   sim::Params p = box_params(size, cell);
@@ -128,25 +102,16 @@ TEST_CASE("A compressible ball of Poisson's ratio 0.4 breathes at the frequency 
   ball.poissons_ratio = nu;
   ball.compressible = true;
   const auto s = make_simulation(vacuum(Vec3d::Constant(0.4), 0.0125), {ball});
-  const auto u = band_field(*s, [&](std::size_t, const Vec3d& x, std::size_t a) {
-    return (x[static_cast<Eigen::Index>(a)] - 0.2) * (1.0 - 1.0 / 1.01);
-  });
-  s->set_solid_field(0, false, u.data());
+  stretch(*s, Vec3d::Constant(0.2), Vec3d::Constant(1.01));
   const auto grown = [&] {
     const auto d = s->diagnose_solid(0);
     return d.volume_mesh / d.rest_volume - 1.0;
   };
-  std::vector<double> crossings;
-  double last = grown();
   const double start = s->diagnose_solid(0).elastic_energy;
-  while (crossings.size() < 3 && s->state().time < 2.0 * period) {
-    s->step(period / 60.0);
-    const double now = grown(), t = s->state().time;
-    if (now * last < 0.0) crossings.push_back(t - period / 60.0 * now / (now - last));
-    last = now;
+  const std::vector<double> crossings = sign_changes(*s, period, 60.0, grown, [&] {
     const auto d = s->diagnose_solid(0);
     CHECK(d.kinetic_energy + d.elastic_energy < 1.1 * start);
-  }
+  });
   REQUIRE(crossings.size() == 3);
   const auto end = s->diagnose_solid(0);
   INFO("period " << crossings[2] - crossings[0] << " s, exact " << period << " s, energy kept "
@@ -163,27 +128,10 @@ TEST_CASE("A compressible ball of Poisson's ratio 0.49 swings at the frequency o
   ball.poissons_ratio = nu;
   ball.compressible = true;
   const auto s = make_simulation(vacuum(Vec3d::Constant(0.4), kRadius / 7), {ball});
-  const Vec3d e(1.05, 1.0 / std::sqrt(1.05), 1.0 / std::sqrt(1.05));
-  const auto u = band_field(*s, [&](std::size_t, const Vec3d& x, std::size_t a) {
-    const auto i = static_cast<Eigen::Index>(a);
-    return (x[i] - 0.2) * (1.0 - 1.0 / e[i]);
-  });
-  s->set_solid_field(0, false, u.data());
-  const auto elongation = [](const std::vector<Vec3d>& points) {
-    Vec3d mean = Vec3d::Zero(), square = Vec3d::Zero();
-    for (const Vec3d& x : points) mean += x / static_cast<double>(points.size());
-    for (const Vec3d& x : points) square += (x - mean).cwiseAbs2() / static_cast<double>(points.size());
-    return square[0] - 0.5 * (square[1] + square[2]);
-  };
+  stretch(*s, Vec3d::Constant(0.2), {1.05, 1.0 / std::sqrt(1.05), 1.0 / std::sqrt(1.05)});
   const double start = s->diagnose_solid(0).elastic_energy, rest = elongation(s->solids()[0].surface.points);
-  std::vector<double> crossings;
-  double last = elongation(s->state().solids[0].surface) - rest;
-  while (crossings.size() < 3 && s->state().time < 2.0 * period) {
-    s->step(period / 40.0);
-    const double now = elongation(s->state().solids[0].surface) - rest, t = s->state().time;
-    if (now * last < 0.0) crossings.push_back(t - period / 40.0 * now / (now - last));
-    last = now;
-  }
+  const std::vector<double> crossings = sign_changes(
+      *s, period, 40.0, [&] { return elongation(s->state().solids[0].surface) - rest; }, [] {});
   REQUIRE(crossings.size() == 3);
   const auto end = s->diagnose_solid(0);
   const double kept = (end.kinetic_energy + end.elastic_energy) / start;
