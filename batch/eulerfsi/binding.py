@@ -466,6 +466,7 @@ PROTOTYPES: dict[str, list] = {
     "efsi_pin_add_vertices": [_SIM, c_uint32, c_void_p, c_uint64, _P(c_uint32)],
     "efsi_collider_add": [_SIM, _P(SolidDef), _P(c_uint32), _P(c_uint32), _P(MeshReport)],
     "efsi_pin_set_motion": [_SIM, c_uint32, c_double, c_double, c_void_p, c_void_p],
+    "efsi_collider_set_points": [_SIM, c_uint32, c_double, c_double, c_void_p, c_void_p, c_uint64],
     "efsi_pin_get_impulse": [_SIM, c_uint32, _P(Vec3)],
     "efsi_pin_get_reaction": [_SIM, c_uint32, _P(PinReaction)],
     "efsi_passenger_add": [_SIM, c_uint32, c_void_p, c_uint64, _P(c_uint32)],

@@ -8,7 +8,6 @@ import numpy as np
 
 from . import files
 from .scene_parts import Scene
-from .space import transform_points
 from .usd_writer import vertex_normals
 
 # Fill colours of the solids, repeated when there are more.
@@ -76,10 +75,7 @@ def write_preview(
     toward = flip * (1.0 if (right, up, depth) in ((0, 1, 2), (1, 2, 0), (2, 0, 1)) else -1.0)
     polygons, shades, distances = [], [], []
     shapes = [(solid, points) for solid, (points, _) in zip(scene.drawn, surfaces, strict=True)]
-    shapes += [
-        (collider, transform_points(collider.mesh.points, collider.motion.pose(frame).T))
-        for collider in scene.colliders
-    ]
+    shapes += [(collider, collider.points(frame)) for collider in scene.colliders]
     for number, (solid, points) in enumerate(shapes):
         if not len(solid.mesh.counts):
             continue

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from eulerfsi_usd import given, gprims
+from eulerfsi_usd import deform, given, gprims
 from eulerfsi_usd.pose import Pose, PoseError
 from pxr import Usd, UsdGeom, UsdShade
 
@@ -15,7 +15,7 @@ from .errors import Cancelled, LibraryError, SceneError
 from .motion import fit_rigid_motion, volume_center
 from .progress import Waiting
 from .reasons import mesh_reason
-from .scene_parts import Collider, Emitter, Motion, Passenger, Pin, Solid, slab_axis
+from .scene_parts import Collider, Deformation, Emitter, Motion, Passenger, Pin, Solid, slab_axis
 from .scene_values import Reader
 from .signals import Signals
 from .space import SimulationSpace, determinant, orthonormal_rows, transform_points, transform_vectors
@@ -130,8 +130,15 @@ def read_pins(reader: Reader, space: SimulationSpace, solid: Usd.Prim, first: in
 
 
 def read_collider(reader: Reader, space: SimulationSpace, prim: Usd.Prim, first: int) -> Collider:
-    motion = Motion(str(prim.GetPath()), prim.GetStage(), space, first)
-    return Collider(str(prim.GetPath()), closed_mesh(reader, space, prim), reader.fields(prim, "collider"), motion)
+    path, stage, shape = str(prim.GetPath()), prim.GetStage(), None
+    stretched = deform.stretches(prim)
+    try:
+        if deform.deforms(prim):
+            shape = Deformation(path, stage, space, first, stretched)
+    except PoseError as error:
+        raise SceneError(f"{path}: {error}") from error
+    motion = Motion("" if stretched else path, stage, space, first)
+    return Collider(path, closed_mesh(reader, space, prim), reader.fields(prim, "collider"), motion, shape)
 
 
 def examine(body: Solid | Pin | Collider | Emitter, domain: dict[str, Any], threads: int) -> None:

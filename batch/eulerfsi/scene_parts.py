@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from eulerfsi_usd import given
-from pxr import Usd
+from eulerfsi_usd import deform, transforms
+from pxr import Usd, UsdGeom
 
 from . import binding, solver
 from .frames import FrameRange
@@ -53,19 +53,37 @@ class Motion:
     @property
     def moves(self) -> bool:
         """Whether it does."""
-        return bool(self.driver) and given.moves(self.stage.GetPrimAtPath(self.driver))
+        return bool(self.driver) and transforms.moves(self.stage.GetPrimAtPath(self.driver))
 
     def pose(self, frame: int) -> np.ndarray:
         """(4, 4) for column vectors in simulation space: where a frame puts what lies there at the first frame."""
         if not self.moves:
             return np.eye(4)
-        world = given.motion(self.stage.GetPrimAtPath(self.driver), frame, self.first)
+        world = transforms.motion(self.stage.GetPrimAtPath(self.driver), frame, self.first)
         corners = self.space.point_to_world(np.concatenate([np.zeros((1, 3)), np.eye(3)]))
         origin, *ends = transform_points(corners, self.space.from_local(world))
         pose = np.eye(4)
         pose[:3, :3] = np.stack([end - origin for end in ends], axis=1)
         pose[:3, 3] = origin
         return pose
+
+
+@dataclasses.dataclass
+class Deformation:
+    """How the points of a collider move beside its motion. stretched: that is none, they move with its transform."""
+
+    path: str
+    stage: Usd.Stage
+    space: SimulationSpace
+    first: int
+    stretched: bool
+
+    def points(self, frame: int) -> np.ndarray:
+        """(n, 3) in simulation space: the motion of the collider places them in a frame."""
+        prim = self.stage.GetPrimAtPath(self.path)
+        time = Usd.TimeCode(frame if self.stretched else self.first)
+        matrix = UsdGeom.XformCache(time).GetLocalToWorldTransform(prim)
+        return transform_points(deform.points_at(prim, frame), self.space.from_local(np.array(matrix)))
 
 
 @dataclasses.dataclass
@@ -88,8 +106,14 @@ class Collider:
     mesh: solver.Mesh
     values: dict[str, Any]
     motion: Motion
+    shape: Deformation | None = None  # of one that deforms
     surface: solver.Surface | None = None
     surface_file: str = ""
+
+    def points(self, frame: int) -> np.ndarray:
+        """(n, 3) where it is in a frame, simulation space."""
+        points = self.shape.points(frame) if self.shape else self.mesh.points
+        return transform_points(points, self.motion.pose(frame).T)
 
     @property
     def report(self) -> dict[str, Any]:
@@ -224,7 +248,10 @@ class Scene:
             digest.update(body.mesh.points.tobytes() + body.mesh.indices.tobytes())
         for moved in [*self.pins, *self.colliders]:
             if moved.motion.moves:
-                digest.update(given.motion_text(self.stage.GetPrimAtPath(moved.motion.driver)).encode())
+                digest.update(transforms.motion_text(self.stage.GetPrimAtPath(moved.motion.driver)).encode())
+        for collider in self.colliders:
+            if collider.shape:
+                digest.update(deform.shape_digest(self.stage.GetPrimAtPath(collider.path)))
         return digest.hexdigest()
 
 

@@ -30,7 +30,7 @@ from .system import available_memory, available_threads
 from .usd_messages import usd_messages
 
 CHECKPOINT_EVERY = 10  # frames
-# What moves as given, in a step of stats.jsonl: fields of its EfsiReaction.
+# What moves as given, in a step of stats.jsonl: fields of its EfsiPinReaction.
 _GIVEN_COLUMNS = {"impulses": "impulse", "angular_impulses": "angular_impulse", "given_work": "work"}
 _RESUME = "continue with --resume"
 # Fields of EfsiStepInfo that count.
@@ -272,7 +272,7 @@ class _Run:
                 raise Cancelled(self.signals.number, _RESUME) from error
             if error.status == binding.ERROR_DIVERGED:
                 raise DivergedError(f"frame {frame}: {error}") from error
-            raise
+            raise LibraryError(error.status, f"frame {frame}: {error}") from error
         record(info)
         self.contacts.add(simulation.contacts(), info["velocity_iterations"])
         if info["unconverged"] or info["degenerate_cells"]:
@@ -288,16 +288,19 @@ class _Run:
         return list(zip(bodies, [*self.ids.pins, *self.ids.colliders], strict=True))
 
     def _set_motions(self, frame: int) -> None:
-        """What is given moves from the pose of the frame before to that of this one."""
+        """What is given moves from the pose, and the points, of the frame before to those of this one."""
         start, end = ((frame - back - self.scene.frames.first) / self.scene.fps for back in (1, 0))
         for body, identifier in self._given:
-            if not body.motion.moves:
-                continue
+            shape = body.shape if isinstance(body, Collider) else None
             try:
-                poses = body.motion.pose(frame - 1), body.motion.pose(frame)
-                self.simulation.set_motion(identifier, start, end, poses)
+                if body.motion.moves:
+                    poses = body.motion.pose(frame - 1), body.motion.pose(frame)
+                    self.simulation.set_motion(identifier, start, end, poses)
+                if shape:
+                    self.simulation.set_points(identifier, start, end, (shape.points(frame - 1), shape.points(frame)))
             except LibraryError as error:
-                raise LibraryError(error.status, f"{body.motion.driver}: frame {frame}: {error}") from error
+                driver = body.motion.driver or body.path
+                raise LibraryError(error.status, f"{driver}: frame {frame}: {error}") from error
 
     def _step_columns(self) -> dict[str, Any]:
         """What the last step did beside its counters: repairs, changes by the transport, energies if asked for."""

@@ -261,6 +261,17 @@ class Simulation:
         status = self._lib.efsi_pin_set_motion(self._handle, pin, start, end, before.ctypes.data, after.ctypes.data)
         self._check(status)
 
+    def set_points(self, pin: int, start: float, end: float, points: tuple[np.ndarray, np.ndarray]) -> None:
+        """The points of a collider go straight from where they are to other places between two times [s].
+
+        points: (n, 3) each, in the order of its mesh, simulation space [m]; the poses of set_motion place them.
+        """
+        before, after = (np.ascontiguousarray(part, np.float32) for part in points)
+        status = self._lib.efsi_collider_set_points(
+            self._handle, pin, start, end, before.ctypes.data, after.ctypes.data, min(len(before), len(after))
+        )
+        self._check(status)
+
     def pin_reaction(self, pin: int) -> dict[str, Any]:
         """Fields of EfsiPinReaction: what held the nodes of a pin in the last step."""
         out = binding.PinReaction()

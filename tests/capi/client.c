@@ -417,6 +417,23 @@ static void check_given_motion(void) {
   CHECK(fabs(reaction.work - 0.25 * reaction.impulse.y) < 1e-3 * fabs(reaction.work)); /* 0.01 m in 0.04 s */
   CHECK(reaction.center.y > low[0][1] && reaction.center.y < low[0][1] + 1.0);
   CHECK(efsi_pin_get_reaction(sim, 4, &reaction) == EFSI_ERROR_ARGUMENT);
+  /* Then its points rise by 0.01 m over where the pose has put them. */
+  float high[8][3];
+  for (int i = 0; i < 8; ++i)
+    for (int a = 0; a < 3; ++a) high[i][a] = low[i][a] + (a == 1 ? 0.01f : 0.0f);
+  CHECK_OK(sim, efsi_collider_set_points(sim, moved, 0.04, 0.08, &low[0][0], &high[0][0], 8));
+  CHECK(efsi_collider_set_points(sim, moved, 0.04, 0.08, &low[0][0], &high[0][0], 7) == EFSI_ERROR_ARGUMENT);
+  CHECK(strstr(efsi_simulation_last_error(sim), "point_count = 7: must be 8, as in the mesh of solid 2"));
+  CHECK(efsi_collider_set_points(sim, lid, 0.04, 0.08, &low[0][0], &high[0][0], 8) == EFSI_ERROR_ARGUMENT);
+  CHECK(strstr(efsi_simulation_last_error(sim), "must be that of a collider"));
+  CHECK(efsi_collider_set_points(sim, moved, 0.08, 0.08, &low[0][0], &high[0][0], 8) == EFSI_ERROR_ARGUMENT);
+  CHECK(efsi_collider_set_points(sim, moved, 0.04, 0.08, NULL, &high[0][0], 8) == EFSI_ERROR_ARGUMENT);
+  high[5][2] = NAN;
+  CHECK(efsi_collider_set_points(sim, moved, 0.04, 0.08, &low[0][0], &high[0][0], 8) == EFSI_ERROR_ARGUMENT);
+  CHECK(strstr(efsi_simulation_last_error(sim), "to[5]: must be finite"));
+  CHECK_OK(sim, efsi_simulation_advance(sim, 0.04, NULL, NULL, NULL));
+  CHECK_OK(sim, efsi_solid_get_surface(sim, plate, points, NULL, 8));
+  for (int i = 0; i < 8; ++i) CHECK(fabs((double)(points[3 * i + 1] - low[i][1]) - 0.02) < 1e-6);
   efsi_simulation_destroy(sim);
 }
 

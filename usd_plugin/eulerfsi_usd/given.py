@@ -7,44 +7,14 @@ import math
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
+from .deform import check_shape_over_time, check_stretch
 from .gprims import SHAPES, dimensions
 from .issues import Issue, first_time, make_issue, read
-from .pose import Pose, transform_drivers
+from .pose import Pose
 from .surface import check_surface
+from .transforms import first_change, frames_of, motion, moves, stretch
 
 PINS, PIN_TO, PIN_PRIMVAR = "eulerfsi:pins", "eulerfsi:pinTo", "primvars:eulerfsi:pin"
-RIGID = 1e-4  # by which a motion may stretch
-
-
-def frames_of(stage: Usd.Stage) -> list[float]:
-    """Whole frames of the stage's range; its first time alone where it has none."""
-    if not stage.HasAuthoredTimeCodeRange():
-        return [1.0]
-    return [float(frame) for frame in range(math.ceil(stage.GetStartTimeCode()), int(stage.GetEndTimeCode()) + 1)]
-
-
-def motion(prim: Usd.Prim, frame: float, start: float) -> np.ndarray:
-    """(4, 4) for row vectors: where a frame puts, in world space, what is in the world at the first frame."""
-    before, now = (UsdGeom.XformCache(Usd.TimeCode(time)).GetLocalToWorldTransform(prim) for time in (start, frame))
-    return np.array(before.GetInverse() * now)
-
-
-def motion_text(prim: Usd.Prim) -> str:
-    """All values of the transforms that place a prim: equal texts are equal motions, whatever frames are simulated."""
-    lines = []
-    while prim and not prim.IsPseudoRoot():
-        xform = UsdGeom.Xformable(prim)
-        for operation in xform.GetOrderedXformOps() if xform else ():
-            attribute = operation.GetAttr()
-            times = attribute.GetTimeSamples() or [Usd.TimeCode.Default()]
-            lines += [f"{attribute.GetPath()} {time} {attribute.Get(time)}" for time in times]
-        prim = None if xform and xform.GetResetXformStack() else prim.GetParent()
-    return "\n".join(lines)
-
-
-def moves(prim: Usd.Prim) -> bool:
-    """Whether its place in the world is animated."""
-    return bool(transform_drivers(prim))
 
 
 def targets(solid: Usd.Prim, name: str) -> list[Sdf.Path]:
@@ -55,12 +25,19 @@ def targets(solid: Usd.Prim, name: str) -> list[Sdf.Path]:
 
 def check_collider(prim: Usd.Prim) -> list[Issue]:
     """Shape and motion of a prim with EulerFsiColliderAPI whose values have been checked."""
-    return _check_shape(prim) + _check_motion(prim)
-
-
-def _check_shape(prim: Usd.Prim) -> list[Issue]:
     if prim.IsA(UsdGeom.Mesh):
-        return check_surface(prim) or _check_same_mesh(prim)
+        return check_surface(prim) or check_shape_over_time(prim) + check_stretch(prim)
+    return _check_dimensions(prim) + check_stretch(prim)
+
+
+def _check_volume(prim: Usd.Prim) -> list[Issue]:
+    """Of a pin: its shape is the same in all frames, and moves rigidly."""
+    shape = check_surface(prim) or _check_same_mesh(prim) if prim.IsA(UsdGeom.Mesh) else _check_dimensions(prim)
+    return shape + _check_motion(prim)
+
+
+def _check_dimensions(prim: Usd.Prim) -> list[Issue]:
+    """Of an implicit Gprim: above 0, and constant."""
     issues = []
     for name in dimensions(prim):
         attribute = prim.GetAttribute(name)
@@ -75,22 +52,17 @@ def _check_shape(prim: Usd.Prim) -> list[Issue]:
 
 def _check_same_mesh(prim: Usd.Prim) -> list[Issue]:
     """Faces and points are the same in all frames."""
-    mesh, start = UsdGeom.Mesh(prim), frames_of(prim.GetStage())[0]
+    mesh = UsdGeom.Mesh(prim)
     skeleton = Pose(prim, True).skeleton
     if skeleton:
-        limit = "none: a collider is moved by transforms only"
-        return [make_issue(prim, "skel:skeleton", skeleton, limit, "DeformingCollider")]
-    for attribute in (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr(), mesh.GetPointsAttr()):
-        if not attribute.ValueMightBeTimeVarying():
-            continue
-        first = attribute.Get(start)
-        for frame in frames_of(prim.GetStage())[1:]:
-            now = attribute.Get(frame)
-            if now is not None and np.array_equal(np.asarray(now), np.asarray(first)):
-                continue
-            value = f"{len(now or ())} values at frame {frame:g}, {len(first)} at frame {start:g}"
-            limit = "the same in all frames: a collider is moved by transforms only"
-            return [make_issue(prim, attribute.GetName(), value, limit, "ChangingCollider")]
+        limit = "none: the volume of a pin is moved by transforms only"
+        return [make_issue(prim, "skel:skeleton", skeleton, limit, "DeformingPin")]
+    changed = first_change(
+        prim, (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr(), mesh.GetPointsAttr())
+    )
+    if changed:
+        limit = "the same in all frames: the volume of a pin is moved by transforms only"
+        return [make_issue(prim, *changed, limit, "ChangingPin")]
     return []
 
 
@@ -100,10 +72,8 @@ def _check_motion(prim: Usd.Prim) -> list[Issue]:
         return []
     frames = frames_of(prim.GetStage())
     for frame in frames[1:]:
-        linear = motion(prim, frame, frames[0])[:3, :3]
-        off = float(np.abs(linear @ linear.T - np.eye(3)).max())
-        if not off <= RIGID or np.linalg.det(linear) < 0:
-            sizes = [float(np.sqrt((row * row).sum())) for row in linear]
+        sizes = stretch(motion(prim, frame, frames[0]))
+        if sizes is not None:
             value = f"a stretch by {', '.join(f'{size:.4g}' for size in sizes)} from frame {frames[0]:g} to {frame:g}"
             limit = "rigid: rotations and translations, with one scale in all frames"
             return [make_issue(prim, "xformOpOrder", value, limit, "StretchingMotion")]
@@ -120,7 +90,7 @@ def check_pins(solid: Usd.Prim) -> list[Issue]:
             hint = f"it is a {prim.GetTypeName() or 'typeless prim'}" if prim else "there is no such prim"
             issues.append(make_issue(solid, PINS, target, limit, "WrongTarget", hint))
             continue
-        issues += _check_shape(prim) + _check_motion(prim)
+        issues += _check_volume(prim)
     for target in targets(solid, PIN_TO):
         prim = solid.GetStage().GetPrimAtPath(target)
         if not prim or not prim.IsA(UsdGeom.Xformable):

@@ -40,6 +40,15 @@ EFSI_API EfsiStatus efsi_collider_add(struct EfsiSim* sim, const EfsiSolidDef* d
  * efsi_simulation_restore_checkpoint it is given again. */
 EFSI_API EfsiStatus efsi_pin_set_motion(struct EfsiSim* sim, uint32_t id, double start, double end,
                                         const double from[16], const double to[16]);
+/* The surface of a collider deforms from one set of points to the next between two times [s]: each point goes straight
+ * ahead at one speed. Before and after it rests. pin: its id, as efsi_collider_add gives it. from, to: 3*point_count
+ * floats each, where the points of its mesh are at rest [m]: the poses of efsi_pin_set_motion act on them. point_count:
+ * as many as the mesh has, whose faces stay. A closed mesh keeps bounding a volume. Between two calls of
+ * efsi_simulation_advance, at any time; `from` has to be where they are. Not part of the state: after
+ * efsi_simulation_restore_checkpoint it is given again. EFSI_ERROR_MESH, here or from efsi_simulation_advance, where
+ * the points bound no volume. */
+EFSI_API EfsiStatus efsi_collider_set_points(struct EfsiSim* sim, uint32_t pin, double start, double end,
+                                             const float* from, const float* to, uint64_t point_count);
 /* What held the nodes of a pin in the last step [kg m/s]: over its length the force on the solid, or on all that a
  * collider meets; zero before. */
 EFSI_API EfsiStatus efsi_pin_get_impulse(const struct EfsiSim* sim, uint32_t id, EfsiVec3* impulse);

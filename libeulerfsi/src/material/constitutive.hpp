@@ -24,6 +24,9 @@ Elastic from_youngs_modulus(Law law, double youngs_modulus, double poissons_rati
 // too little.
 Elastic beside_pressure(Elastic elastic);
 
+// kappa/2 (J - 1)^2: of a solid whose pressure, not its law, resists a change of volume [J/m^3 of rest volume].
+double bulk_energy(double kappa, double J);
+
 // Energy, first and second derivatives. For an increment D = U^T dF V the change of stress Q = U^T dP V is
 //   Q_ii = sum_j hessian(i,j) D_jj
 //   Q_ij = symmetric_ij (D_ij + D_ji)/2 + skew_ij (D_ij - D_ji)/2        (i != j)

@@ -6,6 +6,7 @@
 #include "base/error.hpp"
 #include "base/refuse.hpp"
 #include "geometry/overlap.hpp"
+#include "sim/given_shape.hpp"
 #include "sim/simulation.hpp"
 #include "sim/slab_state.hpp"
 #include "solid/mass.hpp"
@@ -132,7 +133,11 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
   validate(desc);
   solid::SolidRest rest;
   rest.elastic = material::from_youngs_modulus(desc.law, desc.youngs_modulus, desc.poissons_ratio);
-  if (params_.numerics.volume_by_pressure && !desc.compressible) rest.elastic = material::beside_pressure(rest.elastic);
+  if (params_.numerics.volume_by_pressure && !collider) {
+    const double lambda = rest.elastic.lambda;
+    rest.elastic = material::beside_pressure(rest.elastic);
+    if (desc.compressible) rest.bulk = lambda - rest.elastic.lambda;
+  }
   rest.density = desc.density;
   rest.rayleigh_alpha = desc.rayleigh_alpha;
   rest.rayleigh_beta = desc.rayleigh_beta;
@@ -307,6 +312,19 @@ void Simulation::set_motion(std::size_t pin, double start, double end, const Pos
       pose->shift[slab] = 0.0;  // nothing moves across a slab
     }
   pins_[pin].motion = motion;
+}
+
+void Simulation::set_points(std::size_t pin, PointMotion points) {
+  Pin changed = pins_[pin];
+  const solid::SolidRest& rest = solids_[changed.solid];
+  if (const int slab = grid::slab_axis(grid_, params_.walls); slab >= 0)  // nothing moves across a slab
+    for (std::size_t v = 0; v < rest.along.size(); ++v) points.from[v][slab] = points.to[v][slab] = rest.along[v];
+  changed.points = std::move(points);
+  solid::SolidState& state = state_.solids[changed.solid];
+  const auto before = state.shape;
+  update_shape(parallel_, {params_, grid_, solids_, emitters_, forces_, pins_}, changed, state_.time, state);
+  if (state.shape != before) work_.masses_ready = false;  // after a restart it is that of the rest until now
+  pins_[pin] = std::move(changed);
 }
 
 std::size_t Simulation::add_passenger(std::size_t solid, std::vector<Vec3d> points) {

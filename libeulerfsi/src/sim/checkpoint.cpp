@@ -227,6 +227,7 @@ std::uint64_t Simulation::scene_hash() const {
       for (double v : {s.plastic.yield_stress, s.plastic.flow_rate, s.plastic.hardening}) hash.add_value(v);
     hash.add_value(static_cast<std::int64_t>(s.elastic.law));
     hash.add_value(static_cast<std::int64_t>(s.compressible));
+    if (s.bulk > 0.0) hash.add_value(s.bulk);
     hash.add_array(s.distance.values);
     hash.add_array(s.surface.points);
     hash.add_array(s.surface.triangles);

@@ -39,6 +39,24 @@ solid::RigidMotion GivenMotion::velocity(double time, double t, double dt) const
   return motion;
 }
 
+std::vector<Vec3d> PointMotion::at(double time) const {
+  if (from == to || !(end > start)) return to;
+  const double s = (time - start) / (end - start);
+  if (s <= kAtEnd) return from;
+  if (s >= 1.0 - kAtEnd) return to;
+  std::vector<Vec3d> points(to.size());
+  for (std::size_t v = 0; v < points.size(); ++v) points[v] = (1.0 - s) * from[v] + s * to[v];
+  return points;
+}
+
+std::vector<Vec3d> PointMotion::velocity(double t, double dt) const {
+  const double middle = t + 0.5 * dt;
+  if (from == to || !(end > start) || middle <= start || middle >= end) return {};
+  std::vector<Vec3d> velocity(to.size());
+  for (std::size_t v = 0; v < velocity.size(); ++v) velocity[v] = (to[v] - from[v]) / (end - start);
+  return velocity;
+}
+
 namespace {
 
 // Nearest point of a triangle, edge or point to x (Ericson, Real-Time Collision Detection, 5.1.5).

@@ -32,6 +32,18 @@ struct GivenMotion {
   solid::RigidMotion velocity(double time, double t, double dt) const;
 };
 
+// Vertices of a collider in material space between two times: each goes straight ahead at one speed. Before `start` and
+// after `end` they rest.
+struct PointMotion {
+  double start = 0.0, end = 0.0;  // [s]
+  std::vector<Vec3d> from, to;    // [m]; empty: they are where the surface has them at rest
+
+  bool given() const { return !to.empty(); }
+  std::vector<Vec3d> at(double time) const;
+  // Velocities in the middle of a step from t to t + dt [m/s]; empty: all rest.
+  std::vector<Vec3d> velocity(double t, double dt) const;
+};
+
 // Nodes and vertices of a solid whose material lies in a region move as given.
 struct Pin {
   std::size_t solid = 0;
@@ -41,6 +53,7 @@ struct Pin {
   std::vector<std::uint8_t> vertices;               // of the solid's surface: 1: in the region
   Vec3d low = Vec3d::Zero(), high = Vec3d::Zero();  // box around what moves [m]
   GivenMotion motion;
+  PointMotion points;  // of a collider; `motion` acts on what they say
 
   bool holds(const Vec3d& X) const { return whole || region->sample(X) <= 0.0; }
 };

@@ -35,8 +35,8 @@ struct Sums {
 // where that has no area, the gradient of the distance carried to the world by the map.
 Vec3d normal_out(const solid::SolidRest& rest, const solid::SolidState& state, const Vec3d& X,
                  const Mat3d& displacement_gradient) {
-  const Vec3d gradient = rest.distance.gradient(X);
-  const std::int32_t found = rest.nearest.find(X).triangle;
+  const Vec3d gradient = solid::distance_of(rest, state).gradient(X);
+  const std::int32_t found = solid::nearest_of(rest, state).find(X).triangle;
   if (found >= 0) {
     const geometry::Triangle& t = rest.surface.triangles[static_cast<std::size_t>(found)];
     const auto area = [&](const std::vector<Vec3d>& points) -> Vec3d {
@@ -46,7 +46,7 @@ Vec3d normal_out(const solid::SolidRest& rest, const solid::SolidState& state, c
     const Vec3d now = area(state.surface);
     // A mesh may be inside out.
     if (const double length = now.norm(); length > 0.0)
-      return (area(rest.surface.points).dot(gradient) < 0.0 ? -1.0 : 1.0) / length * now;
+      return (area(solid::points_of(rest, state)).dot(gradient) < 0.0 ? -1.0 : 1.0) / length * now;
   }
   return ((Mat3d::Identity() - displacement_gradient).transpose() * gradient).normalized();
 }
@@ -67,7 +67,7 @@ std::optional<Meeting> meet(const solid::SolidRest& rest, const solid::SolidStat
   Mat3d gradient;
   if (!solid::sample_displacement(state, grid::corner_offsets(g), x, u, gradient)) return {};
   Meeting m;
-  m.distance = rest.distance.sample(x - u);
+  m.distance = solid::distance_of(rest, state).sample(x - u);
   if (!(m.distance < reach) || !solid::velocity_at(state, layer, x, m.velocity)) return {};
   m.normal = normal_out(rest, state, x - u, gradient);
   return m;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <set>
 
+#include "sim/given_shape.hpp"
 #include "sim/grid_loops.hpp"
 #include "sim/step_weight.hpp"
 #include "system/divergence.hpp"
@@ -18,9 +19,17 @@ namespace {
 constexpr std::uint8_t kAllAxes = 7;
 constexpr double kFreePart = 0.5;  // of a contact's weights on one of its sides: less than that cannot give way
 
-// Largest component of a pin's velocity, over the box around it [m/s].
-double fastest(const Pin& pin, const Pose& pose, const solid::RigidMotion& motion) {
+// Largest component of a pin's velocity, over the box around it or over its vertices where those are given [m/s].
+double fastest(const Pin& pin, const PinVelocity& velocity) {
+  const auto& [pose, motion, points] = velocity;
   double speed = 0.0;
+  if (points.moves()) {
+    for (std::size_t v = 0; v < points.points().size(); ++v)
+      speed = std::max(
+          speed,
+          (motion.at(pose.place(points.points()[v])) + pose.turn * points.velocities()[v]).cwiseAbs().maxCoeff());
+    return speed;
+  }
   for (unsigned corner = 0; corner < 8; ++corner) {
     Vec3d X;
     for (int a = 0; a < 3; ++a) X[a] = corner >> a & 1u ? pin.high[a] : pin.low[a];
@@ -30,8 +39,7 @@ double fastest(const Pin& pin, const Pose& pose, const solid::RigidMotion& motio
 }
 
 // Where a pin holds nodes of a band: velocity, and the map where `map`.
-void give(const Parallel& parallel, const Pin& pin, const Pose& pose, const solid::RigidMotion& motion, bool map,
-          solid::SolidState& state) {
+void give(const Parallel& parallel, const Pin& pin, const PinVelocity& velocity, bool map, solid::SolidState& state) {
   const Grid& g = state.band.grid;
   parallel.for_each(g.cells[2] + 1, [&](std::int64_t plane) {
     const int k = static_cast<int>(plane);
@@ -39,9 +47,9 @@ void give(const Parallel& parallel, const Pin& pin, const Pose& pose, const soli
       for (int i = 0; i <= g.cells[0]; ++i) {
         const std::size_t n = g.node(i, j, k);
         if (!state.valid[n]) continue;
-        const Vec3d x = g.node_position(i, j, k), X = pose.material(x);
+        const Vec3d x = g.node_position(i, j, k), X = velocity.pose.material(x);
         if (!pin.holds(X)) continue;
-        state.v.set(n, motion.at(x).cast<Real>());
+        state.v.set(n, velocity.at(x, X).cast<Real>());
         if (map) state.u.set(n, (x - X).cast<Real>());
       }
   });
@@ -96,12 +104,12 @@ Vec3 entries(const std::vector<Real>& x, std::size_t unknown) {
 
 void begin_given(const Parallel& parallel, const Scene& scene, double time, double remaining, SolidStates& states) {
   for (const Pin& pin : scene.pins) {
-    const solid::RigidMotion motion = pin.motion.velocity(time, time, remaining);
-    const Pose pose = pin.motion.pose(time);
     solid::SolidState& state = states[pin.solid];
-    const double speed = fastest(pin, pose, motion);
+    update_shape(parallel, scene, pin, time, state);
+    const PinVelocity velocity = velocity_of(pin, state, time, time, remaining);
+    const double speed = fastest(pin, velocity);
     state.speed = pin.whole ? speed : std::max(state.speed, speed);
-    if (pin.whole) give(parallel, pin, pose, motion, false, state);
+    if (pin.whole) give(parallel, pin, velocity, false, state);
   }
 }
 
@@ -114,19 +122,22 @@ std::vector<GivenNode> find_given(const StepContext& step, const SolidStates& st
   std::set<std::pair<std::size_t, std::size_t>> known;  // (solid, node): the first pin counts
   for (std::size_t p = 0; p < scene.pins.size(); ++p) {
     const Pin& pin = scene.pins[p];
-    const Pose pose = pin.motion.pose(time);
-    const solid::RigidMotion motion = pin.motion.velocity(time, time, dt);
+    const PinVelocity velocity = velocity_of(pin, states[pin.solid], time, time, dt);
+    const std::size_t first = given.size();
     const Grid& band = states[pin.solid].band.grid;
     const Vec3i lo = grid::offset(band, g);
     for (std::size_t local = 0; local < solids[pin.solid].carries.size(); ++local) {
       if (!solids[pin.solid].carries[local]) continue;
       const Vec3i at = band.node_place(local);
       const Vec3d x = band.node_position(at[0], at[1], at[2]);
-      if (!pin.holds(pose.material(x))) continue;
+      const Vec3d X = velocity.pose.material(x);
+      if (!pin.holds(X)) continue;
       const std::size_t n = g.node(at[0] + lo[0], at[1] + lo[1], at[2] + lo[2]);
       if (!known.insert({pin.solid, n}).second) continue;
-      given.push_back({p, pin.solid, n, motion.at(x).cast<Real>(), Vec3d::Zero()});
+      given.push_back({p, pin.solid, n, velocity.at(x, X).cast<Real>(), Vec3d::Zero()});
     }
+    if (velocity.points.moves())
+      keep_volume(scene, velocity, dt, states[pin.solid], solids[pin.solid], g, {&given[first], given.size() - first});
   }
   for (const GivenNode& node : given) matter.specific_volume[node.node] = 0;
   slip.hold(parallel, matter.specific_volume);
@@ -282,33 +293,33 @@ std::vector<PinReaction> sum_reactions(const StepContext& step, const Grid& grid
 
 void give_map(const StepContext& step, std::size_t l, solid::SolidState& state) {
   const auto& [parallel, scene, time, dt, profile, info] = step;
-  for_pins(scene, l, [&](const Pin& pin) {
-    give(parallel, pin, pin.motion.pose(time + dt), pin.motion.velocity(time + dt, time, dt), true, state);
-  });
+  for_pins(scene, l,
+           [&](const Pin& pin) { give(parallel, pin, velocity_of(pin, state, time + dt, time, dt), true, state); });
 }
 
 void give_surface(const StepContext& step, std::size_t l, solid::SolidState& state) {
   const auto& [parallel, scene, time, dt, profile, info] = step;
   for_pins(scene, l, [&](const Pin& pin) {
     const Pose pose = pin.motion.pose(time + dt);
+    const std::vector<Vec3d>& points = solid::points_of(scene.solids[l], state);
     for (std::size_t v = 0; v < pin.vertices.size(); ++v)
-      if (pin.vertices[v]) state.surface[v] = pose.place(scene.solids[l].surface.points[v]);
+      if (pin.vertices[v]) state.surface[v] = pose.place(points[v]);
   });
 }
 
 void place_collider(const StepContext& step, std::size_t l, solid::SolidState& state, solid::SolidWork& work) {
   const auto& [parallel, scene, time, dt, profile, info] = step;
   const solid::Band old = state.band;
+  for_pins(scene, l, [&](const Pin& pin) {
+    work.max_speed = fastest(pin, velocity_of(pin, state, time, time, dt));
+    update_shape(parallel, scene, pin, time + dt, state);
+  });
   give_surface(step, l, state);
   const solid::Band band = band_around(scene.grid, state.surface);
   if (band.grid.lo != old.grid.lo || band.grid.cells != old.grid.cells) solid::move_band(state, band);
   state.valid.assign(state.band.grid.node_count(), solid::kKnown);
   give_map(step, l, state);
   state.stiff.clear();
-  work.max_speed = 0.0;
-  for_pins(scene, l, [&](const Pin& pin) {
-    work.max_speed = fastest(pin, pin.motion.pose(time), pin.motion.velocity(time, time, dt));
-  });
 }
 
 }  // namespace efsi::sim

@@ -8,6 +8,7 @@
 #include "base/kernel.hpp"
 #include "grid/boundary.hpp"
 #include "linalg/reduce.hpp"
+#include "sim/bulk.hpp"
 #include "sim/grid_loops.hpp"
 #include "sim/jets.hpp"
 #include "sim/prescribed.hpp"
@@ -23,20 +24,20 @@ using grid::Grid;
 
 namespace {
 
-// Without fluid and with nothing but compressible solids nothing is incompressible.
+// Without fluid and with nothing but solids that have none there is no pressure.
 bool has_pressure(const Scene& scene) {
   bool pressure = scene.params.fluid.present;
-  for (const solid::SolidRest& solid : scene.solids) pressure = pressure || !solid.compressible;
+  for (const solid::SolidRest& solid : scene.solids) pressure = pressure || solid::has_pressure(solid);
   return pressure;
 }
 
-// Padded cells with a pressure; empty: all. In vacuum p = 0 outside the solids, in compressible ones p = 0 inside.
+// Padded cells with a pressure; empty: all. In vacuum p = 0 outside the solids; p = 0 in those that have none.
 std::vector<std::uint8_t> pressure_cells(const Parallel& parallel, const Scene& scene, const SolidStates& states,
                                          const SolidWorks& solids, const Matter& matter) {
   std::vector<std::uint8_t> active;
   if (!scene.params.fluid.present) active = matter.owned;
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
-    if (!scene.solids[l].compressible) continue;
+    if (solid::has_pressure(scene.solids[l])) continue;
     if (active.empty()) active.assign(matter.common.grid.padded_count(), 1);
     for_owned_cells(parallel, matter.common.grid, states[l], solids[l], [&](std::size_t c) { active[c] = 0; });
   }
@@ -45,6 +46,7 @@ std::vector<std::uint8_t> pressure_cells(const Parallel& parallel, const Scene& 
 
 constexpr double kLastHolds = 0.7;    // of f*: the last pressure acts at once where it leaves less
 constexpr double kLastPresses = 0.5;  // of f* less M v, while solids push each other; with more it makes energy
+
 // The pressure system of this step and what it shall reach.
 void assemble_pressure_system(const StepContext& step, const SolidStates& states, SolidWorks& solids,
                               const Matter& matter, const Holds& holds, system::SlipNodes& slip,
@@ -54,15 +56,17 @@ void assemble_pressure_system(const StepContext& step, const SolidStates& states
     std::vector<std::uint8_t> active;
     if (!scene.solids.empty()) active = pressure_cells(parallel, scene, states, solids, matter);
     close_given_cells(step, states, matter, slip, active);
+    compute_compliance(step, states, solids, matter.common.grid, pressure.compliance);
     pressure.system.assemble(parallel, matter.common.grid, matter.common.walls, matter.fixed, matter.specific_volume,
                              std::move(active), matter.owned, &slip, is_sealed(scene),
-                             scene.params.fluid.viscosity > 0.0);
+                             scene.params.fluid.viscosity > 0.0, pressure.compliance);
     pressure.lasts = scene.solids.empty();
   }
   if (scene.params.numerics.volume_source && !scene.solids.empty())
     compute_volume_source(parallel, scene, dt, states, holds, matter, solids, pressure.source);
   else
     pressure.source.clear();
+  add_bulk_source(step, states, solids, matter.common.grid, pressure.source);
   add_jets(step, matter, pressure.jets, pressure.source);
 }
 
@@ -141,7 +145,7 @@ void prepare_pressure(const StepContext& step, const SolidStates& states, SolidW
   std::vector<Real>& held = pressure.system.scratch();  // -dt times it
   linalg::fill(parallel, held, last.size(), Real(0));
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
-    if (scene.solids[l].compressible) continue;
+    if (!solid::has_pressure(scene.solids[l])) continue;
     for_owned_cells(parallel, g, states[l], solids[l],
                     [&](std::size_t c) { held[c] = static_cast<Real>(-dt * (static_cast<double>(last[c]) - level)); });
   }
@@ -159,6 +163,7 @@ void prepare_pressure(const StepContext& step, const SolidStates& states, SolidW
     if (elasticity.system.free()[i] > 0) elasticity.v_star[i] = 0;
   pressure.system.project(parallel, held, velocity.field);
   linalg::copy(parallel, pressure.taken, held);
+  give_way(parallel, g, held, pressure);
 }
 
 void solve_pressure(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Matter& matter,
@@ -220,6 +225,7 @@ void project_velocity(const StepContext& step, const Grid& g, VelocityEquation& 
     ScopedTimer timer(profile, Stage::kPressureSolve);
     pressure.system.project(parallel, pressure.q, velocity.field);
   }
+  give_way(parallel, g, pressure.q, pressure);
   ScopedTimer timer(profile, Stage::kPressureSolve);
   if (pressure.takes) linalg::add_scaled(parallel, pressure.q, 1.0, pressure.taken);  // the q of all the step
   if (!elasticity.walls.empty() || !elasticity.given.empty()) {

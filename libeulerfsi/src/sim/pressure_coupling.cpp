@@ -4,6 +4,7 @@
 
 #include "grid/boundary.hpp"
 #include "linalg/reduce.hpp"
+#include "sim/bulk.hpp"
 #include "sim/grid_loops.hpp"
 #include "sim/velocity_solve.hpp"
 
@@ -21,16 +22,19 @@ constexpr double kStrains = 1e-3;        // of the solids' energy: what the proj
 // projection takes, or an estimate of it. This is the second: to a gradient G is M (1 + d2 (2 mu + lambda) / h^3
 // J M^-1 J^T), so that its inverse also has d2 (2 mu + lambda) / h^3 in the solids' cells; d2 K: the stiffness in G.
 void add_stiffness(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Grid& g,
-                   const system::VelocitySystem& elasticity, const std::vector<Real>& divergence,
-                   std::vector<Real>& way) {
+                   const system::VelocitySystem& elasticity, const std::vector<Real>& compliance,
+                   const std::vector<Real>& divergence, std::vector<Real>& way) {
   const auto& [parallel, scene, time, dt, profile, info] = step;
   const double volume = scene.grid.h * scene.grid.h * scene.grid.h;
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     const solid::SolidRest& solid = scene.solids[l];
-    if (solid.compressible) continue;
+    if (!solid::has_pressure(solid)) continue;
     const double modulus = solids[l].element_weight * (2.0 * solid.elastic.mu + solid.elastic.lambda);
     const Real share = static_cast<Real>(static_cast<double>(elasticity.stiffness_factor(l)) * modulus / volume);
-    for_owned_cells(parallel, g, states[l], solids[l], [&](std::size_t c) { way[c] += share * divergence[c]; });
+    for_owned_cells(parallel, g, states[l], solids[l], [&](std::size_t c) {
+      const Real given = compliance.empty() ? Real(0) : compliance[c];
+      way[c] += share / (1 + share * given) * divergence[c];
+    });
   }
 }
 
@@ -91,7 +95,7 @@ bool needs_coupling(const Scene& scene, const system::DivergenceNorms& divergenc
   if (!scene.params.numerics.coupling_step) return false;
   double density = 0.0;
   for (const solid::SolidRest& solid : scene.solids)
-    if (!solid.compressible) density = std::max(density, solid.density);
+    if (solid::has_pressure(solid)) density = std::max(density, solid.density);
   const double fluid = scene.params.fluid.present ? scene.params.fluid.density : 0.0;
   const auto square = [](double x) { return x * x; };
   return density * square(divergence.solid) > kWorthCoupling * fluid * square(divergence.all);
@@ -115,7 +119,7 @@ void couple_pressure(const StepContext& step, const SolidStates& states, const S
   {
     ScopedTimer timer(profile, Stage::kPressureSolve);
     const std::vector<Real>& divergence = pressure.system.right_side();
-    add_stiffness(step, states, solids, g, elasticity.system, divergence, way);
+    add_stiffness(step, states, solids, g, elasticity.system, pressure.compliance, divergence, way);
     const auto [slope, along_last] = linalg::dots(parallel, way, divergence, goes_on ? pressure.left : divergence);
     if (goes_on) {
       if (pressure.slope > 0.0)
@@ -132,11 +136,13 @@ void couple_pressure(const StepContext& step, const SolidStates& states, const S
   }
   solve_correction(step, g, velocity.slip, way, elasticity.system, pressure);
   correct_velocity(step, way, 1, elasticity, pressure, velocity);
+  give_way(parallel, g, way, pressure);
   const Real length = static_cast<Real>(pressure.system.step_length(parallel, velocity.field, pressure.source, way));
   if (!pressure.takes) linalg::fill(parallel, pressure.taken, way.size(), Real(0));
   pressure.takes = true;
   linalg::add_scaled(parallel, pressure.taken, length, way);
   linalg::scale(parallel, way, length - 1);
+  give_way(parallel, g, way, pressure);
   correct_velocity(step, way, length, elasticity, pressure, velocity);
   linalg::add_scaled(parallel, way, 1.0, pressure.way);
   pressure.coupled = length;

@@ -152,6 +152,17 @@ void Simulation::keep_backup() {
   work_.backup.solids = state_.solids;
 }
 
+// A step; where it fails on the way, since the points of a collider bound no volume, the state is that before it.
+StepInfo Simulation::try_step(const Scene& scene, double remaining, double shrink) {
+  try {
+    return sim::step(parallel_, scene, remaining, shrink, state_, work_, profile_);
+  } catch (const Error&) {
+    state_ = work_.backup;
+    work_.forget();
+    throw;
+  }
+}
+
 // A step whose result is looked at: a bad one is rolled back and repeated with half the size.
 StepInfo Simulation::checked_step(double remaining) {
   const auto begin = std::chrono::steady_clock::now();
@@ -164,7 +175,7 @@ StepInfo Simulation::checked_step(double remaining) {
   double shrink = 1.0;
   std::string reason;
   for (int attempt = 0; attempt <= kMaxRetries; ++attempt) {
-    StepInfo info = sim::step(parallel_, scene, remaining, shrink, state_, work_, profile_);
+    StepInfo info = try_step(scene, remaining, shrink);
     {
       ScopedTimer timer(profile_, Stage::kCheck);
       reason.clear();

@@ -84,6 +84,9 @@ class Simulation {
   std::size_t add_pin(std::size_t solid, const std::vector<std::uint8_t>& vertices);
   // From now on what a pin holds moves so; the centre of its motion is kept. At any time.
   void set_motion(std::size_t pin, double start, double end, const Pose& from, const Pose& to);
+  // The same for the points of a collider as its mesh has them, in material space, on which its motion acts. At any
+  // time. Throws Error(kMesh) where those of now bound no volume.
+  void set_points(std::size_t pin, PointMotion points);
   const std::vector<Pin>& pins() const { return pins_; }
   // Points that ride along with a solid, at rest in its rest shape [m]. At any time. Returns their index from 0.
   std::size_t add_passenger(std::size_t solid, std::vector<Vec3d> points);
@@ -140,6 +143,7 @@ class Simulation {
   void demand_inside(const geometry::MeshReport& report) const;
   void demand_apart(bool collider, const geometry::SignedDistance& distance) const;
   std::size_t add_pin(Pin pin);
+  StepInfo try_step(const Scene& scene, double remaining, double shrink);
   StepInfo checked_step(double remaining);
   void keep_backup();
   bool fills_box() const { return params_.fluid.present; }  // the common grid

@@ -52,7 +52,8 @@ Vec3d seen_gradient(const solid::SolidRest& rest, const solid::SolidState& state
         (state.u.at(high) - state.u.at(low)).cast<double>() / (g.h * (behind && ahead ? 2.0 : 1.0));
   }
   return inverse_f.transpose() *
-         rest.distance.gradient(g.node_position(node[0], node[1], node[2]) - state.u.at(n).cast<double>());
+         solid::distance_of(rest, state)
+             .gradient(g.node_position(node[0], node[1], node[2]) - state.u.at(n).cast<double>());
 }
 
 // How far the surface of a solid is from the nodes of an overlap [m], and the direction out of it; far away and where
@@ -67,6 +68,7 @@ Sight look(const Parallel& parallel, const solid::SolidRest& rest, const solid::
   constexpr double kLeastLength = 0.4, kMostLength = 2.5;
   const Grid& g = state.band.grid;
   const Vec3i lo = grid::offset(nodes, g);
+  const geometry::SignedDistance& from = solid::distance_of(rest, state);
   Sight sight;
   sight.distance.assign(nodes.node_count(), kUnknown);
   sight.outwards.assign(nodes.node_count(), Vec3d::Zero());
@@ -77,8 +79,7 @@ Sight look(const Parallel& parallel, const solid::SolidRest& rest, const solid::
         const Vec3i at{i + lo[0], j + lo[1], k + lo[2]};
         const std::size_t n = g.node(at[0], at[1], at[2]);
         if (state.valid[n] == solid::kNoData) continue;
-        const double distance =
-            rest.distance.sample(g.node_position(at[0], at[1], at[2]) - state.u.at(n).cast<double>());
+        const double distance = from.sample(g.node_position(at[0], at[1], at[2]) - state.u.at(n).cast<double>());
         if (std::abs(distance) > kMostLength * kFar * g.h) continue;
         const Vec3d gradient = seen_gradient(rest, state, at);
         const double length = gradient.norm();
@@ -287,6 +288,7 @@ namespace {
 void measure_vertices(const Scene& scene, const solid::SolidState& vertices, const solid::SolidRest& rest,
                       const solid::SolidState& state, SolidGap& out) {
   const Grid& g = state.band.grid;
+  const geometry::SignedDistance& distance = solid::distance_of(rest, state);
   const grid::NodeSampler sampler(g), own(vertices.band.grid);
   const auto corner = grid::corner_offsets(g);
   for (const Vec3d& x : vertices.surface) {
@@ -302,9 +304,9 @@ void measure_vertices(const Scene& scene, const solid::SolidState& vertices, con
     const auto known = [&](std::size_t offset) { return state.valid[n + offset] != solid::kNoData; };
     if (!std::all_of(corner.begin(), corner.end(), known)) continue;
     const Vec3d u = sampler.vector(state.u, at.cast<Real>()).cast<double>();
-    const double gap = rest.distance.sample(x - u) - kContactSkin * scene.grid.h;
+    const double gap = distance.sample(x - u) - kContactSkin * scene.grid.h;
     out.gap = std::min(out.gap, gap);
-    const Vec3d out_of = rest.distance.gradient(x - u).normalized();
+    const Vec3d out_of = distance.gradient(x - u).normalized();
     const Vec3d v = sampler.vector(state.v, at.cast<Real>()).cast<double>(),
                 w = own.vector(vertices.v, ((x - vertices.band.grid.origin) / g.h).cast<Real>()).cast<double>();
     out.closing = std::max(out.closing, out_of.dot(v - w));

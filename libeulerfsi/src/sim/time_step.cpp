@@ -49,7 +49,7 @@ double wave_limit(const Parallel& parallel, const grid::Grid& g, const solid::So
 // What is between a solid and the faces that are walls: -x +x -y +y -z +z.
 struct Gaps {
   std::array<double, 6> cells;      // infinite where there is no wall
-  std::array<double, 6> closing{};  // speed towards the wall of what is within kContactReach of it [m/s]
+  std::array<double, 6> closing{};  // speed towards the wall of what could reach it in the step [m/s]
   double least() const { return *std::min_element(cells.begin(), cells.end()); }
 };
 
@@ -58,6 +58,7 @@ Gaps measure_gaps(const Scene& scene, const solid::SolidState& solid) {
   const grid::NodeSampler sampler(solid.band.grid);
   Gaps gaps;
   gaps.cells.fill(std::numeric_limits<double>::infinity());
+  const double reach = std::clamp(scene.params.cfl_solid, kContactReach, kFarthest);
   const int slab = grid::slab_axis(g, scene.params.walls);
   for (const Vec3d& x : solid.surface)
     for (std::size_t face = 0; face < 6; ++face) {
@@ -66,7 +67,7 @@ Gaps measure_gaps(const Scene& scene, const solid::SolidState& solid) {
       const double at = (x[static_cast<Eigen::Index>(axis)] - g.origin[static_cast<Eigen::Index>(axis)]) / g.h;
       const double distance = face % 2 ? g.cells[axis] - at : at;
       gaps.cells[face] = std::min(gaps.cells[face], distance);
-      if (distance > kContactReach) continue;
+      if (distance > reach) continue;
       const Vec3 local = ((x - solid.band.grid.origin) / g.h).cast<Real>();
       const double v = static_cast<double>(sampler.vector(solid.v, local)[static_cast<Eigen::Index>(axis)]);
       gaps.closing[face] = std::max(gaps.closing[face], face % 2 ? v : -v);

@@ -68,7 +68,7 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
     const solid::SolidRest& rest = scene.solids[l];
     system::SolidRef ref{&rest, &states[l], &solids[l], {}, {}};
     if (scene.params.numerics.stiffness_by_pace) {
-      const double stiffest = std::max(rest.elastic.mu, rest.elastic.lambda);
+      const double stiffest = std::max(rest.elastic.mu, rest.elastic.lambda + rest.bulk);
       const double pace = dt * std::sqrt(stiffest / rest.density) / scene.grid.h;
       const double strain = dt * solid::largest_strain_rate(parallel, states[l], solids[l].carries);
       const double growth = std::max(solids[l].max_det_f, 1.0 / solids[l].min_det_f);

@@ -25,7 +25,8 @@ constexpr double kNoGap = 1e30;     // the column of a node does not meet the so
 // Distance of the undeformed surface of the material at a node [m].
 double rest_distance(const solid::SolidRest& rest, const solid::SolidState& state, std::size_t node) {
   const auto [i, j, k] = state.band.grid.node_place(node);
-  return rest.distance.sample(state.band.grid.node_position(i, j, k) - state.u.at(node).cast<double>());
+  return solid::distance_of(rest, state)
+      .sample(state.band.grid.node_position(i, j, k) - state.u.at(node).cast<double>());
 }
 
 // How far the solid's surface is from the wall along the column of nodes that starts on it [m]; < 0: it is beyond.

@@ -104,6 +104,7 @@ struct PressureEquation {
   system::PressureSystem system;
   bool lasts = false;            // the system of a scene without solids is built
   std::vector<Real> source;      // wanted divergence per padded cell [1/s]; empty: none
+  std::vector<Real> compliance;  // by which cells give way to q, per padded cell [m^4/kg]; empty: none does
   Jets jets;                     // the part of it that emitters bring
   std::vector<Real> q;           // the multiplier, padded cells; the state's pressure is put away in it meanwhile
   std::vector<Real> taken;       // the part of q that acts before the projection, padded cells

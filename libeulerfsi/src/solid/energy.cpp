@@ -7,13 +7,15 @@ namespace efsi::solid {
 namespace {
 
 // Of a whole cell with these displacements at its corners, the lowest at x0, per element that it would be [J].
-double cell_energy(const material::Elastic& elastic, const PlasticField& plastic, const Vec3d u[8], const Vec3d& x0,
-                   double h, std::size_t points) {
+double cell_energy(const SolidRest& rest, const PlasticField& plastic, const Vec3d u[8], const Vec3d& x0, double h,
+                   const Vec3d& middle, int points) {
+  const material::Elastic& elastic = rest.elastic;
   double energy = 0.0;
-  for (std::size_t q = 0; q < points; ++q) {
-    const ElasticPoint p = elastic_point(plastic, u, x0, h, q, points);
-    const double volume = h * h * h / (static_cast<double>(points) * p.elastic.det);
+  for (int q = 0; q < points; ++q) {
+    const ElasticPoint p = elastic_point(plastic, u, x0, h, quadrature_point(q, points, middle));
+    const double volume = h * h * h / (points * p.elastic.det);
     energy += volume * material::principal_response(elastic, p.elastic.stretch).energy;
+    energy += volume * material::bulk_energy(rest.bulk, p.elastic.det);
     if (points == 1)
       energy += hourglass_energy(kHourglassFactor * elastic.mu * h, p, hourglass_amplitudes(plastic, p, u, h));
   }
@@ -27,18 +29,18 @@ double elastic_energy(const Parallel& parallel, const SolidRest& rest, const Sol
   const Grid& g = state.band.grid;
   const auto corner = grid::corner_offsets(g);
   const PlasticField plastic(rest, state);
-  const auto points = static_cast<std::size_t>(points_per_element);
   constexpr std::int64_t kChunk = 256;
   const auto elements = static_cast<std::int64_t>(work.element_corner.size());
   return work.element_weight * parallel.sum((elements + kChunk - 1) / kChunk, [&](std::int64_t chunk) {
     double sum = 0.0;
     for (std::int64_t e = chunk * kChunk; e < std::min(elements, (chunk + 1) * kChunk); ++e) {
-      const auto n = static_cast<std::size_t>(work.element_corner[static_cast<std::size_t>(e)]);
+      const auto index = static_cast<std::size_t>(e);
+      const auto n = static_cast<std::size_t>(work.element_corner[index]);
       Vec3d u[8];
       for (std::size_t a = 0; a < 8; ++a) u[a] = state.u.at(n + corner[a]).cast<double>();
       const Vec3i place = g.node_place(n);
-      sum += work.factor(static_cast<std::size_t>(e)) *
-             cell_energy(rest.elastic, plastic, u, g.node_position(place[0], place[1], place[2]), g.h, points);
+      sum += work.factor(index) * cell_energy(rest, plastic, u, g.node_position(place[0], place[1], place[2]), g.h,
+                                              work.middle(index), points_per_element);
     }
     return sum;
   });
@@ -49,7 +51,6 @@ ShapeEnergies measure_shape(const Parallel& parallel, const SolidRest& rest, con
   const Grid& g = state.band.grid;
   const auto corner = grid::corner_offsets(g);
   const PlasticField plastic(rest, state);
-  const auto points = static_cast<std::size_t>(points_per_element);
   struct Sums {
     double mass = 0.0;  // over rho0 h^3
     double kinetic = 0.0, elastic = 0.0;
@@ -74,7 +75,8 @@ ShapeEnergies measure_shape(const Parallel& parallel, const SolidRest& rest, con
         s.mass += mass;
         s.kinetic += mass * square / 16.0;
         s.moment += mass * g.cell_center(i, j, k);
-        s.elastic += fraction * cell_energy(rest.elastic, plastic, u, g.node_position(i, j, k), g.h, points);
+        s.elastic +=
+            fraction * cell_energy(rest, plastic, u, g.node_position(i, j, k), g.h, Vec3d::Zero(), points_per_element);
       }
   });
   Sums total;

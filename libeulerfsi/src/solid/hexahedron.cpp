@@ -3,38 +3,29 @@
 #include <cmath>
 
 namespace efsi::solid {
-namespace {
 
-// Local coordinates in [0, 1].
-ShapeGradients gradients_at(double x, double y, double z) {
+ShapeGradients gradients_at(const Vec3d& local) {
   ShapeGradients g;
   for (std::size_t a = 0; a < 8; ++a) {
-    const int* c = grid::kCorner[a];
-    const double fx = c[0] ? x : 1 - x, fy = c[1] ? y : 1 - y, fz = c[2] ? z : 1 - z;
-    const double sx = c[0] ? 1 : -1, sy = c[1] ? 1 : -1, sz = c[2] ? 1 : -1;
-    g[a] = Vec3d(sx * fy * fz, fx * sy * fz, fx * fy * sz);
+    Vec3d side, at;
+    for (int i = 0; i < 3; ++i) {
+      side[i] = grid::kCorner[a][i] ? 1.0 : -1.0;
+      at[i] = 0.5 * (1.0 + side[i] * local[i]);
+    }
+    g[a] = Vec3d(side[0] * at[1] * at[2], at[0] * side[1] * at[2], at[0] * at[1] * side[2]);
   }
   return g;
 }
 
-}  // namespace
-
 const ShapeGradients& center_gradients() {
-  static const ShapeGradients gradients = gradients_at(0.5, 0.5, 0.5);
+  static const ShapeGradients gradients = gradients_at(Vec3d::Zero());
   return gradients;
 }
 
-const std::array<ShapeGradients, 8>& gauss_gradients() {
-  static const std::array<ShapeGradients, 8> gradients = [] {
-    std::array<ShapeGradients, 8> points;
-    const double low = 0.5 - 0.5 / std::sqrt(3.0), high = 0.5 + 0.5 / std::sqrt(3.0);
-    for (std::size_t q = 0; q < 8; ++q) {
-      const int* c = grid::kCorner[q];
-      points[q] = gradients_at(c[0] ? high : low, c[1] ? high : low, c[2] ? high : low);
-    }
-    return points;
-  }();
-  return gradients;
+Vec3d quadrature_point(int q, int points, const Vec3d& middle) {
+  if (points == 1) return middle;
+  const int* side = grid::kCorner[q];
+  return (Vec3d(side[0], side[1], side[2]) - Vec3d::Constant(0.5)) * (2.0 / std::sqrt(3.0));
 }
 
 }  // namespace efsi::solid

@@ -12,9 +12,11 @@ namespace efsi::solid {
 // h grad N_a at one quadrature point, a = 0..7 (corners as grid::kCorner).
 using ShapeGradients = std::array<Vec3d, 8>;
 
+// Local coordinates of an element: 0 at its centre, -1 and 1 on its faces.
+// Of the 2x2x2 Gauss points, or the only one, which is `middle`.
+Vec3d quadrature_point(int q, int points, const Vec3d& middle);
+ShapeGradients gradients_at(const Vec3d& local);
 const ShapeGradients& center_gradients();
-// The 2x2x2 Gauss points.
-const std::array<ShapeGradients, 8>& gauss_gradients();
 
 // du_i/dx_j from the 8 corner values.
 inline Mat3d displacement_gradient(const Vec3d u[8], const ShapeGradients& gradients, double h) {

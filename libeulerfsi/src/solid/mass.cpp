@@ -25,6 +25,17 @@ double cutting_distance(const Mat3d& inverse_f) {
   return 0.5 * std::sqrt(3.0) * std::clamp(1.05 * std::sqrt(3.0) * norm, 0.25, 4.0) + 1e-6;
 }
 
+// The surface near a cell, as seen from its centre, which is at `material`.
+struct Plane {
+  double distance;  // cells
+  Vec3d normal;
+};
+Plane plane_of(const geometry::SignedDistance& distance, const Vec3d& material, double phi, const Mat3d& inverse_f) {
+  const Vec3d normal = inverse_f.transpose() * distance.gradient(material);
+  const double length = normal.norm();
+  return {phi / std::clamp(length, 0.25, 4.0), length > 1e-12 ? Vec3d(normal / length) : Vec3d(0, 1, 0)};
+}
+
 constexpr double kMostCrushed = 0.2, kMostStretched = 5.0;  // stretches that are believed at the edge of the data
 constexpr double kSplinterGrowth = 1.25;  // of the volume of an element that is torn off, or its inverse
 constexpr std::size_t kSplinter = 3;      // elements
@@ -53,6 +64,7 @@ bool is_credible(std::uint8_t nearest, std::uint8_t farthest, const Mat3d& inver
 std::vector<std::vector<Holding>> compute_fractions(const Parallel& parallel, const SolidRest& rest,
                                                     const SolidState& state, SolidWork& work) {
   const Grid& g = state.band.grid;
+  const geometry::SignedDistance& distance = distance_of(rest, state);
   const auto corner = grid::corner_offsets(g);
   work.fraction.assign(g.cell_count(), 0);
   work.volume_ratio.assign(g.cell_count(), 1);
@@ -75,16 +87,14 @@ std::vector<std::vector<Holding>> compute_fractions(const Parallel& parallel, co
           mean += 0.125 * u[a];
         }
         const Vec3d material = g.cell_center(i, j, k) - mean;
-        const double phi = rest.distance.sample(material);
+        const double phi = distance.sample(material);
         if (phi > 4.0 * g.h) continue;
         const Mat3d inverse_f = Mat3d::Identity() - displacement_gradient(u, center_gradients(), g.h);
         const double inverse_det = std::clamp(inverse_f.determinant(), 0.1, 10.0);
         double fraction = phi < 0.0 ? 1.0 : 0.0;
         if (std::abs(phi) < cutting_distance(inverse_f) * g.h) {
-          Vec3d normal = inverse_f.transpose() * rest.distance.gradient(material);
-          const double length = std::clamp(normal.norm(), 0.25, 4.0);
-          normal = normal.norm() > 1e-12 ? Vec3d(normal.normalized()) : Vec3d(0, 1, 0);
-          fraction = grid::plane_cut_fraction(phi / (length * g.h), normal);
+          const Plane surface = plane_of(distance, material, phi / g.h, inverse_f);
+          fraction = grid::plane_cut_fraction(surface.distance, surface.normal);
         }
         const std::size_t c = g.cell(i, j, k);
         if (fraction > 0.0 && !is_credible(nearest, farthest, inverse_f)) {
@@ -169,18 +179,37 @@ void find_elements(const Grid& g, const std::vector<std::uint8_t>& full, SolidWo
       }
 }
 
-// An element is as stiff as it is solid: what enters brings little energy, and what leaves takes little.
-void stiffen_by_part(const SolidRest& rest, SolidWork& work) {
+// An element is as stiff as it is solid, and strained as its solid part is in the middle.
+void stiffen_by_part(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work) {
   work.element_factor.clear();
+  work.element_middle.clear();
   if (!rest.stiff_by_part) return;
-  for (const std::int32_t c : work.element_cell)
-    work.element_factor.push_back(static_cast<double>(work.fraction[static_cast<std::size_t>(c)]));
+  const Grid& g = state.band.grid;
+  const auto corner = grid::corner_offsets(g);
+  const geometry::SignedDistance& distance = distance_of(rest, state);
+  work.element_factor.resize(work.element_cell.size());
+  work.element_middle.assign(work.element_cell.size(), Vec3::Zero());
+  parallel.for_each(static_cast<std::int64_t>(work.element_cell.size()), [&](std::int64_t i) {
+    const auto e = static_cast<std::size_t>(i);
+    const double fraction = static_cast<double>(work.fraction[static_cast<std::size_t>(work.element_cell[e])]);
+    work.element_factor[e] = fraction;
+    if (!(fraction < 1.0)) return;
+    const auto n = static_cast<std::size_t>(work.element_corner[e]);
+    Vec3d u[8];
+    for (std::size_t a = 0; a < 8; ++a) u[a] = state.u.at(n + corner[a]).cast<double>();
+    const Vec3d material = material_in_cell(state, g.node_place(n));
+    const Mat3d inverse_f = Mat3d::Identity() - displacement_gradient(u, center_gradients(), g.h);
+    const Plane surface = plane_of(distance, material, distance.sample(material) / g.h, inverse_f);
+    work.element_middle[e] = (2.0 * grid::plane_cut_centroid(surface.distance, surface.normal)).cast<Real>();
+  });
 }
 
 // One at the border of a pin gives way in its part outside only, a width theta of a cell, in which all of its strain
 // lies: theta psi(F / theta) is about psi(F) / theta.
 void stiffen_beside_pins(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work) {
-  if (rest.held.empty() || rest.plastic.yields()) return;  // what has yielded is kept by cells
+  if (state.shape)
+    work.element_factor.assign(work.element_corner.size(), 0.0);  // what deforms as given resists nothing
+  if (rest.held.empty() || rest.plastic.yields()) return;         // what has yielded is kept by cells
   const Grid& g = state.band.grid;
   work.element_factor.resize(work.element_corner.size(), 1.0);
   parallel.for_each(static_cast<std::int64_t>(work.element_factor.size()), [&](std::int64_t i) {
@@ -269,7 +298,7 @@ void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidSt
     for (Real& m : work.mass) m *= factor;
     work.total_mass = weight;
   }
-  stiffen_by_part(rest, work);
+  stiffen_by_part(parallel, rest, state, work);
   weigh_elements(rest, g, work);
   stiffen_beside_pins(parallel, rest, state, work);
 }

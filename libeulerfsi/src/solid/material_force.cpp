@@ -12,20 +12,13 @@ namespace {
 constexpr int kPairFirst[3] = {1, 2, 0}, kPairSecond[3] = {2, 0, 1};
 
 struct RealGradients {
-  Real g[8][8][3];  // point, corner, axis: h grad N
-  explicit RealGradients(int points) {
-    for (std::size_t q = 0; q < static_cast<std::size_t>(points); ++q) {
-      const ShapeGradients& source = points == 1 ? center_gradients() : gauss_gradients()[q];
-      for (std::size_t a = 0; a < 8; ++a)
-        for (int i = 0; i < 3; ++i) g[q][a][i] = static_cast<Real>(source[a][i]);
-    }
+  Real g[8][3];  // corner, axis: h grad N
+  RealGradients(const SolidWork& work, std::size_t e, std::size_t q) {
+    const ShapeGradients source = gradients_at(work.local_point(e, q));
+    for (std::size_t a = 0; a < 8; ++a)
+      for (int i = 0; i < 3; ++i) g[a][i] = static_cast<Real>(source[a][i]);
   }
 };
-
-const RealGradients& real_gradients(int points) {
-  static const RealGradients one(1), eight(8);
-  return points == 1 ? one : eight;
-}
 
 ElementPoint linearise(const material::Elastic& elastic, const Deformation& d, double dv0, double& energy) {
   const material::PrincipalResponse r = material::make_definite(material::principal_response(elastic, d.stretch));
@@ -139,13 +132,17 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
       material::Elastic elastic = rest.elastic;
       elastic.mu *= work.element_weight * work.factor(e);
       elastic.lambda *= work.element_weight * work.factor(e);
+      const double bulk = rest.bulk * work.element_weight * work.factor(e);
       for (std::size_t q = 0; q < points; ++q) {
-        const ElasticPoint p = elastic_point(plastic, u, x0, g.h, q, points);
+        const Vec3d local = work.local_point(e, q);
+        const ElasticPoint p = elastic_point(plastic, u, x0, g.h, local);
         const Deformation& d = p.elastic;
         double energy = 0.0;
         const double volume = g.h * g.h * g.h / (static_cast<double>(points) * d.det);
         ElementPoint point = linearise(elastic, d, volume, energy);
+        energy += volume * material::bulk_energy(bulk, d.det);
         if (points == 1) {
+          for (int i = 0; i < 3; ++i) point.local[i] = static_cast<Real>(local[i]);
           const double k = kHourglassFactor * elastic.mu * g.h;
           point.hourglass[0] = static_cast<Real>(k);
           for (int i = 0; i < 3; ++i) point.hourglass[i + 1] = static_cast<Real>(k / (d.stretch[i] * d.stretch[i]));
@@ -181,13 +178,13 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
 void element_force(const SolidState& state, const SolidWork& work, std::size_t e, Real out[24]) {
   const Grid& g = state.band.grid;
   const Real inverse_h = static_cast<Real>(1.0 / g.h);
-  const RealGradients& table = real_gradients(work.points_per_element);
   std::fill(out, out + 24, Real(0));
   for (std::size_t q = 0; q < static_cast<std::size_t>(work.points_per_element); ++q) {
     const ElementPoint point = work.element_point(e, q);
+    const RealGradients at(work, e, q);
     const Real* s = point.stress;
     for (int a = 0; a < 8; ++a) {
-      const Real* grad = table.g[q][a];
+      const Real* grad = at.g[a];
       out[3 * a + 0] -= inverse_h * (s[0] * grad[0] + s[5] * grad[1] + s[4] * grad[2]);
       out[3 * a + 1] -= inverse_h * (s[5] * grad[0] + s[1] * grad[1] + s[3] * grad[2]);
       out[3 * a + 2] -= inverse_h * (s[4] * grad[0] + s[3] * grad[1] + s[2] * grad[2]);
@@ -203,12 +200,13 @@ void element_force(const SolidState& state, const SolidWork& work, std::size_t e
     const auto n = static_cast<std::size_t>(work.element_corner[e]);
     Real u[24];
     Mat3 inverse_f = Mat3::Identity();
+    const RealGradients at(work, e, 0);
     for (std::size_t a = 0; a < 8; ++a)
       for (std::size_t i = 0; i < 3; ++i) {
         u[3 * a + i] = state.u.c[i][n + corner[a]];
         for (std::size_t j = 0; j < 3; ++j)
           inverse_f(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) -=
-              inverse_h * u[3 * a + i] * table.g[0][a][j];
+              inverse_h * u[3 * a + i] * at.g[a][j];
       }
     add_hourglass(-work.element_point(e, 0).hourglass[0] * inverse_f.transpose(), u, out);  // X = -u on these modes
   }
@@ -216,19 +214,19 @@ void element_force(const SolidState& state, const SolidWork& work, std::size_t e
 
 void element_stiffness(const SolidWork& work, double h, std::size_t e, const Real x[24], Real out[24]) {
   const Real inverse_h = static_cast<Real>(1.0 / h);
-  const RealGradients& table = real_gradients(work.points_per_element);
   std::fill(out, out + 24, Real(0));
   for (std::size_t q = 0; q < static_cast<std::size_t>(work.points_per_element); ++q) {
     const ElementPoint point = work.element_point(e, q);
+    const RealGradients at(work, e, q);
     Mat3 gradient = Mat3::Zero();
     for (int a = 0; a < 8; ++a)
       for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j) gradient(i, j) += x[3 * a + i] * table.g[q][a][j];
+        for (int j = 0; j < 3; ++j) gradient(i, j) += x[3 * a + i] * at.g[a][j];
     const Eigen::Map<const Mat3> axes(point.axes);
     const Mat3 local = axes.transpose() * (gradient * inverse_h) * axes;
     const Mat3 stress = axes * stress_change(point, local) * axes.transpose() * inverse_h;
     for (int a = 0; a < 8; ++a) {
-      const Real* grad = table.g[q][a];
+      const Real* grad = at.g[a];
       for (int i = 0; i < 3; ++i)
         out[3 * a + i] += stress(i, 0) * grad[0] + stress(i, 1) * grad[1] + stress(i, 2) * grad[2];
     }
@@ -238,7 +236,6 @@ void element_stiffness(const SolidWork& work, double h, std::size_t e, const Rea
 
 void element_stiffness_diagonal(const SolidWork& work, double h, std::size_t e, Real out[24]) {
   const Real inverse_h = static_cast<Real>(1.0 / h);
-  const RealGradients& table = real_gradients(work.points_per_element);
   std::fill(out, out + 24, Real(0));
   if (work.points_per_element == 1) {
     const Mat3 k = hourglass_stiffness(work.element_point(e, 0));
@@ -246,9 +243,10 @@ void element_stiffness_diagonal(const SolidWork& work, double h, std::size_t e, 
   }
   for (std::size_t q = 0; q < static_cast<std::size_t>(work.points_per_element); ++q) {
     const ElementPoint point = work.element_point(e, q);
+    const RealGradients at(work, e, q);
     const Eigen::Map<const Mat3> axes(point.axes);
     for (int a = 0; a < 8; ++a) {
-      const Vec3 grad(table.g[q][a][0], table.g[q][a][1], table.g[q][a][2]);
+      const Vec3 grad(at.g[a][0], at.g[a][1], at.g[a][2]);
       const Vec3 b = axes.transpose() * (grad * inverse_h);
       for (int i = 0; i < 3; ++i) {
         const Vec3 p = axes.row(i).transpose();

@@ -33,14 +33,11 @@ Mat3d log_of(const Mat3d& metric) {
   return eigen.eigenvectors() * log.asDiagonal() * eigen.eigenvectors().transpose();
 }
 
-// Shape functions at the quadrature points.
-std::array<double, 8> shape_values(std::size_t point, std::size_t points) {
+std::array<double, 8> shape_values(const Vec3d& local) {
   std::array<double, 8> values;
-  const double away = points == 1 ? 0.0 : 0.5 / std::sqrt(3.0);
   for (std::size_t a = 0; a < 8; ++a) {
     values[a] = 1.0;
-    for (std::size_t i = 0; i < 3; ++i)
-      values[a] *= 0.5 + (grid::kCorner[a][i] == grid::kCorner[point][i] ? away : -away);
+    for (int i = 0; i < 3; ++i) values[a] *= 0.5 * (1.0 + (grid::kCorner[a][i] ? local[i] : -local[i]));
   }
   return values;
 }
@@ -216,13 +213,12 @@ std::array<Vec3d, 3> PlasticField::hourglass(const Vec3d& X, const Mat3d& invers
   return amplitude;
 }
 
-ElasticPoint elastic_point(const PlasticField& plastic, const Vec3d u[8], const Vec3d& x0, double h, std::size_t point,
-                           std::size_t points_per_element) {
+ElasticPoint elastic_point(const PlasticField& plastic, const Vec3d u[8], const Vec3d& x0, double h,
+                           const Vec3d& local) {
   ElasticPoint p;
-  const Mat3d gradient =
-      displacement_gradient(u, points_per_element == 1 ? center_gradients() : gauss_gradients()[point], h);
+  const Mat3d gradient = displacement_gradient(u, gradients_at(local), h);
   if (!plastic.empty()) {
-    const std::array<double, 8> shape = shape_values(point, points_per_element);
+    const std::array<double, 8> shape = shape_values(local);
     p.inverse_f -= gradient;
     for (std::size_t a = 0; a < 8; ++a)
       p.place += shape[a] * (x0 + h * Vec3d(grid::kCorner[a][0], grid::kCorner[a][1], grid::kCorner[a][2]) - u[a]);
@@ -278,7 +274,7 @@ void flow(const Parallel& parallel, const SolidRest& rest, double dt, int points
       for (std::size_t a = 0; a < 8; ++a) u[a] = state.u.at(n + corner[a]).cast<double>();
       for (std::size_t q = e * points; q < (e + 1) * points; ++q) {
         const Vec3d x0 = g.node_position(place[0], place[1], place[2]);
-        flows[q] = flow_at(rest, elastic_point(plastic, u, x0, g.h, q - e * points, points), time);
+        flows[q] = flow_at(rest, elastic_point(plastic, u, x0, g.h, work.local_point(e, q - e * points)), time);
         count += flows[q].flows;
       }
     }

@@ -53,9 +53,9 @@ struct ElasticPoint {
   Mat3d inverse_f = Mat3d::Identity();  // F^-1
 };
 
-// u: displacements of the 8 corners, x0: place of the lowest one; point: of points_per_element (1 or 8).
-ElasticPoint elastic_point(const PlasticField& plastic, const Vec3d u[8], const Vec3d& x0, double h, std::size_t point,
-                           std::size_t points_per_element);
+// u: displacements of the 8 corners, x0: place of the lowest one; local: coordinates of the point (hexahedron.hpp).
+ElasticPoint elastic_point(const PlasticField& plastic, const Vec3d u[8], const Vec3d& x0, double h,
+                           const Vec3d& local);
 
 // What the hourglass modes of X lack of those of the yielded shape, elastic amplitudes [m]; without yield -u on them.
 std::array<Vec3d, 4> hourglass_amplitudes(const PlasticField& plastic, const ElasticPoint& center, const Vec3d u[8],

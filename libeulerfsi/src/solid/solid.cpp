@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "base/byte_count.hpp"
+#include "solid/hexahedron.hpp"
 
 namespace efsi::solid {
 
@@ -10,14 +11,28 @@ std::size_t SolidWork::bytes() const {
   const std::size_t reals = fraction.size() + volume_ratio.size() + mass.size();
   return reals * sizeof(Real) + (element.size() + element_cell.size() + element_corner.size()) * sizeof(std::int32_t) +
          point.size() * sizeof(PointBlock) + hourglass_force.size() * sizeof(hourglass_force[0]) + carries.size() +
-         layer.size() + element_factor.size() * sizeof(double) + near_folds.size() * sizeof(NearPair) +
+         layer.size() + element_factor.size() * sizeof(double) + element_middle.size() * sizeof(Vec3) +
+         near_folds.size() * sizeof(NearPair) +
          fold_places.place.size() * (sizeof(fold_places.place[0]) + sizeof(fold_places.normal[0]));
+}
+
+std::size_t GivenShape::bytes() const {
+  return surface->mesh.points.size() * sizeof(Vec3d) + surface->mesh.triangles.size() * sizeof(geometry::Triangle) +
+         surface->distance.values.size() * sizeof(float) + nearest.bytes();
 }
 
 std::size_t state_bytes(const SolidState& state) {
   ByteCount count;
   visit_fields(state, count);
   return count.bytes;
+}
+
+Vec3d SolidWork::middle(std::size_t e) const {
+  return element_middle.empty() ? Vec3d(Vec3d::Zero()) : Vec3d(element_middle[e].cast<double>());
+}
+
+Vec3d SolidWork::local_point(std::size_t e, std::size_t q) const {
+  return quadrature_point(static_cast<int>(q), points_per_element, middle(e));
 }
 
 void SolidWork::resize_elements(int points) {
@@ -35,6 +50,7 @@ ElementPoint SolidWork::element_point(std::size_t e, std::size_t q) const {
   for (int i = 0; i < 6; ++i) value.normal[i] = block.normal[i][lane];
   for (int i = 0; i < 9; ++i) value.pair[i] = block.pair[i][lane];
   for (int i = 0; i < 6; ++i) value.stress[i] = block.stress[i][lane];
+  for (int i = 0; i < 3; ++i) value.local[i] = block.local[i][lane];
   for (int i = 0; i < 4; ++i) value.hourglass[i] = block.hourglass[i][lane];
   return value;
 }
@@ -46,6 +62,7 @@ void SolidWork::set_element_point(std::size_t e, std::size_t q, const ElementPoi
   for (int i = 0; i < 6; ++i) block.normal[i][lane] = value.normal[i];
   for (int i = 0; i < 9; ++i) block.pair[i][lane] = value.pair[i];
   for (int i = 0; i < 6; ++i) block.stress[i][lane] = value.stress[i];
+  for (int i = 0; i < 3; ++i) block.local[i][lane] = value.local[i];
   for (int i = 0; i < 4; ++i) block.hourglass[i][lane] = value.hourglass[i];
 }
 

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "geometry/mesh_sdf.hpp"
 #include "geometry/nearest_triangle.hpp"
 #include "geometry/signed_distance.hpp"
 #include "geometry/triangle_mesh.hpp"
@@ -31,7 +32,8 @@ struct SolidRest {
   double rayleigh_alpha = 0.0, rayleigh_beta = 0.0;
   double friction = 0.0;               // Coulomb's coefficient; of two solids the mean
   double contact_stiffness = 0.0;      // k of Eq. 14; of two solids the mean [N/m]
-  bool compressible = false;           // no pressure acts in its cells
+  bool compressible = false;           // it may change its volume
+  double bulk = 0.0;                   // stiffness against that which the pressure has, not the elements [Pa]
   geometry::SignedDistance distance;   // material space
   geometry::TriangleMesh surface;      // as given, material space; in a slab what lies beyond it is on its faces
   geometry::NearestTriangle nearest;   // of the surface at rest; empty: nothing asks
@@ -44,6 +46,9 @@ struct SolidRest {
   double area = 0.0;                   // of the surface at rest [m^2]
   std::vector<std::shared_ptr<const geometry::SignedDistance>> held;  // regions of pins, material space; < 0 inside
 };
+
+// Whether a pressure acts in its cells.
+inline bool has_pressure(const SolidRest& rest) { return !rest.compressible || rest.bulk > 0.0; }
 
 // The part of the box's grid around a solid.
 struct Band {
@@ -76,6 +81,13 @@ struct PlasticNode {
   Real accumulated;  // equivalent plastic strain that has flown
 };
 
+// The surface of a collider whose points are given, where they are: material space.
+struct GivenShape {
+  std::shared_ptr<const geometry::Surface> surface;
+  geometry::NearestTriangle nearest;  // of it
+  std::size_t bytes() const;
+};
+
 // State: survives a step.
 struct SolidState {
   Band band;
@@ -92,7 +104,20 @@ struct SolidState {
   std::uint8_t whole = 1;            // no part of it has left through an open face
   double speed = 0.0;                // largest component of the velocity in the last step [m/s]
   double leak = 0.0;                 // volume that the last step lost by the mesh, over that at rest
+  // In place of that at rest, of a collider whose points are given. It follows from those: no part of a checkpoint.
+  std::shared_ptr<const GivenShape> shape;
 };
+
+// The surface in material space that a solid's map leads to: signed distance, points, nearest triangle.
+inline const geometry::SignedDistance& distance_of(const SolidRest& rest, const SolidState& state) {
+  return state.shape ? state.shape->surface->distance : rest.distance;
+}
+inline const std::vector<Vec3d>& points_of(const SolidRest& rest, const SolidState& state) {
+  return state.shape ? state.shape->surface->mesh.points : rest.surface.points;
+}
+inline const geometry::NearestTriangle& nearest_of(const SolidRest& rest, const SolidState& state) {
+  return state.shape ? state.shape->nearest : rest.nearest;
+}
 
 // Calls fields.value(x) or fields.array(x) for all that a solid's state holds. One list serves checkpoint, hash and
 // memory count.
@@ -125,6 +150,7 @@ struct ElementPoint {
   Real normal[6];     // xx yy zz yz zx xy, weighted by the volume of the point [J]
   Real pair[9];       // for pairs (y,z), (z,x), (x,y): [ij ij], [ij ji], [ji ji] [J]
   Real stress[6];     // Kirchhoff stress times volume, world axes: xx yy zz yz zx xy [J]
+  Real local[3];      // where it is in a one-point element; else 0 (solid/hexahedron.hpp)
   Real hourglass[4];  // stiffness k of the hourglass modes of a one-point element, and k / stretch^2 along the axes
                       // [N/m]
 };
@@ -132,7 +158,7 @@ struct ElementPoint {
 // The points of kBlock elements side by side, so that one instruction works on many of them.
 inline constexpr std::size_t kBlock = 16;
 struct PointBlock {
-  Real axes[9][kBlock], normal[6][kBlock], pair[9][kBlock], stress[6][kBlock], hourglass[4][kBlock];
+  Real axes[9][kBlock], normal[6][kBlock], pair[9][kBlock], stress[6][kBlock], local[3][kBlock], hourglass[4][kBlock];
 };
 
 // Workspace: rebuilt every step.
@@ -143,6 +169,7 @@ struct SolidWork {
   std::vector<std::int32_t> element_cell;    // element -> band cell
   std::vector<std::int32_t> element_corner;  // element -> band node of corner 0
   std::vector<double> element_factor;        // of their stiffness; empty: 1 everywhere
+  std::vector<Vec3> element_middle;          // of what is solid of them, local coordinates; empty: their centres
   std::vector<std::array<Real, 12>>
       hourglass_force;            // per element: along x y z on each mode [N]; empty: it cannot yield
   std::vector<PointBlock> point;  // point q of block b at b points_per_element + q; free lanes are zero
@@ -164,6 +191,9 @@ struct SolidWork {
   double max_speed = 0.0;
 
   double factor(std::size_t e) const { return element_factor.empty() ? 1.0 : element_factor[e]; }
+  Vec3d middle(std::size_t e) const;
+  // Quadrature point q of an element, local coordinates (solid/hexahedron.hpp).
+  Vec3d local_point(std::size_t e, std::size_t q) const;
   std::size_t blocks() const { return (element_cell.size() + kBlock - 1) / kBlock; }
   void resize_elements(int points);  // for element_cell.size() elements
   ElementPoint element_point(std::size_t e, std::size_t q) const;

@@ -9,20 +9,20 @@
 namespace efsi::solid {
 namespace {
 
-struct Gradients {
+struct GaussGradients {
   Real g[8][8][3];  // point, corner, axis: h grad N
-  explicit Gradients(int points) {
-    for (std::size_t q = 0; q < static_cast<std::size_t>(points); ++q) {
-      const ShapeGradients& source = points == 1 ? center_gradients() : gauss_gradients()[q];
+  GaussGradients() {
+    for (int q = 0; q < 8; ++q) {
+      const ShapeGradients source = gradients_at(quadrature_point(q, 8, Vec3d::Zero()));
       for (std::size_t a = 0; a < 8; ++a)
         for (int i = 0; i < 3; ++i) g[q][a][i] = static_cast<Real>(source[a][i]);
     }
   }
 };
 
-const Gradients& gradients_of(int points) {
-  static const Gradients one(1), eight(8);
-  return points == 1 ? one : eight;
+const GaussGradients& gauss_gradients() {
+  static const GaussGradients table;
+  return table;
 }
 
 using Lanes = Real[kBlock];
@@ -90,9 +90,32 @@ EFSI_KERNEL void add_point(const PointBlock& p, const Real (*grad)[3], Real inve
       for (int i = 0; i < 3; ++i) add_scaled(grad[a][j] * inverse_h, e[i + 3 * j], out[3 * a + i]);
 }
 
+// h grad N of corner a at the point of a one-point element.
+EFSI_INLINE void set_gradient(const PointBlock& p, std::size_t a, Lanes* grad) {
+  Lanes at[3];
+  Real side[3];
+  for (int j = 0; j < 3; ++j) {
+    side[j] = grid::kCorner[a][j] ? Real(1) : Real(-1);
+#pragma omp simd
+    for (int l = 0; l < kLanes; ++l) at[j][l] = Real(0.5) + Real(0.5) * side[j] * p.local[j][l];
+  }
+#pragma omp simd
+  for (int l = 0; l < kLanes; ++l) {
+    grad[0][l] = side[0] * at[1][l] * at[2][l];
+    grad[1][l] = at[0][l] * side[1] * at[2][l];
+    grad[2][l] = at[0][l] * at[1][l] * side[2];
+  }
+}
+
+// The same at point q of `points`.
+void set_gradient(const PointBlock& p, std::size_t points, std::size_t q, std::size_t a, Lanes* grad) {
+  if (points == 1) return set_gradient(p, a, grad);
+  for (std::size_t j = 0; j < 3; ++j) std::fill(grad[j], grad[j] + kLanes, gauss_gradients().g[q][a][j]);
+}
+
 // Corner values, at 3 a + i, become sums of them with signs, at 3 m + i: where bit j of m is set the sign is that of
 // the corner's side along axis j. m = 1, 2, 4 is what the gradient at the centre sees; 3, 5, 6, 7 are the hourglass
-// modes. `back`: its transpose.
+// modes, by which it differs elsewhere. `back`: its transpose.
 template <bool back>
 EFSI_INLINE void exchange_modes(Lanes* v) {
 #pragma GCC unroll 3
@@ -112,9 +135,39 @@ EFSI_INLINE void exchange_modes(Lanes* v) {
     }
 }
 
-// out = factor K x with the only quadrature point at the centre, and hourglass stiffness U diag(k / s^2) U^T.
-EFSI_KERNEL void multiply_one_point(const PointBlock& p, Real inverse_h, Real factor, const Lanes* x, Lanes* out) {
-  constexpr int kGradient[3] = {1, 2, 4}, kHourglass[4] = {3, 5, 6, 7};
+// The modes of the gradient along axis j at a point: that at the centre and three others, times products of the
+// point's local coordinates.
+constexpr int kGradient[3][4] = {{1, 3, 5, 7}, {2, 3, 6, 7}, {4, 5, 6, 7}};
+
+struct ModeShares {
+  Lanes other[3][3];  // axis, mode 1 to 3 of kGradient
+  explicit ModeShares(const PointBlock& p) {
+    constexpr int kFirst[3] = {1, 0, 0}, kSecond[3] = {2, 2, 1};
+    for (int j = 0; j < 3; ++j) {
+      const Real *first = p.local[kFirst[j]], *second = p.local[kSecond[j]];
+#pragma omp simd
+      for (int l = 0; l < kLanes; ++l) {
+        other[j][0][l] = first[l];
+        other[j][1][l] = second[l];
+        other[j][2][l] = first[l] * second[l];
+      }
+    }
+  }
+};
+
+EFSI_INLINE bool at_centers(const PointBlock& p) {
+  Real sum = 0;
+  for (const auto& lanes : p.local)
+#pragma omp simd reduction(+ : sum)
+    for (int l = 0; l < kLanes; ++l) sum += lanes[l] * lanes[l];
+  return !(sum > 0);
+}
+
+// out = factor K x with one quadrature point, at the centres of all of the block or not, and hourglass stiffness
+// U diag(k / s^2) U^T.
+template <bool centers>
+EFSI_INLINE void multiply_one_point(const PointBlock& p, Real inverse_h, Real factor, const Lanes* x, Lanes* out) {
+  constexpr int kHourglass[4] = {3, 5, 6, 7};
   const Real strain = Real(0.25) * inverse_h;
   const Real share = static_cast<Real>(kHourglassNorm * kHourglassNorm) * factor;
   Lanes v[24], e[9];
@@ -122,12 +175,22 @@ EFSI_KERNEL void multiply_one_point(const PointBlock& p, Real inverse_h, Real fa
   exchange_modes<false>(v);
   clear(e[0], 9);
   for (int j = 0; j < 3; ++j)
-    for (int i = 0; i < 3; ++i) add_scaled(strain, v[3 * kGradient[j] + i], e[i + 3 * j]);
+    for (int i = 0; i < 3; ++i) add_scaled(strain, v[3 * kGradient[j][0] + i], e[i + 3 * j]);
+  const ModeShares shares(p);
+  if (!centers) {
+    for (int j = 0; j < 3; ++j)
+      for (int i = 0; i < 3; ++i) {
+        Lanes sum;
+        clear(sum, 1);
+        for (int m = 0; m < 3; ++m) add_product(shares.other[j][m], v[3 * kGradient[j][m + 1] + i], sum);
+        add_scaled(strain, sum, e[i + 3 * j]);
+      }
+  }
   respond(p, e);
   clear(v[0], 3);  // nothing from what all corners share
   for (int j = 0; j < 3; ++j) {
-    clear(v[3 * kGradient[j]], 3);
-    for (int i = 0; i < 3; ++i) add_scaled(strain * factor, e[i + 3 * j], v[3 * kGradient[j] + i]);
+    clear(v[3 * kGradient[j][0]], 3);
+    for (int i = 0; i < 3; ++i) add_scaled(strain * factor, e[i + 3 * j], v[3 * kGradient[j][0] + i]);
   }
   for (const int m : kHourglass) {
     Lanes along[3];
@@ -141,16 +204,36 @@ EFSI_KERNEL void multiply_one_point(const PointBlock& p, Real inverse_h, Real fa
     for (int j = 0; j < 3; ++j)
       for (int i = 0; i < 3; ++i) add_product(p.axes[i + 3 * j], along[j], v[3 * m + i]);
   }
+  if (!centers) {
+    for (int j = 0; j < 3; ++j)
+      for (int i = 0; i < 3; ++i) {
+        Lanes stress;
+        clear(stress, 1);
+        add_scaled(strain * factor, e[i + 3 * j], stress);
+        for (int m = 0; m < 3; ++m) add_product(shares.other[j][m], stress, v[3 * kGradient[j][m + 1] + i]);
+      }
+  }
   exchange_modes<true>(v);
   std::copy(v[0], v[0] + 24 * kLanes, out[0]);
 }
 
+EFSI_KERNEL void multiply_at_centers(const PointBlock& p, Real inverse_h, Real factor, const Lanes* x, Lanes* out) {
+  multiply_one_point<true>(p, inverse_h, factor, x, out);
+}
+EFSI_KERNEL void multiply_anywhere(const PointBlock& p, Real inverse_h, Real factor, const Lanes* x, Lanes* out) {
+  multiply_one_point<false>(p, inverse_h, factor, x, out);
+}
+
 // out += the diagonal of the above for one corner: E = e_i b^T, b = U^T grad N / h.
-EFSI_KERNEL void add_diagonal(const PointBlock& p, const Real* grad, Real inverse_h, Lanes* out) {
+EFSI_KERNEL void add_diagonal(const PointBlock& p, const Lanes* grad, Real inverse_h, Lanes* out) {
   Lanes b[3];
   clear(b[0], 3);
   for (int m = 0; m < 3; ++m)
-    for (int j = 0; j < 3; ++j) add_scaled(grad[j] * inverse_h, p.axes[j + 3 * m], b[m]);
+    for (int j = 0; j < 3; ++j) {
+      const Real *slope = grad[j], *axis = p.axes[j + 3 * m];
+#pragma omp simd
+      for (int l = 0; l < kLanes; ++l) b[m][l] += slope[l] * inverse_h * axis[l];
+    }
   constexpr int kFirst[3] = {1, 2, 0}, kSecond[3] = {2, 0, 1};
   for (int i = 0; i < 3; ++i) {
     const Real *u0 = p.axes[i], *u1 = p.axes[i + 3], *u2 = p.axes[i + 6];
@@ -186,22 +269,30 @@ EFSI_KERNEL void set_hourglass_diagonal(const PointBlock& p, Lanes* out) {
   }
 }
 
-// out -= tau grad N / h at the corners
-EFSI_KERNEL void subtract_stress(const PointBlock& p, const Real (*grad)[3], Real inverse_h, Lanes* out) {
+// out -= tau grad N / h at one corner
+EFSI_KERNEL void subtract_stress(const PointBlock& p, const Lanes* grad, Real inverse_h, Lanes* out) {
   constexpr int kStress[3][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}};
-  for (int a = 0; a < 8; ++a)
-    for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j) add_scaled(-inverse_h * grad[a][j], p.stress[kStress[i][j]], out[3 * a + i]);
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) {
+      const Real *stress = p.stress[kStress[i][j]], *slope = grad[j];
+#pragma omp simd
+      for (int l = 0; l < kLanes; ++l) out[i][l] -= inverse_h * slope[l] * stress[l];
+    }
 }
 
 // out += k F^-T u on the hourglass modes, F^-1 = 1 - grad u
-EFSI_KERNEL void add_hourglass_force(const PointBlock& p, const Real (*grad)[3], Real inverse_h, const Lanes* u,
-                                     Lanes* out) {
-  Lanes inverse_f[9];  // (i, j) at i + 3 j
+EFSI_KERNEL void add_hourglass_force(const PointBlock& p, Real inverse_h, const Lanes* u, Lanes* out) {
+  Lanes inverse_f[9], grad[3];  // (i, j) at i + 3 j
   for (int q = 0; q < 9; ++q) std::fill(inverse_f[q], inverse_f[q] + kLanes, Real(q % 4 == 0));
-  for (int a = 0; a < 8; ++a)
+  for (int a = 0; a < 8; ++a) {
+    set_gradient(p, static_cast<std::size_t>(a), grad);
     for (int j = 0; j < 3; ++j)
-      for (int i = 0; i < 3; ++i) add_scaled(-inverse_h * grad[a][j], u[3 * a + i], inverse_f[i + 3 * j]);
+      for (int i = 0; i < 3; ++i) {
+        Real* f = inverse_f[i + 3 * j];
+#pragma omp simd
+        for (int l = 0; l < kLanes; ++l) f[l] -= inverse_h * grad[j][l] * u[3 * a + i][l];
+      }
+  }
   for (const auto& sign : kHourglassSign) {
     Lanes amplitude[3], force[3];
     clear(amplitude[0], 3);
@@ -243,26 +334,33 @@ void block_stiffness(const SolidWork& work, std::size_t block, double h, Real fa
   const Real inverse_h = static_cast<Real>(1.0 / h);
   const auto points = static_cast<std::size_t>(work.points_per_element);
   if (points == 1) {
-    multiply_one_point(work.point[block], inverse_h, factor, x, rows);
+    const PointBlock& p = work.point[block];
+    if (at_centers(p))
+      multiply_at_centers(p, inverse_h, factor, x, rows);
+    else
+      multiply_anywhere(p, inverse_h, factor, x, rows);
     return;
   }
   std::fill(out, out + 24 * kBlock, Real(0));
-  const Gradients& table = gradients_of(work.points_per_element);
-  for (std::size_t q = 0; q < points; ++q) add_point(work.point[block * points + q], table.g[q], inverse_h, x, rows);
+  for (std::size_t q = 0; q < points; ++q)
+    add_point(work.point[block * points + q], gauss_gradients().g[q], inverse_h, x, rows);
   scale(factor, out);
 }
 
 void block_stiffness_diagonal(const SolidWork& work, std::size_t block, double h, Real factor, Real* out) {
   auto* rows = reinterpret_cast<Lanes*>(out);
-  const Gradients& table = gradients_of(work.points_per_element);
   const auto points = static_cast<std::size_t>(work.points_per_element);
   if (points == 1)
     set_hourglass_diagonal(work.point[block], rows);
   else
     std::fill(out, out + 24 * kBlock, Real(0));
+  Lanes grad[3];
   for (std::size_t q = 0; q < points; ++q)
-    for (int a = 0; a < 8; ++a)
-      add_diagonal(work.point[block * points + q], table.g[q][a], static_cast<Real>(1.0 / h), rows + 3 * a);
+    for (std::size_t a = 0; a < 8; ++a) {
+      const PointBlock& p = work.point[block * points + q];
+      set_gradient(p, points, q, a, grad);
+      add_diagonal(p, grad, static_cast<Real>(1.0 / h), rows + 3 * a);
+    }
   scale(factor, out);
 }
 
@@ -271,9 +369,14 @@ void block_force(const SolidState& state, const SolidWork& work, std::size_t blo
   std::fill(out, out + 24 * kBlock, Real(0));
   const Grid& g = state.band.grid;
   const Real inverse_h = static_cast<Real>(1.0 / g.h);
-  const Gradients& table = gradients_of(work.points_per_element);
   const auto points = static_cast<std::size_t>(work.points_per_element);
-  for (std::size_t q = 0; q < points; ++q) subtract_stress(work.point[block * points + q], table.g[q], inverse_h, rows);
+  Lanes grad[3];
+  for (std::size_t q = 0; q < points; ++q)
+    for (std::size_t a = 0; a < 8; ++a) {
+      const PointBlock& p = work.point[block * points + q];
+      set_gradient(p, points, q, a, grad);
+      subtract_stress(p, grad, inverse_h, rows + 3 * a);
+    }
   if (points != 1) return;
   if (!work.hourglass_force.empty()) {
     add_hourglass_force(work, block, rows);
@@ -287,7 +390,7 @@ void block_force(const SolidState& state, const SolidWork& work, std::size_t blo
     for (std::size_t a = 0; a < 8; ++a)
       for (std::size_t i = 0; i < 3; ++i) u[3 * a + i][lane] = state.u.c[i][n + corner[a]];
   }
-  add_hourglass_force(work.point[block], table.g[0], inverse_h, u, rows);
+  add_hourglass_force(work.point[block], inverse_h, u, rows);
 }
 
 }  // namespace efsi::solid

@@ -97,7 +97,8 @@ void coarsen_active(const PressureGrid& fine, PressureGrid& coarse) {
 
 void PressureMultigrid::build(const Parallel& parallel, const Grid& g, const Walls& walls,
                               const std::vector<std::uint8_t>& fixed, const std::vector<Real>& specific_volume,
-                              std::vector<std::uint8_t> active, const SlipNodes* slip) {
+                              std::vector<std::uint8_t> active, const SlipNodes* slip,
+                              const std::vector<Real>& compliance) {
   slip_ = slip;
   if (g.cells != finest_.grid.cells) {  // ghosts lie elsewhere, and those that nobody writes must be zero
     finest_.inverse_diagonal.clear();
@@ -115,10 +116,14 @@ void PressureMultigrid::build(const Parallel& parallel, const Grid& g, const Wal
       if (d[c] > 0) d[c] = 1 / (1 / d[c] + value);
     });
   }
-  build_coarse(parallel, specific_volume);
+  compliance_.set(compliance, finest_);
+  compliance_.add_to_diagonal(finest_.inverse_diagonal);
+  build_coarse(parallel, specific_volume, compliance);
 }
 
-void PressureMultigrid::build_coarse(const Parallel& parallel, const std::vector<Real>& specific_volume) {
+void PressureMultigrid::build_coarse(const Parallel& parallel, const std::vector<Real>& specific_volume,
+                                     const std::vector<Real>& compliance) {
+  std::vector<Real> fine_compliance = compliance, coarse_compliance;
   std::size_t count = 0;
   const int slab = grid::slab_axis(finest_.grid, finest_.walls);
   for (Grid g = finest_.grid; can_coarsen(g, slab); g = coarsen(g)) ++count;
@@ -135,13 +140,20 @@ void PressureMultigrid::build_coarse(const Parallel& parallel, const std::vector
                             level.specific_volume);
     coarsen_active(fine, level.op);
     build_coarse_pressure(parallel, level.specific_volume, level.op);
+    level.compliance = {};
+    if (compliance_.empty()) continue;
+    coarse_compliance.assign(grid.padded_count(), 0);  // P^T D P by the sums of its rows
+    restrict_residual(parallel, fine, fine_compliance, level.op, coarse_compliance);
+    level.compliance.set(coarse_compliance, level.op);
+    level.compliance.add_to_diagonal(level.op.inverse_diagonal);
+    std::swap(fine_compliance, coarse_compliance);
   }
 }
 
 void PressureMultigrid::apply(const Parallel& parallel, std::vector<Real>& x, std::vector<Real>& y) {
   grid::fill_ghosts(finest_.grid, x, Real(0));
   apply_pressure_operator(parallel, finest_, x, y);
-  add_slip(parallel, x, Real(1), y);
+  add_rest(parallel, x, Real(1), y);
 }
 
 std::span<const Real> PressureMultigrid::weights() const {
@@ -153,6 +165,7 @@ void PressureMultigrid::smooth(const Parallel& parallel, const std::vector<Real>
   grid::fill_periodic_ghosts(finest_.grid, x);
   const Real weight = weights()[step % weights().size()];
   if (slip_) slip_->excess(parallel, x, excess_);  // of x before the step
+  if (!compliance_.empty()) compliance_.multiply(parallel, x, given_);
   if (focused_.empty()) {
     smooth_pressure(parallel, finest_, b, weight, x);
   } else {
@@ -162,10 +175,12 @@ void PressureMultigrid::smooth(const Parallel& parallel, const std::vector<Real>
   if (slip_)
     slip_->for_terms(parallel, excess_,
                      [&](std::size_t c, Real value) { x[c] -= weight * finest_.inverse_diagonal[c] * value; });
+  if (!compliance_.empty()) compliance_.relax(parallel, weight, finest_.inverse_diagonal, given_, x);
 }
 
-void PressureMultigrid::add_slip(const Parallel& parallel, const std::vector<Real>& x, Real sign,
+void PressureMultigrid::add_rest(const Parallel& parallel, const std::vector<Real>& x, Real sign,
                                  std::vector<Real>& y) {
+  if (!compliance_.empty()) compliance_.add(parallel, sign, x, y);
   if (!slip_) return;
   const auto& active = finest_.active;
   slip_->excess(parallel, x, excess_);
@@ -200,12 +215,16 @@ void PressureMultigrid::focus(const Parallel& parallel, const std::vector<Real>&
 }
 
 void PressureMultigrid::focus(const std::vector<std::size_t>& cells) {
+  grid::TileMask mask(finest_.grid.cells);
+  mark_tiles(cells, mask);
+  set_focus(mask);
+}
+
+void PressureMultigrid::mark_tiles(const std::vector<std::size_t>& cells, grid::TileMask& mask) const {
   const Grid& g = finest_.grid;
-  grid::TileMask mask(g.cells);
   const auto tile = [](std::size_t padded) { return (static_cast<int>(padded) - 1) / grid::kTileSize; };
   const std::size_t row = g.padded(0, 1, 0) - g.padded(0, 0, 0), plane = g.padded(0, 0, 1) - g.padded(0, 0, 0);
   for (const std::size_t c : cells) mask.set(mask.at({tile(c % row), tile(c % plane / row), tile(c / plane)}), true);
-  set_focus(mask);
 }
 
 void PressureMultigrid::set_focus(grid::TileMask& mask) {
@@ -220,6 +239,7 @@ void PressureMultigrid::set_focus(grid::TileMask& mask) {
         };
         mask.set(mask.at({tile(n.i, c[0], 0), tile(n.j, c[1], 1), tile(n.k, c[2], 2)}), true);
       }
+  mark_tiles(compliance_.cells(), mask);  // smoothing gives D its due everywhere
   if (static_cast<double>(mask.active_count()) > kMostFocused * static_cast<double>(mask.count())) return;
   focused_ = mask.boxes();
   mask.dilate(g.periodic);
@@ -245,7 +265,7 @@ void PressureMultigrid::leave_residual(const Parallel& parallel, const std::vect
     });
     residual_in_boxes(parallel, finest_, reached_, b, x, residual_);
   }
-  add_slip(parallel, x, Real(-1), residual_);
+  add_rest(parallel, x, Real(-1), residual_);
 }
 
 void PressureMultigrid::coarse_cycle(const Parallel& every, std::size_t l) {
@@ -254,7 +274,12 @@ void PressureMultigrid::coarse_cycle(const Parallel& every, std::size_t l) {
   const Parallel& parallel = g.cell_count() <= kSerialCells ? serial_ : every;
   const auto smooth_once = [&](std::size_t step) {
     grid::fill_periodic_ghosts(g, level.x);
-    smooth_coarse(parallel, level.op, level.b, kCoarse[step % kCoarse.size()], level.x, level.other);
+    const Real weight = kCoarse[step % kCoarse.size()];
+    smooth_coarse(parallel, level.op, level.b, weight, level.x, level.other);
+    if (!level.compliance.empty()) {
+      level.compliance.multiply(parallel, level.x, given_);
+      level.compliance.relax(parallel, weight, level.op.inverse_diagonal, given_, level.other);
+    }
     std::swap(level.x, level.other);
   };
   linalg::multiply(parallel, level.x, level.op.inverse_diagonal, level.b, kCoarse[0]);  // a step from zero
@@ -265,6 +290,7 @@ void PressureMultigrid::coarse_cycle(const Parallel& every, std::size_t l) {
   for (std::size_t i = 1; i < kCoarse.size(); ++i) smooth_once(i);
   grid::fill_periodic_ghosts(g, level.x);
   coarse_residual(parallel, level.op, level.b, level.x, level.other);
+  if (!level.compliance.empty()) level.compliance.add(parallel, Real(-1), level.x, level.other);
   CoarseLevel& next = coarse_[l + 1];
   restrict_residual(parallel, level.op, level.other, next.op, next.b);
   coarse_cycle(every, l + 1);
@@ -291,12 +317,12 @@ void PressureMultigrid::precondition(const Parallel& parallel, const std::vector
 
 std::size_t PressureMultigrid::bytes() const {
   std::size_t reals = residual_.size() + finest_.mobility.size() + finest_.inverse_diagonal.size();
-  std::size_t total = finest_.active.size();
+  std::size_t total = finest_.active.size() + compliance_.bytes();
   for (const CoarseLevel& level : coarse_) {
     reals += level.x.size() + level.b.size() + level.other.size() + level.specific_volume.size() +
              level.op.inverse_diagonal.size();
     for (const auto& face : level.op.face) reals += face.size();
-    total += level.op.active.size();
+    total += level.op.active.size() + level.compliance.bytes();
   }
   return total + reals * sizeof(Real);
 }

@@ -8,6 +8,7 @@
 
 #include "grid/tiles.hpp"
 #include "system/coarse_pressure.hpp"
+#include "system/compliance.hpp"
 #include "system/divergence.hpp"
 #include "system/slip.hpp"
 
@@ -18,11 +19,12 @@ class PressureMultigrid {
   // Rebuilds all levels. specific_volume: 1/density per node [m^3/kg]; 0: the node does not move.
   // active: padded cells with an equation; empty: all.
   // fixed: per node of the finest grid, components that walls fix. slip: nodes of the finest grid with two velocities,
-  // or none; read until the next build.
+  // or none; read until the next build. compliance: per padded cell, what it gives way to the pressure; empty: none.
   void build(const Parallel& parallel, const Grid& g, const Walls& walls, const std::vector<std::uint8_t>& fixed,
              const std::vector<Real>& specific_volume, std::vector<std::uint8_t> active,
-             const SlipNodes* slip = nullptr);
+             const SlipNodes* slip = nullptr, const std::vector<Real>& compliance = {});
   const PressureLevel& finest() const { return finest_; }
+  const Compliance& compliance() const { return compliance_; }
   // y = A x; fills the ghosts of x.
   void apply(const Parallel& parallel, std::vector<Real>& x, std::vector<Real>& y);
   // From now on the finest level is smoothed only where it matters for a solve that begins with the residual r and ends
@@ -41,10 +43,12 @@ class PressureMultigrid {
  private:
   struct CoarseLevel {
     CoarsePressureLevel op;
+    Compliance compliance;
     std::vector<Real> specific_volume;  // nodes
     std::vector<Real> x, b, other;      // padded cells; other: the next x, or the residual
   };
-  void build_coarse(const Parallel& parallel, const std::vector<Real>& specific_volume);
+  void build_coarse(const Parallel& parallel, const std::vector<Real>& specific_volume,
+                    const std::vector<Real>& compliance);
   std::span<const Real> weights() const;  // of the finest level's smoothing steps
   // Smoothing steps on the finest level, everywhere or in focus; x of the first one need not be set. In focus residual_
   // holds the next x, and outside the focus the same as x.
@@ -54,13 +58,17 @@ class PressureMultigrid {
   void leave_residual(const Parallel& parallel, const std::vector<Real>& b, std::vector<Real>& x);
   // x of a coarse level from its b.
   void coarse_cycle(const Parallel& parallel, std::size_t l);
-  // y += sign (A - A_1) x on the finest level, A_1 without slip. Ghosts of x must be filled.
-  void add_slip(const Parallel& parallel, const std::vector<Real>& x, Real sign, std::vector<Real>& y);
+  // y += sign (A - A_1) x on the finest level, A_1 without slip and compliance. Ghosts of x must be filled.
+  void add_rest(const Parallel& parallel, const std::vector<Real>& x, Real sign, std::vector<Real>& y);
+  // The tiles that hold some of these padded cells.
+  void mark_tiles(const std::vector<std::size_t>& cells, grid::TileMask& mask) const;
   // Smooths these tiles and those beside them, unless they are most of all.
   void set_focus(grid::TileMask& mask);
   PressureLevel finest_;
+  Compliance compliance_;       // of the finest level
   std::vector<Real> residual_;  // padded cells
   std::vector<Real> excess_;    // of slip nodes
+  std::vector<Real> given_;     // D x of a level's cells that give way
   std::vector<CoarseLevel> coarse_;
   // Boxes that are smoothed, empty: everywhere; those that smoothing from zero reaches.
   std::vector<CellBox> focused_, reached_;

@@ -29,7 +29,7 @@ EFSI_KERNEL void subtract_row(int n, Real value, Real* r) {
 void PressureSystem::assemble(const Parallel& parallel, const Grid& g, const Walls& walls,
                               const std::vector<std::uint8_t>& fixed, const std::vector<Real>& specific_volume,
                               std::vector<std::uint8_t> active, std::vector<std::uint8_t> solid_cell, SlipNodes* slip,
-                              bool sealed, bool sticks) {
+                              bool sealed, bool sticks, const std::vector<Real>& compliance) {
   slip_ = slip;
   sealed_ = sealed;
   sticks_ = sticks;
@@ -43,10 +43,13 @@ void PressureSystem::assemble(const Parallel& parallel, const Grid& g, const Wal
   solid_cells_.clear();
   for (std::size_t c = 0; c < solid_cell.size(); ++c)
     if (solid_cell[c]) solid_cells_.push_back(c);
-  multigrid_.build(parallel, g, walls, fixed, specific_volume, std::move(active), slip);
+  multigrid_.build(parallel, g, walls, fixed, specific_volume, std::move(active), slip, compliance);
 }
 
-bool PressureSystem::closed() const { return !walls_.any_open() && (sealed_ || multigrid_.finest().active.empty()); }
+bool PressureSystem::closed() const {
+  const bool gives_way = !multigrid_.compliance().empty();
+  return !walls_.any_open() && !gives_way && (sealed_ || multigrid_.finest().active.empty());
+}
 
 bool PressureSystem::keep_last(const Parallel& parallel, std::vector<Real>& q) {
   std::vector<Real>& left = pcg_.r;

@@ -1,7 +1,7 @@
 // Purpose: pressure and projection.
 // Paper: Alg. 1 lines 10, 11; Sec. 4.5, Eq. 12:  J M^-1 J^T p = J v* - b.
 // Unknown is the multiplier q [Pa s] with v = v* - M^-1 J^T q; the physical pressure is p = -q/dt, since J^T is minus
-// the gradient.
+// the gradient. Cells that give way to the pressure add a diagonal: J M^-1 J^T + D.
 #pragma once
 
 #include <array>
@@ -24,11 +24,12 @@ class PressureSystem {
   // specific_volume: 1/density per node, 0 where nothing moves [m^3/kg]; active: cells with an equation, empty: all.
   // solid_cell: padded cells owned by solids, may be empty; the tolerance is demanded of them by themselves, too.
   // sealed: nothing flows into cells without an equation. fixed: per node, components that walls fix. slip: nodes with
-  // two velocities, or none; used until the next call. sticks: the fluid slips along no solid.
+  // two velocities, or none; used until the next call. sticks: the fluid slips along no solid. compliance: D per padded
+  // cell [m^4/kg], by which it gives way to q; empty: none does.
   void assemble(const Parallel& parallel, const Grid& g, const Walls& walls, const std::vector<std::uint8_t>& fixed,
                 const std::vector<Real>& specific_volume, std::vector<std::uint8_t> active,
                 std::vector<std::uint8_t> solid_cell, SlipNodes* slip = nullptr, bool sealed = false,
-                bool sticks = false);
+                bool sticks = false, const std::vector<Real>& compliance = {});
   // What the next solve has on the right: h^3 (J v - source), in a closed box less its mean. source: wanted div v per
   // padded cell [1/s], may be empty.
   DivergenceNorms set_right_side(const Parallel& parallel, const VectorField& velocity,

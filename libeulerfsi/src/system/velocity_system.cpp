@@ -310,6 +310,7 @@ void VelocitySystem::set_penalties(std::vector<Penalty> penalties) {
 
 std::vector<Vec3> VelocitySystem::penalty_impulses(const std::vector<Real>& x) const {
   std::vector<Vec3> impulses;
+  impulses.reserve(penalties_.size());
   for (const Penalty& p : penalties_) {
     Vec3 v = Vec3::Zero();
     for (const RowPart& part : p.parts)

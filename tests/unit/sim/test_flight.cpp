@@ -127,6 +127,25 @@ TEST_CASE("Long steps end near walls and other solids, and where a step turns or
   CHECK(cells({.speed = 20.0, .spin = 80.0}) == Approx(1.8).epsilon(0.02));
 }
 
+TEST_CASE("A step ends before a wall, however long a step may be") {
+  // Cells that a ball falls in its first step, from so many above the floor; it may go 3.6.
+  const auto cells = [](double above) {
+    sim::Params p = box_params({0.4, 0.6, 0.4});
+    p.gravity.setZero();
+    p.fluid.present = false;
+    p.cfl_solid = 3.6;
+    sim::SolidDesc d = ball_desc({0.2, 0.1 + above * p.voxel_size, 0.2});
+    d.velocity = {0.0, -20.0, 0.0};
+    auto s = make_simulation(p, {d});
+    return 20.0 * s->step(1.0).dt / p.voxel_size;
+  };
+  for (const double above : {1.6, 2.05, 2.5, 3.3, 3.5}) {
+    INFO(above << " cells above the floor");
+    CHECK(cells(above) == Approx(above - 1.0).epsilon(0.02));
+  }
+  CHECK(cells(4.7) == Approx(3.7).epsilon(0.03));
+}
+
 TEST_CASE("A body that slides down a floor is where Galilei says, and not in the floor", "[law]") {
   const double dt = GENERATE(1.0 / 48.0, 1.0 / 240.0), along = 3.0;
   sim::Params p = box_params({0.8, 0.3, 0.4});

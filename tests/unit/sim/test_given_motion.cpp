@@ -104,7 +104,8 @@ TEST_CASE("A cantilever sags as Timoshenko's beam", "[law]") {
     sag += 0.25 * (bar.surface.points[v][1] - s->state().solids[0].surface[v][1]);
   // The pressure keeps the volume: Young's modulus is three times the shear modulus.
   const double bend = 1.5 * kDensity * 9.8 * std::pow(kLong, 4) / (3.0 * kShear * kHigh * kHigh);
-  constexpr double kSection = 10.0 * 1.5 / (12.0 + 11.0 * 0.5);  // shear coefficient, Cowper (1966), Poisson's ratio 1/2
+  constexpr double kSection =
+      10.0 * 1.5 / (12.0 + 11.0 * 0.5);  // shear coefficient, Cowper (1966), Poisson's ratio 1/2
   const double wanted = bend + kDensity * 9.8 * kLong * kLong / (2.0 * kSection * kShear);
   INFO("sag " << sag << " m, of the beam " << wanted);
   CHECK(sag == Approx(wanted).epsilon(0.02));

@@ -2,7 +2,7 @@
 // The laboratory `./eulerfsi bench loop` measures the same laws, and more, at the resolutions that the bars are set
 // for.
 #include "unit/geometry/shapes.hpp"
-#include "unit/sim/scene.hpp"
+#include "unit/sim/free_solid.hpp"
 
 using namespace efsi;
 using namespace efsi::test;
@@ -21,37 +21,6 @@ std::unique_ptr<sim::Simulation> ball_in_cube(sim::Params p, double half, int ac
   d.density = density;
   d.rayleigh_beta = damping;
   return make_simulation(p, {d});
-}
-
-// Calls value(position of the node, component) for every value of a node field of the solid's band.
-template <class Value>
-std::vector<float> band_field(const sim::Simulation& s, const Value& value) {
-  const grid::Grid& g = s.state().solids[0].band.grid;
-  const std::size_t nodes = g.node_count();
-  std::vector<float> out(3 * nodes);
-  for (int k = 0; k <= g.cells[2]; ++k)
-    for (int j = 0; j <= g.cells[1]; ++j)
-      for (int i = 0; i <= g.cells[0]; ++i)
-        for (std::size_t a = 0; a < 3; ++a)
-          out[a * nodes + g.node(i, j, k)] = static_cast<float>(value(g.node(i, j, k), g.node_position(i, j, k), a));
-  return out;
-}
-
-// u = x - X of X = c + F^-1 (x - c), F = diag(stretch).
-void stretch(sim::Simulation& s, const Vec3d& center, const Vec3d& stretch) {
-  const auto u = band_field(s, [&](std::size_t, const Vec3d& x, std::size_t a) {
-    const auto i = static_cast<Eigen::Index>(a);
-    return (x[i] - center[i]) * (1.0 - 1.0 / stretch[i]);
-  });
-  s.set_solid_field(0, false, u.data());
-}
-
-// Mean square of the points' distance to their centroid along x, less that along the other axes [m^2].
-double elongation(const std::vector<Vec3d>& points) {
-  Vec3d mean = Vec3d::Zero(), square = Vec3d::Zero();
-  for (const Vec3d& x : points) mean += x / static_cast<double>(points.size());
-  for (const Vec3d& x : points) square += (x - mean).cwiseAbs2() / static_cast<double>(points.size());
-  return square[0] - 0.5 * (square[1] + square[2]);
 }
 
 }  // namespace
@@ -210,18 +179,13 @@ TEST_CASE("A stretched ball in vacuum swings at the frequency of Lamb's spheroid
   const double e = 1.05;
   stretch(*s, Vec3d::Constant(0.2), {e, 1.0 / std::sqrt(e), 1.0 / std::sqrt(e)});
   const double start = s->diagnose_solid(0).elastic_energy;
-  std::vector<double> crossings;
   const double rest = elongation(s->solids()[0].surface.points);
-  double last = elongation(s->state().solids[0].surface) - rest;
-  CHECK(last > 0.0);
-  while (crossings.size() < 3 && s->state().time < 2.0 * period) {
-    s->step(period / 40.0);
-    const double now = elongation(s->state().solids[0].surface) - rest, t = s->state().time;
-    if (now * last < 0.0) crossings.push_back(t - period / 40.0 * now / (now - last));
-    last = now;
+  const auto longer = [&] { return elongation(s->state().solids[0].surface) - rest; };
+  CHECK(longer() > 0.0);
+  const std::vector<double> crossings = sign_changes(*s, period, 40.0, longer, [&] {
     const auto d = s->diagnose_solid(0);
     CHECK(d.kinetic_energy + d.elastic_energy < 1.1 * start);
-  }
+  });
   REQUIRE(crossings.size() == 3);
   const auto end = s->diagnose_solid(0);
   const double kept = (end.kinetic_energy + end.elastic_energy) / start;
@@ -238,16 +202,8 @@ TEST_CASE("A ball under a lasting load towards its centre is not compressed", "[
   p.gravity.setZero();
   p.fluid.present = false;
   auto s = ball_in_cube(p, 2.0 * kRadius, 10, 1000.0, dt);  // damped: comes to rest
-  const Vec3d center = Vec3d::Constant(0.2);
-  for (int n = 0; n < 60; ++n) {
-    const auto& v = s->state().solids[0].v;
-    const auto pushed = band_field(*s, [&](std::size_t node, const Vec3d& x, std::size_t a) {
-      const auto i = static_cast<Eigen::Index>(a);
-      return static_cast<double>(v.c[a][node]) - beta / 1000.0 * dt * (x[i] - center[i]);
-    });
-    s->set_solid_field(0, true, pushed.data());
-    REQUIRE(s->step(dt).dt == Approx(dt));
-  }
+  load(*s, dt, 60,
+       [&](const Vec3d& x, std::size_t a) { return -beta / 1000.0 * (x[static_cast<Eigen::Index>(a)] - 0.2); });
   const auto now = s->diagnose_solid(0);
   CHECK(now.min_det_f == Approx(1.0).margin(1e-4));
   CHECK(now.max_det_f == Approx(1.0).margin(1e-4));
@@ -269,15 +225,8 @@ TEST_CASE("A compressible ball under a load towards its centre shrinks by the me
   d.compressible = true;
   d.rayleigh_beta = dt;  // comes to rest
   auto s = make_simulation(p, {d});
-  for (int n = 0; n < 60; ++n) {
-    const auto& v = s->state().solids[0].v;
-    const auto pushed = band_field(*s, [&](std::size_t node, const Vec3d& x, std::size_t a) {
-      const auto i = static_cast<Eigen::Index>(a);
-      return static_cast<double>(v.c[a][node]) - beta / 1000.0 * dt * (x[i] - 0.2);
-    });
-    s->set_solid_field(0, true, pushed.data());
-    REQUIRE(s->step(dt).dt == Approx(dt));
-  }
+  load(*s, dt, 60,
+       [&](const Vec3d& x, std::size_t a) { return -beta / 1000.0 * (x[static_cast<Eigen::Index>(a)] - 0.2); });
   const auto now = s->diagnose_solid(0);
   CHECK(now.kinetic_energy < 1e-6);
   CHECK(1.0 - now.volume_mesh / now.rest_volume == Approx(strain).epsilon(0.15));

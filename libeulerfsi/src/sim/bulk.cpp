@@ -1,0 +1,63 @@
+#include "sim/bulk.hpp"
+
+#include "linalg/reduce.hpp"
+#include "sim/grid_loops.hpp"
+
+namespace efsi::sim {
+namespace {
+
+// Calls body(solid, its band cell, padded cell) for the cells of solids with a bulk stiffness.
+template <class Body>
+void for_bulk_cells(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const grid::Grid& g,
+                    const Body& body) {
+  for (std::size_t l = 0; l < states.size(); ++l) {
+    if (!(step.scene.solids[l].bulk > 0.0)) continue;
+    for_band_cells(step.parallel, g, states[l].band, [&](std::size_t c, int i, int j, int k) {
+      if (solids[l].element[c] >= 0) body(l, c, g.padded(i, j, k));
+    });
+  }
+}
+
+bool any_bulk(const Scene& scene) {
+  for (const solid::SolidRest& rest : scene.solids)
+    if (rest.bulk > 0.0) return true;
+  return false;
+}
+
+}  // namespace
+
+void compute_compliance(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
+                        const grid::Grid& g, std::vector<Real>& compliance) {
+  if (!any_bulk(step.scene)) return;
+  linalg::fill(step.parallel, compliance, g.padded_count(), Real(0));
+  for_bulk_cells(step, states, solids, g, [&](std::size_t l, std::size_t c, std::size_t cell) {
+    const solid::SolidWork& work = solids[l];
+    const auto e = static_cast<std::size_t>(work.element[c]);
+    const double kappa = step.scene.solids[l].bulk * work.element_weight * work.factor(e);
+    const double J = static_cast<double>(work.volume_ratio[c]);
+    compliance[cell] = static_cast<Real>(g.h * g.h * g.h / (step.dt * step.dt * kappa * J));
+  });
+}
+
+void add_bulk_source(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const grid::Grid& g,
+                     std::vector<Real>& source) {
+  if (!any_bulk(step.scene)) return;
+  if (source.empty()) linalg::fill(step.parallel, source, g.padded_count(), Real(0));
+  for_bulk_cells(step, states, solids, g, [&](std::size_t l, std::size_t c, std::size_t cell) {
+    const double J = static_cast<double>(solids[l].volume_ratio[c]);
+    source[cell] += static_cast<Real>((1.0 - J) / (J * step.dt));
+  });
+}
+
+void give_way(const Parallel& parallel, const grid::Grid& g, const std::vector<Real>& q, PressureEquation& pressure) {
+  if (pressure.compliance.empty()) return;
+  const Real scale = static_cast<Real>(1.0 / (g.h * g.h * g.h));
+  std::vector<Real>& source = pressure.source;
+  const std::vector<Real>& compliance = pressure.compliance;
+  parallel.for_ranges(static_cast<std::int64_t>(source.size()), [&](std::int64_t begin, std::int64_t end) {
+    for (auto c = static_cast<std::size_t>(begin); c < static_cast<std::size_t>(end); ++c)
+      if (compliance[c] > 0) source[c] += scale * compliance[c] * q[c];
+  });
+}
+
+}  // namespace efsi::sim

@@ -1,0 +1,67 @@
+"""How the transforms above a prim move it from one frame to another."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from .pose import transform_drivers
+
+RIGID = 1e-4  # by which a motion may stretch
+
+
+def frames_of(stage: Usd.Stage) -> list[float]:
+    """Whole frames of the stage's range; its first time alone where it has none."""
+    if not stage.HasAuthoredTimeCodeRange():
+        return [1.0]
+    return [float(frame) for frame in range(math.ceil(stage.GetStartTimeCode()), int(stage.GetEndTimeCode()) + 1)]
+
+
+def motion(prim: Usd.Prim, frame: float, start: float) -> np.ndarray:
+    """(4, 4) for row vectors: where a frame puts, in world space, what is in the world at the first frame."""
+    before, now = (UsdGeom.XformCache(Usd.TimeCode(time)).GetLocalToWorldTransform(prim) for time in (start, frame))
+    return np.array(before.GetInverse() * now)
+
+
+def motion_text(prim: Usd.Prim) -> str:
+    """All values of the transforms that place a prim: equal texts are equal motions, whatever frames are simulated."""
+    lines = []
+    while prim and not prim.IsPseudoRoot():
+        xform = UsdGeom.Xformable(prim)
+        for operation in xform.GetOrderedXformOps() if xform else ():
+            attribute = operation.GetAttr()
+            times = attribute.GetTimeSamples() or [Usd.TimeCode.Default()]
+            lines += [f"{attribute.GetPath()} {time} {attribute.Get(time)}" for time in times]
+        prim = None if xform and xform.GetResetXformStack() else prim.GetParent()
+    return "\n".join(lines)
+
+
+def moves(prim: Usd.Prim) -> bool:
+    """Whether its place in the world is animated."""
+    return bool(transform_drivers(prim))
+
+
+def first_change(prim: Usd.Prim, attributes: Iterable[Usd.Attribute]) -> tuple[str, str] | None:
+    """Name of the first of these attributes that is not the same in all frames, and what it is; None: all are."""
+    start, *frames = frames_of(prim.GetStage())
+    for attribute in attributes:
+        first = attribute.Get(start)
+        for frame in frames if attribute.ValueMightBeTimeVarying() else ():
+            now = attribute.Get(frame)
+            if now is not None and np.array_equal(np.asarray(now), np.asarray(first)):
+                continue
+            value = f"{len(now or ())} values at frame {frame:g}, {len(first)} at frame {start:g}"
+            return attribute.GetName(), value
+    return None
+
+
+def stretch(motion: np.ndarray) -> list[float] | None:
+    """By what a motion stretches along the axes of the world; None where it is rigid."""
+    linear = motion[:3, :3]
+    off = float(np.abs(linear @ linear.T - np.eye(3)).max())
+    if off <= RIGID and np.linalg.det(linear) > 0:
+        return None
+    return [float(np.sqrt((row * row).sum())) for row in linear]
