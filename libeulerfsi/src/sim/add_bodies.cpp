@@ -143,8 +143,12 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
   rest.rayleigh_beta = desc.rayleigh_beta;
   rest.friction = desc.friction;
   rest.stiff_by_part = params_.numerics.stiffness_by_part;
-  if (rest.stiff_by_part && !params_.fluid.is_dense_for(rest.density))
-    rest.element_fraction = solid::kElementFractionInThin;
+  rest.owned = solid::kOwnedPart;
+  rest.element = rest.stiff_by_part && !collider ? solid::kElementPart : rest.owned;
+  if (const char* s = getenv("EFSI_FSTAR"); s && rest.stiff_by_part && !collider) rest.element.fraction = Real(atof(s));
+  if (const char* s = getenv("EFSI_LAG"); s && rest.stiff_by_part && !collider) rest.element.lag = Real(atof(s));
+  if (!params_.fluid.present || getenv("EFSI_OWNALL")) rest.owned = rest.element;
+  if (rest.owned.fraction <= rest.element.fraction) rest.owned = rest.element;
   rest.contact_stiffness = desc.contact_stiffness;
   rest.compressible = desc.compressible;
   rest.plastic = desc.plastic;

@@ -13,7 +13,7 @@ void for_bulk_cells(const StepContext& step, const SolidStates& states, const So
   for (std::size_t l = 0; l < states.size(); ++l) {
     if (!(step.scene.solids[l].bulk > 0.0)) continue;
     for_band_cells(step.parallel, g, states[l].band, [&](std::size_t c, int i, int j, int k) {
-      if (solids[l].element[c] >= 0) body(l, c, g.padded(i, j, k));
+      if (solids[l].owns(c)) body(l, c, g.padded(i, j, k));
     });
   }
 }

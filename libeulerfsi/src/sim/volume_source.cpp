@@ -28,7 +28,8 @@ double asked_volume(double lost, double leak) {
 
 double count_fluid_cells(const Grid& g, const SolidWorks& solids) {
   double cells = static_cast<double>(g.cell_count());
-  for (const solid::SolidWork& solid : solids) cells -= static_cast<double>(solid.element_cell.size());
+  for (const solid::SolidWork& solid : solids)
+    for (const std::int32_t c : solid.element_cell) cells -= solid.owns(static_cast<std::size_t>(c)) ? 1.0 : 0.0;
   return cells;
 }
 
@@ -61,7 +62,7 @@ void compute_volume_source(const Parallel& parallel, const Scene& scene, double 
       growth = asked / std::max(dt, kSoonest);
     }
     for_band_cells(parallel, g, states[l].band, [&](std::size_t c, int i, int j, int k) {
-      if (solid.element[c] < 0) return;
+      if (!solid.owns(c)) return;
       const double det = static_cast<double>(solid.volume_ratio[c]);
       const double rate = growth + std::clamp((1.0 - det) / (det * tau), -limit, limit);
       source[g.padded(i, j, k)] = static_cast<Real>(rate * static_cast<double>(solid.fraction[c]));

@@ -40,10 +40,16 @@ constexpr double kMostCrushed = 0.2, kMostStretched = 5.0;  // stretches that ar
 constexpr double kSplinterGrowth = 1.25;  // of the volume of an element that is torn off, or its inverse
 constexpr std::size_t kSplinter = 3;      // elements
 
-// Of a cell that carries stiffness more than this is solid.
-Real least_fraction(const SolidRest& rest, const SolidState& state, std::size_t c) {
-  if (state.stiff.empty()) return rest.element_fraction;
-  return rest.element_fraction + (state.stiff[c] ? -kElementLag : kElementLag);
+// What a cell was in the last step (SolidState::stiff).
+constexpr std::uint8_t kWasElement = 1, kWasOwned = 2;
+
+// Of a cell that is an element, or owned, more than this is solid.
+Real least_fraction(const SolidState& state, std::size_t c, const Threshold& threshold, std::uint8_t was) {
+  if (state.stiff.empty()) return threshold.fraction;
+  return threshold.fraction + (state.stiff[c] & was ? -threshold.lag : threshold.lag);
+}
+Real element_fraction(const SolidRest& rest, const SolidState& state, std::size_t c) {
+  return least_fraction(state, c, rest.element, kWasElement);
 }
 
 bool is_positive(const Mat3d& m) {
@@ -98,7 +104,7 @@ std::vector<std::vector<Holding>> compute_fractions(const Parallel& parallel, co
         }
         const std::size_t c = g.cell(i, j, k);
         if (fraction > 0.0 && !is_credible(nearest, farthest, inverse_f)) {
-          rejected[static_cast<std::size_t>(k)] += static_cast<Real>(fraction) > least_fraction(rest, state, c);
+          rejected[static_cast<std::size_t>(k)] += static_cast<Real>(fraction) > element_fraction(rest, state, c);
           continue;
         }
         work.fraction[c] = static_cast<Real>(fraction);
@@ -179,6 +185,14 @@ void find_elements(const Grid& g, const std::vector<std::uint8_t>& full, SolidWo
       }
 }
 
+void find_owned_elements(const SolidRest& rest, const SolidState& state, SolidWork& work) {
+  work.owned.clear();
+  if (rest.owned == rest.element) return;
+  work.owned.resize(work.element.size());
+  for (std::size_t c = 0; c < work.element.size(); ++c)
+    work.owned[c] = work.element[c] >= 0 && work.fraction[c] > least_fraction(state, c, rest.owned, kWasOwned);
+}
+
 // An element is as stiff as it is solid, and strained as its solid part is in the middle.
 void stiffen_by_part(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work) {
   work.element_factor.clear();
@@ -221,6 +235,15 @@ void stiffen_beside_pins(const Parallel& parallel, const SolidRest& rest, const 
   });
 }
 
+// What corner a of a cell gets of its mass, over what all would get alike: the mass lies where the solid part does.
+Real corner_share(const SolidWork& work, std::size_t c, const int (&a)[3]) {
+  if (work.element[c] < 0 || work.element_middle.empty()) return Real(1);
+  const Vec3& middle = work.element_middle[static_cast<std::size_t>(work.element[c])];
+  Real share = 1;
+  for (int i = 0; i < 3; ++i) share *= Real(1) + (a[i] ? middle[i] : -middle[i]);
+  return share;
+}
+
 void lump_mass(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work) {
   const Grid& g = state.band.grid;
   const auto corner = grid::corner_offsets(g);
@@ -251,7 +274,8 @@ void lump_mass(const Parallel& parallel, const SolidRest& rest, const SolidState
         for (const auto& a : grid::kCorner) {
           const int ci = i - a[0], cj = j - a[1], ck = k - a[2];
           if (ci < 0 || cj < 0 || ck < 0 || ci >= g.cells[0] || cj >= g.cells[1] || ck >= g.cells[2]) continue;
-          sum += share[g.cell(ci, cj, ck)];
+          const std::size_t c = g.cell(ci, cj, ck);
+          sum += share[c] * corner_share(work, c, a);
         }
         work.mass[n] = sum;
       }
@@ -273,10 +297,12 @@ void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidSt
   const Grid& g = state.band.grid;
   const auto holdings = compute_fractions(parallel, rest, state, work);
   std::vector<std::uint8_t> full(g.cell_count());
-  for (std::size_t c = 0; c < full.size(); ++c) full[c] = work.fraction[c] > least_fraction(rest, state, c);
+  for (std::size_t c = 0; c < full.size(); ++c) full[c] = work.fraction[c] > element_fraction(rest, state, c);
   remove_cells(find_copies(parallel, g, holdings, full, kMostStretched), full, work);
   remove_splinters(state, full, work);
   find_elements(g, full, work);
+  find_owned_elements(rest, state, work);
+  stiffen_by_part(parallel, rest, state, work);
   lump_mass(parallel, rest, state, work);
   const auto slab = static_cast<std::size_t>(g.cells[0]) * static_cast<std::size_t>(g.cells[1]);
   work.volume = g.h * g.h * g.h * parallel.sum(g.cells[2], [&](std::int64_t k) {
@@ -298,14 +324,16 @@ void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidSt
     for (Real& m : work.mass) m *= factor;
     work.total_mass = weight;
   }
-  stiffen_by_part(parallel, rest, state, work);
   weigh_elements(rest, g, work);
   stiffen_beside_pins(parallel, rest, state, work);
 }
 
 void remember_elements(const SolidWork& work, SolidState& state) {
   state.stiff.resize(work.element.size());
-  for (std::size_t c = 0; c < work.element.size(); ++c) state.stiff[c] = work.element[c] >= 0;
+  for (std::size_t c = 0; c < work.element.size(); ++c) {
+    state.stiff[c] = work.element[c] >= 0 ? kWasElement : std::uint8_t(0);
+    if (!work.owned.empty() && work.owned[c]) state.stiff[c] |= kWasOwned;
+  }
 }
 
 }  // namespace efsi::solid

@@ -10,13 +10,12 @@
 
 namespace efsi::solid {
 
-// A cell carries stiffness when more than this part of it is solid. The corners of the elements are what the fluid sees
-// of the solid; at 0.5 its added mass is that of a ball larger by a quarter of a cell (docs/lab/stiffness-support.md).
-inline constexpr Real kElementFraction = Real(0.6);
-inline constexpr Real kElementFractionInThin = Real(0.4);  // where no fluid of account sees how far they reach
-// One that did so in the last step keeps it until this much less of it is solid, one that did not waits for as much
-// more: else a solid at rest takes stiffness up and drops it again in turns, and never comes to rest.
-inline constexpr Real kElementLag = Real(0.1);
+// A cell carries stiffness when more than a part of it is solid: little, so that what enters is little and what is thin
+// holds together.
+inline constexpr Threshold kElementPart = {Real(0.2), Real(0.1)};
+// The corners of the cells that it owns are what the fluid sees of the solid; at 0.5 its added mass is that of a ball
+// larger by a quarter of a cell (docs/lab/stiffness-support.md).
+inline constexpr Threshold kOwnedPart = {Real(0.6), Real(0.1)};
 
 // Reads state.u; writes fraction, volume_ratio, element, element_cell, element_corner, carries, mass, volume,
 // total_mass. Counted in cells the mass wavers by some 0.2 % as the solid moves over the grid, by 3 % where it folds; a

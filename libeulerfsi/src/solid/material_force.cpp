@@ -1,6 +1,8 @@
 #include "solid/material_force.hpp"
 
 #include <algorithm>
+#include <cstdio>
+#include <cstdlib>
 #include <limits>
 
 #include "solid/hexahedron.hpp"
@@ -90,6 +92,11 @@ Vec3d position_of(const Grid& g, std::size_t node) {
   return g.node_position(place[0], place[1], place[2]);
 }
 
+// Where the pressure keeps it.
+double det_f_at_center(const Vec3d u[8], double h) {
+  return deformation_from_displacement(displacement_gradient(u, center_gradients(), h)).det;
+}
+
 // Of the modes at an element's corners, k F^-T C_p X: what add_hourglass adds where nothing has yielded.
 std::array<Real, 12> hourglass_force(double k, const ElasticPoint& center, const std::array<Vec3d, 4>& amplitudes) {
   std::array<Real, 12> out;
@@ -151,9 +158,19 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
           if (!plastic.empty()) work.hourglass_force[e] = hourglass_force(k, p, amplitudes);
         }
         work.set_element_point(e, q, point);
+        if (const char* lim = getenv("EFSI_DBGE"); lim && (energy > atof(lim) || det_f_at_center(u, g.h) < 0.98)) {
+          const Vec3i at = g.node_place(n);
+          const std::size_t c = static_cast<std::size_t>(work.element_cell[e]);
+          fprintf(stderr, "EL E %g at %d %d %d f %.3f det %.3f s %.3f %.3f %.3f mid %.2f %.2f %.2f was %d valid",
+                  energy, at[0], at[1], at[2], (double)work.fraction[c], d.det, d.stretch[0], d.stretch[1],
+                  d.stretch[2], local[0], local[1], local[2], state.stiff.empty() ? -1 : (int)state.stiff[c]);
+          for (std::size_t a = 0; a < 8; ++a) fprintf(stderr, " %d", (int)state.valid[n + corner[a]]);
+          fprintf(stderr, "\n");
+        }
         range.energy += energy;
-        range.low = std::min(range.low, d.det);
-        range.high = std::max(range.high, d.det);
+        const double det = points != 1 || local.isZero(0.0) ? d.det : det_f_at_center(u, g.h);
+        range.low = std::min(range.low, det);
+        range.high = std::max(range.high, det);
         if (!d.degenerate) range.stretch = std::max(range.stretch, p.total_stretch);
         degenerate = degenerate || d.degenerate;
       }
