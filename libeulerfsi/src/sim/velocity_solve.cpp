@@ -123,8 +123,11 @@ void solve_velocity(const StepContext& step, VelocityEquation& elasticity, NodeV
   system::add_impulses(elasticity.contacts.rows, elasticity.f_star);
   system::add_impulses(elasticity.contacts.rows, elasticity.momentum);
   elasticity.holds = find_holds(scene.solids.size(), system, pushing_pairs(elasticity.contacts));
-  add_reactions(parallel, elasticity, elasticity.walls);
-  add_given_reactions(parallel, elasticity);
+  if (!elasticity.walls.empty() || !elasticity.given.empty()) {
+    const Reaction reaction = velocity_reaction(parallel, elasticity);
+    add_velocity_reactions(reaction, elasticity.walls);
+    add_given_reactions(reaction, elasticity.given);
+  }
   info.velocity_residual = stats.residual;
   info.unconverged += !stats.converged;
   if (numerics.conserve_momentum) system.conserve_momentum(parallel, elasticity.momentum, elasticity.v_star);
