@@ -30,7 +30,7 @@ Reaction pressure_reaction(const Parallel& parallel, const grid::Grid& grid, con
     elasticity.system.add_penalty_impulses(1, pressure.answers, answer, true);
   }
   return [&grid, &pressure, &slip, &system = elasticity.system, coupled, answer = std::move(answer)](std::size_t solid,
-                                                                                                  std::size_t node) {
+                                                                                                     std::size_t node) {
     const auto [i, j, k] = grid.node_place(node);
     const std::size_t t = slip.find(solid, node);
     Vec3 impulse = t == system::SlipNodes::kNone ? system::pressure_impulse(grid, pressure.q, i, j, k)
