@@ -72,3 +72,28 @@ TEST_CASE("What pins a body holds the weight of a block that rests on it, too", 
     if (frame >= 40) CHECK(impulse == Approx(weight).epsilon(0.002));
   }
 }
+
+TEST_CASE("The floor carries the weight of all that is stacked on it", "[law]") {
+  for (const double fluid : {0.0, 100.0})
+    for (const bool stacked : {false, true}) {
+      sim::Params p = box_params({0.4, 0.6, 0.4}, kCell);
+      p.fluid.present = fluid > 0.0;
+      if (p.fluid.present) p.fluid.density = fluid;
+      std::vector<sim::SolidDesc> blocks = {block_desc({0.1, 0.004, 0.1}, {0.3, 0.17, 0.3})};
+      if (stacked) blocks.push_back(block_desc({0.12, 0.178, 0.12}, {0.28, 0.32, 0.28}));
+      for (sim::SolidDesc& d : blocks) d.friction = 0.5;  // soft blocks without friction slide off each other
+      const auto s = make_simulation(p, blocks);
+      double weight = 0.0, pressed = 0.0;  // sums over the last steps of ten frames
+      for (int frame = 0; frame < 30; ++frame) {
+        s->advance(kFrame, {});
+        if (frame < 20) continue;
+        for (std::size_t l = 0; l < blocks.size(); ++l) {
+          weight += 9.8 * s->diagnose_solid(l).mass * (1.0 - fluid / 1000.0);
+          for (const solid::WallPress& press : s->state().solids[l].presses)
+            if (press.axis == 1) pressed += static_cast<double>(press.force);
+        }
+      }
+      INFO("fluid " << fluid << ", blocks " << blocks.size() << ": " << pressed / weight << " of the weight");
+      CHECK(pressed == Approx(weight).epsilon(stacked ? 0.01 : 0.001));
+    }
+}
