@@ -62,9 +62,10 @@ double time_on(const ForceField& force, double time, double dt) {
   return std::max(0.0, std::min(force.end_time, time + dt) - std::max(force.start_time, time));
 }
 
-void push_solid(const Parallel& parallel, const ForceField& force, double time, double duration,
-                const solid::SolidWork& work, solid::SolidState& state) {
+void push_solid(const Parallel& parallel, const ForceField& force, double time, double duration, solid::SolidWork& work,
+                solid::SolidState& state) {
   const Grid& g = state.band.grid;
+  if (work.pushed.size() == 0) work.pushed.assign(g.node_count());
   parallel.for_each(g.cells[2] + 1, [&](std::int64_t kk) {
     const int k = static_cast<int>(kk);
     for (int j = 0; j <= g.cells[1]; ++j)
@@ -72,8 +73,9 @@ void push_solid(const Parallel& parallel, const ForceField& force, double time, 
         const std::size_t n = g.node(i, j, k);
         const Vec3d x = g.node_position(i, j, k);
         if (!(work.mass[n] > 0) || !force.contains(x)) continue;
-        const Vec3d v = state.v.at(n).cast<double>();
-        state.v.set(n, (v + force.push(x, v, time, duration)).cast<Real>());
+        const Vec3d v = state.v.at(n).cast<double>(), push = force.push(x, v, time, duration);
+        state.v.set(n, (v + push).cast<Real>());
+        work.pushed.set(n, work.pushed.at(n) + push.cast<Real>());
       }
   });
 }
@@ -121,8 +123,9 @@ Vec3d ForceField::push(const Vec3d& x, const Vec3d& v, double time, double durat
   return duration * acceleration;
 }
 
-void apply_forces(const StepContext& step, const Grid& common, const SolidWorks& solids, SolidStates& states,
+void apply_forces(const StepContext& step, const Grid& common, SolidWorks& solids, SolidStates& states,
                   grid::VectorField& fluid_velocity) {
+  for (solid::SolidWork& work : solids) work.pushed.assign(0);
   for (const ForceField& force : step.scene.forces) {
     const double duration = time_on(force, step.time, step.dt);
     if (!(duration > 0.0)) continue;

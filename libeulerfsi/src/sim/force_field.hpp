@@ -34,8 +34,8 @@ struct ForceField : fluid::Region {
 Vec3d noise_velocity(const Vec3d& x, double time);
 
 // Adds the forces that act in the step, as long as they do, to the velocities of the solids' nodes that have mass and
-// to the fluid's.
-void apply_forces(const StepContext& step, const grid::Grid& common, const SolidWorks& solids, SolidStates& states,
+// to the fluid's. SolidWork.pushed: what they add to solids.
+void apply_forces(const StepContext& step, const grid::Grid& common, SolidWorks& solids, SolidStates& states,
                   grid::VectorField& fluid_velocity);
 
 }  // namespace efsi::sim

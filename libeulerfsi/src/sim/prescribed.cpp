@@ -8,7 +8,6 @@
 #include "sim/given_shape.hpp"
 #include "sim/grid_loops.hpp"
 #include "sim/step_weight.hpp"
-#include "system/divergence.hpp"
 
 namespace efsi::sim {
 
@@ -94,10 +93,6 @@ std::vector<Vec3> set_velocities(const std::vector<GivenNode>& given, NodeVeloci
     if (!slip.shared()) velocity.field.set(g.node, fluid + slip.normal.dot(g.velocity - fluid) * slip.normal);
   }
   return before;
-}
-
-Vec3 entries(const std::vector<Real>& x, std::size_t unknown) {
-  return {x[3 * unknown], x[3 * unknown + 1], x[3 * unknown + 2]};
 }
 
 }  // namespace
@@ -246,33 +241,8 @@ bool is_sealed(const Scene& scene) {
   return true;
 }
 
-void add_given_reactions(const Parallel& parallel, VelocityEquation& elasticity) {
-  if (elasticity.given.empty()) return;
-  std::vector<Real> moved;
-  elasticity.system.multiply(parallel, elasticity.v_star, moved);
-  for (GivenNode& g : elasticity.given) {
-    const std::size_t u = elasticity.system.unknown_of(g.solid, g.node);
-    g.impulse += (entries(moved, u) - entries(elasticity.f_star, u)).cast<double>();
-  }
-}
-
-void add_given_reactions(const Parallel& parallel, const Grid& grid, const PressureEquation& pressure,
-                         const system::SlipNodes& slip, VelocityEquation& elasticity) {
-  if (elasticity.given.empty()) return;
-  const Real coupled = pressure.coupled;
-  std::vector<Real> stiff;
-  if (coupled != 0) {
-    elasticity.system.multiply(parallel, pressure.correction, stiff);
-    elasticity.system.add_penalty_impulses(1, pressure.answers, stiff, true);
-  }
-  const std::vector<Vec3> slides = slip.sliding_impulse(parallel, pressure.q);
-  for (GivenNode& g : elasticity.given) {
-    const auto [i, j, k] = grid.node_place(g.node);
-    Vec3 impulse = system::pressure_impulse(grid, pressure.q, i, j, k);
-    if (const std::size_t t = slip.find(g.solid, g.node); t != system::SlipNodes::kNone) impulse -= slides[t];
-    if (coupled != 0) impulse -= coupled * entries(stiff, elasticity.system.unknown_of(g.solid, g.node));
-    g.impulse += impulse.cast<double>();
-  }
+void add_given_reactions(const Reaction& reaction, std::vector<GivenNode>& given) {
+  for (GivenNode& g : given) g.impulse += reaction(g.solid, g.node).cast<double>();
 }
 
 std::vector<PinReaction> sum_reactions(const StepContext& step, const Grid& grid, const std::vector<GivenNode>& given) {

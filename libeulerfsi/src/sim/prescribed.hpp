@@ -5,6 +5,7 @@
 // What it takes to hold them is reported as an impulse per pin (docs/numerics/given-motion.md).
 #pragma once
 
+#include "sim/reactions.hpp"
 #include "sim/step_context.hpp"
 #include "sim/workspace.hpp"
 
@@ -31,11 +32,8 @@ void close_given_cells(const StepContext& step, const SolidStates& states, const
                        const system::SlipNodes& slip, std::vector<std::uint8_t>& active);
 // Whether cells without pressure are all closed off: no solid is a compressible one that moves.
 bool is_sealed(const Scene& scene);
-// What holds the nodes in the velocity solve, G v* - f*, and against the pressure of all the step (q: ghosts filled),
-// less what elasticity and contact answered to it.
-void add_given_reactions(const Parallel& parallel, VelocityEquation& elasticity);
-void add_given_reactions(const Parallel& parallel, const grid::Grid& grid, const PressureEquation& pressure,
-                         const system::SlipNodes& slip, VelocityEquation& elasticity);
+// What holds the nodes, in the velocity solve or against the pressure.
+void add_given_reactions(const Reaction& reaction, std::vector<GivenNode>& given);
 // What held each pin in the step.
 std::vector<PinReaction> sum_reactions(const StepContext& step, const grid::Grid& grid,
                                        const std::vector<GivenNode>& given);

@@ -230,9 +230,9 @@ void project_velocity(const StepContext& step, const Grid& g, VelocityEquation& 
   if (pressure.takes) linalg::add_scaled(parallel, pressure.q, 1.0, pressure.taken);  // the q of all the step
   if (!elasticity.walls.empty() || !elasticity.given.empty()) {
     grid::fill_ghosts(g, pressure.q, Real(0));
-    add_given_reactions(parallel, g, pressure, velocity.slip, elasticity);
-    add_reactions(parallel, g, pressure.q, pressure.coupled, pressure.correction, velocity.slip, elasticity.system,
-                  elasticity.walls);
+    const Reaction reaction = pressure_reaction(parallel, g, pressure, velocity.slip, elasticity);
+    add_pressure_reactions(reaction, elasticity.walls);
+    add_given_reactions(reaction, elasticity.given);
   }
   std::swap(pressure.q, next);
   linalg::scale(parallel, next, -1.0 / dt);

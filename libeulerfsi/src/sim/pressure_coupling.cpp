@@ -56,7 +56,8 @@ void compute_impulses(const Parallel& parallel, const Grid& grid, const system::
   });
   for (std::size_t t = 0; t < slides.size(); ++t) {
     const std::size_t u = system.unknown_of(slip.nodes()[t].solid, slip.nodes()[t].node);
-    for (std::size_t a = 0; a < 3; ++a) impulse[3 * u + a] -= slides[t][static_cast<Eigen::Index>(a)];
+    for (std::size_t a = 0; a < 3; ++a)
+      impulse[3 * u + a] -= system.moves()[3 * u + a] * slides[t][static_cast<Eigen::Index>(a)];
   }
 }
 

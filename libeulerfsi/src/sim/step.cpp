@@ -33,7 +33,7 @@ namespace efsi::sim {
 namespace {
 
 // The forces of the scene.
-void push(const StepContext& step, const SolidWorks& solids, const Matter& matter, SolidStates& states,
+void push(const StepContext& step, const Matter& matter, SolidWorks& solids, SolidStates& states,
           grid::VectorField& fluid_velocity, EnergyLedger& ledger) {
   if (step.scene.forces.empty()) return;
   ScopedTimer timer(step.profile, Stage::kFluidForces);
@@ -220,7 +220,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
                             solids[l]);
     timer.visited(solids[l].element_cell.size(), sizeof(solid::ElementPoint));
   }
-  push(step, solids, matter, states, fluid.velocity, ledger);
+  push(step, matter, solids, states, fluid.velocity, ledger);
   ledger.book_weight(weight_in_step(scene, dt, solids), fluid.velocity);
   combine_velocities(step, states, solids, matter, fluid.velocity, velocity);
   ledger.book_nodes(EnergyStage::kMixing, velocity);

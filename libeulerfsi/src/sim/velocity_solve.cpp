@@ -15,23 +15,46 @@ namespace {
 constexpr double kNegligible = 1e-3;  // cells in a step: what a row of contact may be led beyond what it allows
 constexpr int kMostPasses = 4;        // of the velocity solve, each with the rows that the last one has led into walls
 
+// Calls body(3 unknown, node of the band) for the nodes that solid l carries.
+template <class Body>
+void for_unknowns(const SolidStates& states, const SolidWorks& solids, std::size_t l, const grid::Grid& common,
+                  const system::VelocitySystem& system, const Body& body) {
+  const grid::Grid& band = states[l].band.grid;
+  const Vec3i lo = grid::offset(band, common);
+  for (std::size_t n = 0; n < solids[l].carries.size(); ++n) {
+    if (!solids[l].carries[n]) continue;
+    const Vec3i at = band.node_place(n);
+    body(3 * system.unknown_of(l, common.node(at[0] + lo[0], at[1] + lo[1], at[2] + lo[2])), n);
+  }
+}
+
 // The velocities of the solids at the start of the step on the unknowns, as far as nothing is prescribed.
 std::vector<Real> old_velocities(const SolidStates& states, const SolidWorks& solids, const grid::Grid& common,
                                  const VelocityEquation& elasticity) {
   std::vector<Real> old = elasticity.v_star;
-  for (std::size_t l = 0; l < states.size(); ++l) {
-    const grid::Grid& band = states[l].band.grid;
-    const Vec3i lo = grid::offset(band, common);
-    for (std::size_t n = 0; n < solids[l].carries.size(); ++n) {
-      if (!solids[l].carries[n]) continue;
-      const Vec3i at = band.node_place(n);
-      const std::size_t u =
-          3 * elasticity.system.unknown_of(l, common.node(at[0] + lo[0], at[1] + lo[1], at[2] + lo[2]));
+  for (std::size_t l = 0; l < states.size(); ++l)
+    for_unknowns(states, solids, l, common, elasticity.system, [&](std::size_t u, std::size_t n) {
       for (std::size_t a = 0; a < 3; ++a)
         if (elasticity.system.free()[u + a] > 0) old[u + a] = states[l].v.c[a][n];
-    }
-  }
+    });
   return old;
+}
+
+// K v_old to the right-hand side: forces that differ from place to place would strain the solids by v_star.
+void add_past_stiffness(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
+                        const grid::Grid& common, VelocityEquation& elasticity) {
+  system::VelocitySystem& system = elasticity.system;
+  std::vector<Real> old;
+  for (std::size_t l = 0; l < states.size(); ++l) {
+    const grid::VectorField& pushed = solids[l].pushed;
+    if (pushed.size() == 0) continue;
+    if (old.empty()) old = elasticity.v_star;
+    for_unknowns(states, solids, l, common, system, [&](std::size_t u, std::size_t n) {
+      for (std::size_t a = 0; a < 3; ++a)
+        if (system.free()[u + a] > 0) old[u + a] -= pushed.c[a][n];
+    });
+  }
+  system.add_past_stiffness(step.parallel, old.empty() ? elasticity.v_star : old, elasticity.f_star);
 }
 
 // Starts the solve at the old velocity where that leaves less of f + B^T r, r the impulses of the last step: what
@@ -99,7 +122,7 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
   });
   elasticity.f_star = momentum;
   linalg::multiply(parallel, momentum, system.moves(), momentum);
-  system.add_past_stiffness(parallel, elasticity.v_star, elasticity.f_star);
+  add_past_stiffness(step, states, solids, matter.common.grid, elasticity);
   add_friction(elasticity.walls, elasticity);
   elasticity.v_old.clear();
   if (!contacts.rows.empty() || !elasticity.given.empty())
@@ -123,8 +146,11 @@ void solve_velocity(const StepContext& step, VelocityEquation& elasticity, NodeV
   system::add_impulses(elasticity.contacts.rows, elasticity.f_star);
   system::add_impulses(elasticity.contacts.rows, elasticity.momentum);
   elasticity.holds = find_holds(scene.solids.size(), system, pushing_pairs(elasticity.contacts));
-  add_reactions(parallel, elasticity, elasticity.walls);
-  add_given_reactions(parallel, elasticity);
+  if (!elasticity.walls.empty() || !elasticity.given.empty()) {
+    const Reaction reaction = velocity_reaction(parallel, elasticity);
+    add_velocity_reactions(reaction, elasticity.walls);
+    add_given_reactions(reaction, elasticity.given);
+  }
   info.velocity_residual = stats.residual;
   info.unconverged += !stats.converged;
   if (numerics.conserve_momentum) system.conserve_momentum(parallel, elasticity.momentum, elasticity.v_star);

@@ -10,7 +10,6 @@
 #include "sim/grid_loops.hpp"
 #include "sim/push_out.hpp"
 #include "sim/volume_source.hpp"
-#include "system/divergence.hpp"
 
 namespace efsi::sim {
 
@@ -368,36 +367,15 @@ void add(const Vec3& impulse, WallRow& row) {
     if (row.tangents & bit(a)) row.pull[a] += impulse[a];
 }
 
-Vec3 entries(const std::vector<Real>& x, std::size_t unknown) {
-  return {x[3 * unknown], x[3 * unknown + 1], x[3 * unknown + 2]};
-}
-
 }  // namespace
 
-void add_reactions(const Parallel& parallel, VelocityEquation& elasticity, std::vector<WallRow>& rows) {
-  if (rows.empty()) return;
-  std::vector<Real> moved;
-  elasticity.system.multiply(parallel, elasticity.v_star, moved);
-  for (WallRow& row : rows) {
-    const std::size_t u = unknown_of(row, elasticity.system);
-    add(entries(moved, u) - entries(elasticity.f_star, u), row);
-  }
+void add_velocity_reactions(const Reaction& reaction, std::vector<WallRow>& rows) {
+  for (WallRow& row : rows) add(reaction(row.solid, row.node), row);
 }
 
-void add_reactions(const Parallel& parallel, const Grid& g, const std::vector<Real>& q, Real coupled,
-                   const std::vector<Real>& correction, const system::SlipNodes& slip, system::VelocitySystem& system,
-                   std::vector<WallRow>& rows) {
-  if (rows.empty()) return;
-  std::vector<Real> stiff;
-  if (coupled != 0) system.multiply(parallel, correction, stiff);
-  for (WallRow& row : rows) {
-    if (!row.on_wall) continue;
-    const auto [x, y, z] = g.node_place(row.node);
-    const std::size_t t = slip.find(row.solid, row.node);
-    Vec3 impulse = t == system::SlipNodes::kNone ? system::pressure_impulse(g, q, x, y, z) : slip.solid_impulse(t, q);
-    if (coupled != 0) impulse -= coupled * entries(stiff, unknown_of(row, system));
-    add(impulse, row);
-  }
+void add_pressure_reactions(const Reaction& reaction, std::vector<WallRow>& rows) {
+  for (WallRow& row : rows)
+    if (row.on_wall) add(reaction(row.solid, row.node), row);
 }
 
 void keep_off(const std::vector<Real>& mass, NodeVelocity& velocity, std::vector<WallRow>& rows) {

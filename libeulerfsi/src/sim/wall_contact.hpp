@@ -6,6 +6,7 @@
 // the walls pushed in the last step, from where the solid would be after this one, and from the velocity solve.
 #pragma once
 
+#include "sim/reactions.hpp"
 #include "sim/step_context.hpp"
 #include "sim/workspace.hpp"
 
@@ -24,13 +25,9 @@ void add_friction(const std::vector<WallRow>& rows, VelocityEquation& elasticity
 // After a velocity solve: rows that it has led beyond what they allow hold, too, and what friction has turned around
 // sticks. Whether there are any: the solve has to be repeated.
 bool hold_more(std::vector<WallRow>& rows, VelocityEquation& elasticity);
-// What the walls push and rub in the velocity solve: G v* - f*.
-void add_reactions(const Parallel& parallel, VelocityEquation& elasticity, std::vector<WallRow>& rows);
-// The same of the pressure; q: all that acts in the step, ghosts filled; coupled: how much of G correction was taken
-// off.
-void add_reactions(const Parallel& parallel, const grid::Grid& g, const std::vector<Real>& q, Real coupled,
-                   const std::vector<Real>& correction, const system::SlipNodes& slip, system::VelocitySystem& system,
-                   std::vector<WallRow>& rows);
+// What the walls push and rub in the velocity solve, and against the pressure, which moves no node on a wall.
+void add_velocity_reactions(const Reaction& reaction, std::vector<WallRow>& rows);
+void add_pressure_reactions(const Reaction& reaction, std::vector<WallRow>& rows);
 // The pressure moves nodes above walls: those of rows that hold get back what these prescribe. mass: of all matter.
 void keep_off(const std::vector<Real>& mass, NodeVelocity& velocity, std::vector<WallRow>& rows);
 // In a closed box the fluid gives what comes in through walls that solids leave, and where solids leave each other: it

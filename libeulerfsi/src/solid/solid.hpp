@@ -184,6 +184,7 @@ struct SolidWork {
   int points_per_element = 1;
   std::vector<std::uint8_t> carries;  // band nodes: corner of an element; here the solid owns u and v
   std::vector<Real> mass;             // of the solid per band node [kg]
+  grid::VectorField pushed;           // velocity that forces of the scene add in the step, band nodes; empty: none
   std::vector<std::uint8_t> layer;    // band nodes: 0 data, k: k-th layer of the extension, 255: none
   FoldPlaces fold_places;             // of the fold points at the start of the step, where some are near each other
   std::vector<NearPair> near_folds;   // those

@@ -363,6 +363,13 @@ void SlipNodes::subtract_gradient(const Parallel& parallel, const std::vector<Re
   });
 }
 
+Vec3 SlipNodes::solid_impulse(std::size_t t, const std::vector<Real>& q) const {
+  const SlipNode& n = nodes_[t];
+  if (n.shared()) return share_impulse(t, q);
+  const Pair g = impulses(t, q);
+  return g.solid + n.normal.dot(g.fluid) * n.normal;
+}
+
 std::vector<Vec3> SlipNodes::sliding_impulse(const Parallel& parallel, const std::vector<Real>& q) const {
   std::vector<Vec3> out(nodes_.size());
   for_nodes(parallel, [&](const SlipNode& n, std::size_t t) {

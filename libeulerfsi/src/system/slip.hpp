@@ -113,10 +113,10 @@ class SlipNodes {
   }
   // After v_f -= g / (m_s + m_f): what is left to do for both velocities.
   void subtract_gradient(const Parallel& parallel, const std::vector<Real>& q, grid::VectorField& velocity);
-  // The part of J^T q [kg m/s] that does not act on the solid: (I - n n^T) g_f per node.
+  // The part of J^T q [kg m/s] that does not act on the solid: (I - n n^T) g_f per node with one solid.
   std::vector<Vec3> sliding_impulse(const Parallel& parallel, const std::vector<Real>& q) const;
-  // J^T q of the solid's own cells at a node [kg m/s]
-  Vec3 solid_impulse(std::size_t t, const std::vector<Real>& q) const { return impulses(t, q).solid; }
+  // The rest of it, which does: what the pressure gives the solid at a node [kg m/s].
+  Vec3 solid_impulse(std::size_t t, const std::vector<Real>& q) const;
   // sum of m_s (v_s - v_f) [kg m/s]
   Vec3d relative_momentum(const grid::VectorField& velocity) const;
   std::size_t bytes() const;

@@ -107,11 +107,13 @@ TEST_CASE("A ball whose points move is one whose transform does", "[law]") {
                        << pose.momentum.transpose() << ", impulse " << points.impulse.transpose() << " for "
                        << pose.impulse.transpose() << ", work " << points.work << " for " << pose.work);
         CHECK(pose.momentum[0] > (distance < 0.05 ? 0.9 : 0.01));
-        // Turning the mesh by 0.05 rad alone changes 0.04 in the wake of the ball, 0.05 where balls have met.
-        CHECK(off < (distance < 0.05 ? 0.12 : 0.05));
+        // Turning the mesh by 0.05 rad alone changes 0.04 in the wake of the ball. Where balls have met a shift of it
+        // by 1e-5 m changes 0.13 of the flow and 0.008 of the impulse, one by 1e-3 m 0.17 and 0.007.
+        const bool met = distance < 0.05;
+        CHECK(off < (met ? 0.2 : 0.05));
         CHECK((points.momentum - pose.momentum).norm() < 0.02 * pose.momentum.norm());
-        CHECK((points.impulse - pose.impulse).norm() < 0.01 * pose.impulse.norm());
-        CHECK(points.work == Approx(pose.work).epsilon(0.01));
+        CHECK((points.impulse - pose.impulse).norm() < (met ? 0.02 : 0.01) * pose.impulse.norm());
+        CHECK(points.work == Approx(pose.work).epsilon(met ? 0.02 : 0.01));
       }
     }
 }
@@ -218,6 +220,7 @@ TEST_CASE("A plate that bulges under a block lifts it, and counts what it gives 
     body.contact_stiffness = 2e4;
     s->add_solid(body, report);
     double impulse = 0.0, moving = -1e30, resting = -1e30, first = 0.0;
+    const double start = s->diagnose_solid(1).center[1];
     for (int f = 0; f < 30; ++f) {
       s->set_points(pin, {f * kFrame, (f + 1) * kFrame, plate(rise(f)).points, plate(rise(f + 1)).points});
       s->advance(kFrame, [&](double, const sim::StepInfo& last) {
@@ -230,14 +233,15 @@ TEST_CASE("A plate that bulges under a block lifts it, and counts what it gives 
       if (f == 2) first = s->diagnose_solid(1).center[1];
     }
     const sim::SolidDiagnostics block = s->diagnose_solid(1);
-    const double wanted = block.momentum[1] + block.mass * 9.8 * s->state().time;
+    const double drag = block.mass * body.rayleigh_alpha * (block.center[1] - start);
+    const double wanted = block.momentum[1] + block.mass * 9.8 * s->state().time + drag;
     INFO("preset " << static_cast<int>(preset) << ": lifted by " << block.center[1] - first << " m, depth in motion "
                    << moving << " h, at rest " << resting << " h, impulse " << impulse << " for " << wanted);
     CHECK(block.center[1] - first == Approx(0.06).margin(0.5 * kCell));
     CHECK(moving < 0.5);
     CHECK(resting < 0.25);
     // Particles of the other preset give a collider what no node of it holds (contact record).
-    if (preset == sim::Preset::kProduction) CHECK(impulse == Approx(wanted).epsilon(0.01));
+    if (preset == sim::Preset::kProduction) CHECK(impulse == Approx(wanted).epsilon(0.003));
   }
 }
 

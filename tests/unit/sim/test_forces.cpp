@@ -98,6 +98,34 @@ TEST_CASE("A radial force leads to and from the middle of its region") {
   }
 }
 
+TEST_CASE("What a radial force presses together strains as elasticity says, whatever the steps", "[law]") {
+  // Towards the middle with a per mass, lambda = mu: u(R) = -0.15 rho a R^2 / (lambda + 2 mu), at rest.
+  constexpr double kRadius = 0.1, kShear = 2.4e4, kAcceleration = 80.0;
+  const double wanted = 3.0 * 0.15 * 1000.0 * kAcceleration * kRadius / (3.0 * kShear);
+  ForceField force = everywhere(ForceField::Kind::kRadial);
+  force.radial_acceleration = -kAcceleration;
+  double last = 0.0;
+  for (const double dt : {0.005, 0.0025}) {
+    sim::Params p = still();
+    p.voxel_size = 0.02;
+    sim::SolidDesc ball = ball_desc(kMiddle, kRadius);
+    ball.youngs_modulus = 2.5 * kShear;
+    ball.poissons_ratio = 0.25;
+    ball.compressible = true;
+    ball.rayleigh_beta = 0.005;
+    const auto s = make_simulation(p, {ball});
+    s->add_force(force);
+    run(*s, 0.3, dt);
+    const sim::SolidDiagnostics d = s->diagnose_solid(0);
+    const double lost = 1.0 - d.volume_mesh / d.rest_volume;
+    INFO("steps of " << dt << " s: loses " << lost << " of its volume, " << wanted << " by elasticity");
+    CHECK(d.kinetic_energy < 1e-5 * d.elastic_energy);
+    CHECK(lost == Approx(wanted).epsilon(0.05));
+    if (last > 0.0) CHECK(lost == Approx(last).epsilon(0.005));
+    last = lost;
+  }
+}
+
 TEST_CASE("Wind takes a fluid along at its rate, whatever the steps", "[law]") {
   sim::Params p = still(true);
   p.walls.face.fill(grid::Wall::kPeriodic);
