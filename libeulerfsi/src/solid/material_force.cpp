@@ -1,8 +1,6 @@
 #include "solid/material_force.hpp"
 
 #include <algorithm>
-#include <cstdio>
-#include <cstdlib>
 #include <limits>
 
 #include "solid/hexahedron.hpp"
@@ -158,15 +156,6 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
           if (!plastic.empty()) work.hourglass_force[e] = hourglass_force(k, p, amplitudes);
         }
         work.set_element_point(e, q, point);
-        if (const char* lim = getenv("EFSI_DBGE"); lim && (energy > atof(lim) || det_f_at_center(u, g.h) < 0.98)) {
-          const Vec3i at = g.node_place(n);
-          const std::size_t c = static_cast<std::size_t>(work.element_cell[e]);
-          fprintf(stderr, "EL E %g at %d %d %d f %.3f det %.3f s %.3f %.3f %.3f mid %.2f %.2f %.2f was %d valid",
-                  energy, at[0], at[1], at[2], (double)work.fraction[c], d.det, d.stretch[0], d.stretch[1],
-                  d.stretch[2], local[0], local[1], local[2], state.stiff.empty() ? -1 : (int)state.stiff[c]);
-          for (std::size_t a = 0; a < 8; ++a) fprintf(stderr, " %d", (int)state.valid[n + corner[a]]);
-          fprintf(stderr, "\n");
-        }
         range.energy += energy;
         const double det = points != 1 || local.isZero(0.0) ? d.det : det_f_at_center(u, g.h);
         range.low = std::min(range.low, det);
