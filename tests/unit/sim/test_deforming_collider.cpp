@@ -1,8 +1,9 @@
 // Purpose: colliders whose points are given: they move as such whose transform is, push aside what they take up, and
-// lift what lies on them.
+// lift what lies on them, and rub it.
 #include <algorithm>
 
 #include "base/error.hpp"
+#include "sim/solid_contact.hpp"
 #include "unit/sim/scene.hpp"
 
 using namespace efsi;
@@ -239,6 +240,131 @@ TEST_CASE("A plate that bulges under a block lifts it, and counts what it gives 
     // Particles of the other preset give a collider what no node of it holds (contact record).
     if (preset == sim::Preset::kProduction) CHECK(impulse == Approx(wanted).epsilon(0.01));
   }
+}
+
+namespace {
+
+constexpr double kFriction = 0.3, kGravity = 9.8;
+
+// A block in vacuum on a collider whose upper face is at y = 0.2, over x = `left`.
+struct Carried {
+  std::unique_ptr<sim::Simulation> s;
+  std::size_t pin = 0;
+  int frame = 0;
+
+  Carried(const geometry::TriangleMesh& collider, double left) {
+    sim::Params p = box_params({0.9, 0.5, 0.4}, kCell);
+    p.fluid.present = false;
+    s = make_simulation(p);
+    geometry::MeshReport report;
+    sim::SolidDesc below = desc_of(collider), block = desc_of(plate_mesh(
+                                                  {left, 0.2 + sim::kContactSkin * kCell, 0.12},
+                                                  {left + 0.16, 0.28 + sim::kContactSkin * kCell, 0.28}, 8, 0.0, 1.0));
+    below.friction = block.friction = kFriction;
+    block.youngs_modulus = 2e5;
+    pin = s->add_collider(below, report);
+    s->add_solid(block, report);
+  }
+
+  double speed() {
+    const sim::SolidDiagnostics block = s->diagnose_solid(1);
+    return block.momentum[0] / block.mass;
+  }
+};
+
+// Where what starts at rest in frame 4 with an acceleration is in a later one.
+double gone(double acceleration, int frame) {
+  const double time = std::max(0, frame - 4) * kFrame;
+  return 0.5 * acceleration * time * time;
+}
+
+// The speed of a block at frame 8 and its change until frame 12, on a plate that goes off along x.
+std::pair<double, double> carry(double acceleration, bool by_points) {
+  const geometry::TriangleMesh plate = plate_mesh({-0.5, 0.08, -0.1}, {1.1, 0.2, 0.5}, 16, 0.0, 1.0);
+  Carried scene(plate, 0.2);
+  double early = 0.0;
+  for (int f = 0; f < 12; ++f) {
+    const auto pose = [&](int at) { return pose_about({0, 0, 0}, {0, 0, 0}, {gone(acceleration, at), 0.0, 0.0}); };
+    const double start = f * kFrame, end = (f + 1) * kFrame;
+    if (by_points)
+      scene.s->set_points(scene.pin, {start, end, placed(pose(f), plate.points), placed(pose(f + 1), plate.points)});
+    else
+      scene.s->set_motion(scene.pin, start, end, pose(f), pose(f + 1));
+    scene.s->advance(kFrame, {});
+    if (f == 7) early = scene.speed();
+  }
+  return {early, scene.speed() - early};
+}
+
+}  // namespace
+
+TEST_CASE("A plate whose points go off sideways carries a block, or slips under it, as Coulomb says", "[law]") {
+  for (const double acceleration : {1.5, 6.0}) {
+    const auto [pose_early, pose_gain] = carry(acceleration, false);
+    const auto [early, gain] = carry(acceleration, true);
+    const double wanted = 4.0 * kFrame * std::min(acceleration, kFriction * kGravity);
+    INFO(acceleration << " m/s^2: by points " << early << " m/s and " << gain << " more, by the transform " << pose_early
+                      << " and " << pose_gain << ", Coulomb's " << wanted);
+    CHECK(gain == Approx(wanted).epsilon(0.04));
+    CHECK(early == Approx(pose_early).epsilon(0.02));
+    CHECK(early + gain == Approx(pose_early + pose_gain).epsilon(0.02));
+  }
+}
+
+namespace {
+
+// A belt around two rollers, `moved` [m] along itself: its flat part is at y = 0.2, x from 0.1 to 0.8.
+geometry::TriangleMesh belt_mesh(double moved) {
+  constexpr double kPi = 3.14159265358979323846, kLeft = 0.1, kRight = 0.8, kRadius = 0.06, kTop = 0.2;
+  constexpr int kAlong = 100;
+  const double flat = kRight - kLeft, round = kPi * kRadius, length = 2.0 * (flat + round);
+  const auto at = [&](double way, double z) {
+    way = std::fmod(way, length);
+    const auto turned = [&](double x, double angle) {
+      return Vec3d(x + kRadius * std::sin(angle), kTop - kRadius + kRadius * std::cos(angle), z);
+    };
+    if (way < flat) return Vec3d(kLeft + way, kTop, z);
+    way -= flat;
+    if (way < round) return turned(kRight, way / kRadius);
+    way -= round;
+    if (way < flat) return Vec3d(kRight - way, kTop - 2.0 * kRadius, z);
+    return turned(kLeft, kPi + (way - flat) / kRadius);
+  };
+  geometry::TriangleMesh mesh;
+  for (const double z : {0.02, 0.38})
+    for (int i = 0; i < kAlong; ++i) mesh.points.push_back(at(moved + length * i / kAlong, z));
+  for (const double z : {0.02, 0.38}) mesh.points.push_back({0.5 * (kLeft + kRight), kTop - kRadius, z});
+  for (std::int32_t i = 0; i < kAlong; ++i) {
+    const std::int32_t next = (i + 1) % kAlong;
+    mesh.triangles.push_back({i, kAlong + i, kAlong + next});
+    mesh.triangles.push_back({i, kAlong + next, next});
+    mesh.triangles.push_back({2 * kAlong, i, next});
+    mesh.triangles.push_back({2 * kAlong + 1, kAlong + next, kAlong + i});
+  }
+  return mesh;
+}
+
+}  // namespace
+
+TEST_CASE("A belt whose points run in its surface drags a block by its friction until it moves along", "[law]") {
+  const double speed = 0.5;
+  const geometry::TriangleMesh belt = belt_mesh(0.0);
+  Carried scene(belt, 0.15);
+  const auto points = [&](int f) { return belt_mesh(speed * kFrame * std::max(0, f - 3)).points; };
+  double early = 0.0, late = 0.0, end = 0.0;
+  for (int f = 0; f < 14; ++f) {
+    scene.s->set_points(scene.pin, {f * kFrame, (f + 1) * kFrame, points(f), points(f + 1)});
+    scene.s->advance(kFrame, {});
+    if (f == 3) early = scene.speed();
+    if (f == 5) late = scene.speed();
+  }
+  end = scene.speed();
+  const sim::SolidDiagnostics block = scene.s->diagnose_solid(1);
+  INFO("slips: " << (late - early) / (2.0 * kFrame) << " m/s^2 for " << kFriction * kGravity << ", at last " << end
+                 << " m/s for " << speed << ", height " << block.center[1]);
+  CHECK((late - early) / (2.0 * kFrame) == Approx(kFriction * kGravity).epsilon(0.04));
+  CHECK(end == Approx(speed).epsilon(0.02));
+  CHECK(block.center[1] == Approx(0.24 + sim::kContactSkin * kCell).margin(0.25 * kCell));
 }
 
 TEST_CASE("Points of a collider: the same bits with any number of threads, and after a restart") {
