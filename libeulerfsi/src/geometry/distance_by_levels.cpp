@@ -8,8 +8,8 @@ namespace efsi::geometry {
 
 namespace {
 
-constexpr int kLevels = 3;       // of halving
-constexpr double kExact = 3.0;   // spacings of the grid: nodes closer to the mesh than that ask for their distance
+constexpr int kLevels = 3;      // of halving
+constexpr double kExact = 3.0;  // spacings of the grid: nodes closer to the mesh than that ask for their distance
 
 // Distances at every stride-th node of a grid, and beyond its end where that is not one of them.
 struct Level {
@@ -72,7 +72,8 @@ void measure_by_levels(const NearestTriangle& mesh, SignedDistance& grid, const 
   level.field = {nodes(level.stride), grid.spacing * level.stride, grid.origin, {}, -1};
   const Vec3i& first = level.field.size;
   level.field.values.resize(static_cast<std::size_t>(first[0]) * first[1] * first[2]);
-  fill(mesh, level, [](int, int, int, float&) { return false; }, parallel);
+  fill(
+      mesh, level, [](int, int, int, float&) { return false; }, parallel);
   while (level.stride > 1) level = halve(mesh, level, grid.spacing, nodes(level.stride / 2), parallel);
   grid.values = std::move(level.field.values);
 }

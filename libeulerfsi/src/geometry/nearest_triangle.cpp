@@ -16,7 +16,7 @@ double squared_distance(const Vec3d& min, const Vec3d& max, const Vec3d& x) {
 }
 
 // The point of a segment that is nearest to x.
-Vec3d on_segment(const Vec3d& a, const Vec3d& b, const Vec3d& x) {
+inline Vec3d on_segment(const Vec3d& a, const Vec3d& b, const Vec3d& x) {
   const Vec3d way = b - a;
   const double length = way.squaredNorm();
   return length > 0.0 ? Vec3d(a + std::clamp((x - a).dot(way) / length, 0.0, 1.0) * way) : a;
@@ -28,9 +28,14 @@ Vec3d closest_point(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Vec3d&
   const Vec3d normal = (b - a).cross(c - a);
   const double square = normal.squaredNorm();
   if (square > 0.0) {
-    // Inside all three edges the foot of the perpendicular is the nearest point.
+    // Inside all three edges the foot of the perpendicular is the nearest point, else a point of an edge that x is
+    // outside of.
     const auto inside = [&](const Vec3d& p, const Vec3d& q) { return (q - p).cross(x - p).dot(normal) >= 0.0; };
-    if (inside(a, b) && inside(b, c) && inside(c, a)) return x - (x - a).dot(normal) / square * normal;
+    const bool in_ab = inside(a, b), in_bc = inside(b, c), in_ca = inside(c, a);
+    if (in_ab && in_bc && in_ca) return x - (x - a).dot(normal) / square * normal;
+    if (in_bc && in_ca) return on_segment(a, b, x);
+    if (in_ab && in_ca) return on_segment(b, c, x);
+    if (in_ab && in_bc) return on_segment(c, a, x);
   }
   Vec3d best = on_segment(a, b, x);
   for (const Vec3d& other : {on_segment(b, c, x), on_segment(c, a, x)})

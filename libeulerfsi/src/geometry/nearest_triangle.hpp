@@ -33,8 +33,8 @@ class NearestTriangle {
   };
   struct Leaf {
     std::array<Vec3d, 3> corner;
-    Vec3d middle;    // of the corners
-    double radius;   // around the middle, a little more than to the corners
+    Vec3d middle;   // of the corners
+    double radius;  // around the middle, a little more than to the corners
     std::int32_t triangle;
   };
   void build(std::int32_t begin, std::int32_t end);
