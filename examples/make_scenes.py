@@ -292,7 +292,7 @@ def make_tongs() -> Usd.Stage:
 
 
 def make_tentacle() -> Usd.Stage:
-    """A skinned tentacle, a collider whose points its joints move, draws back and bats a soft ball that is thrown up."""
+    """A skinned tentacle, a collider that its joints bend, draws back and bats a soft ball that is thrown up."""
     frames = 36
     stage = new_stage("A skinned tentacle draws back and bats a soft ball out of the air, through smoke.", frames)
     lower, size = (-0.4, 0.0, -0.16), (0.8, 0.6, 0.32)
