@@ -21,6 +21,7 @@ from pieces import (
     add_carpet,
     add_cube,
     add_domain,
+    add_joints,
     add_mesh,
     apply_schema,
     bind_material,
@@ -31,8 +32,9 @@ from pieces import (
     on_rounded_box,
     on_sphere,
     set_density,
+    skin,
 )
-from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 
 SCENES = ROOT / "examples" / "scenes"
 
@@ -289,6 +291,46 @@ def make_tongs() -> Usd.Stage:
     return stage
 
 
+def make_tentacle() -> Usd.Stage:
+    """A skinned tentacle, a collider that its joints bend, draws back and bats a soft ball that is thrown up."""
+    frames = 36
+    stage = new_stage("A skinned tentacle draws back and bats a soft ball out of the air, through smoke.", frames)
+    lower, size = (-0.4, 0.0, -0.16), (0.8, 0.6, 0.32)
+    add_domain(stage, lower, size, "slip", voxelSize=0.0125, fluidDensity=1.0, vorticityConfinement=0.5)
+    radius, height, joints = 0.045, 0.36, 4
+    rounded = on_rounded_box(radius, 0.8 * radius)
+    root = Gf.Vec3d(-0.16, 0.0, 0.0)
+    shape = box_mesh(
+        16, lambda p: root + Gf.CompMult(rounded(p), Gf.Vec3d(1, height / (2 * radius), 1)) + Gf.Vec3d(0, height / 2, 0)
+    )
+    figure = UsdSkel.Root.Define(stage, "/World/Tentacle")
+    turns = {}
+    for frame in range(1, frames + 1):
+        back = 0.5 - 0.5 * math.cos(math.pi * min(frame - 1, 5) / 5)
+        there = 0.5 - 0.5 * math.cos(math.pi * min(max(frame - 6, 0), 5) / 5)
+        rest = 0.5 - 0.5 * math.cos(math.pi * min(max(frame - 14, 0), 14) / 14)
+        turns[frame] = [round((15.0 * back - 41.0 * there) * (1.0 - rest), 4)] * joints
+    add_joints(figure, [root + Gf.Vec3d(0, height * (i + 0.25) / joints, 0) for i in range(joints)], turns)
+    skinned = add_mesh(stage, "/World/Tentacle/Skin", shape, (0.45, 0.2, 0.5))
+    skin(skinned, joints, lambda p: (p[1] / height) * joints - 0.25)
+    apply_schema(skinned.GetPrim(), "collider", friction=0.3)
+    ball = add_mesh(stage, "/World/Ball", box_mesh(12, on_sphere(0.07)), (0.9, 0.75, 0.2))
+    ball.AddTranslateOp().Set(Gf.Vec3d(0.02, 0.35, 0.0))
+    apply_schema(
+        ball.GetPrim(),
+        "solid",
+        youngsModulus=2e4,
+        poissonsRatio=0.3,
+        rayleighBeta=0.001,
+        friction=0.3,
+        velocity=Gf.Vec3d(0.0, 1.36, 0.0),
+    )
+    set_density(ball.GetPrim(), 1000.0)
+    add_carpet(stage, lower, size)
+    add_camera(stage, (0.3, 0.4, 1.5), (0.0, 0.24, 0.0))
+    return stage
+
+
 MAKERS: dict[str, Callable[[], Usd.Stage]] = {
     "ball.usda": make_ball,
     "falling_bunny.usda": make_falling_bunny,
@@ -300,6 +342,7 @@ MAKERS: dict[str, Callable[[], Usd.Stage]] = {
     "clay_and_rubber.usda": make_clay_and_rubber,
     "meeting_balls.usda": make_meeting_balls,
     "tongs.usda": make_tongs,
+    "tentacle.usda": make_tentacle,
     **paper_scenes.MAKERS,
 }
 

@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "usd_plugin"))
 
 from eulerfsi_usd.parameters import API_SCHEMAS, stage_attributes  # noqa: E402
-from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade, Vt  # noqa: E402
+from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade, UsdSkel, Vt  # noqa: E402
 
 WALLS = ("wallXMin", "wallXMax", "wallYMin", "wallYMax", "wallZMin", "wallZMax")
 DIGITS = 6  # decimals of mesh coordinates
@@ -231,6 +231,46 @@ def add_camera(stage: Usd.Stage, eye: tuple, target: tuple) -> None:
     camera.CreateHorizontalApertureAttr(32.0)
     camera.CreateVerticalApertureAttr(18.0)
     camera.CreateClippingRangeAttr(Gf.Vec2f(0.01, 100.0))
+
+
+def add_joints(figure: UsdSkel.Root, places: list[Gf.Vec3d], turns: dict[int, list[float]]) -> None:
+    """A chain of joints for the meshes of a figure, bound at `places` [m], each the parent of the next.
+
+    turns: per frame the angles of the joints about z, against their parents' [degrees].
+    """
+    stage, path = figure.GetPrim().GetStage(), figure.GetPath()
+    names = ["/".join(f"joint{i}" for i in range(n + 1)) for n in range(len(places))]
+    steps = [b - a for a, b in zip([Gf.Vec3d(0.0), *places], places, strict=False)]
+    skeleton = UsdSkel.Skeleton.Define(stage, path.AppendChild("Skeleton"))
+    skeleton.CreateJointsAttr(names)
+    skeleton.CreateBindTransformsAttr([Gf.Matrix4d().SetTranslate(place) for place in places])
+    skeleton.CreateRestTransformsAttr([Gf.Matrix4d().SetTranslate(step) for step in steps])
+    animation = UsdSkel.Animation.Define(stage, path.AppendChild("Animation"))
+    animation.CreateJointsAttr(names)
+    animation.CreateTranslationsAttr([Gf.Vec3f(step) for step in steps])
+    animation.CreateScalesAttr([Gf.Vec3h(1)] * len(places))
+    rotations = animation.CreateRotationsAttr()
+    for frame, angles in turns.items():
+        halves = [0.5 * math.radians(angle) for angle in angles]
+        rotations.Set(
+            [Gf.Quatf(round(math.cos(a), DIGITS), 0, 0, round(math.sin(a), DIGITS) + 0.0) for a in halves], frame
+        )
+    UsdSkel.BindingAPI.Apply(skeleton.GetPrim()).CreateAnimationSourceRel().SetTargets([animation.GetPath()])
+    UsdSkel.BindingAPI.Apply(figure.GetPrim()).CreateSkeletonRel().SetTargets([skeleton.GetPath()])
+
+
+def skin(mesh: UsdGeom.Mesh, joints: int, along: Callable[[Gf.Vec3f], float]) -> None:
+    """Binds a mesh to a chain of joints: along(point) 0 is the first joint, 1.5 is halfway between 1 and 2."""
+    indices, weights = [], []
+    for point in mesh.GetPointsAttr().Get():
+        place = max(0.0, min(joints - 1.0, along(point)))
+        lower = min(int(place), joints - 2)
+        indices += [lower, lower + 1]
+        weights += [round(1.0 - (place - lower), DIGITS), round(place - lower, DIGITS)]
+    binding = UsdSkel.BindingAPI.Apply(mesh.GetPrim())
+    binding.CreateJointIndicesPrimvar(False, 2).Set(Vt.IntArray(indices))
+    binding.CreateJointWeightsPrimvar(False, 2).Set(Vt.FloatArray(weights))
+    binding.CreateGeomBindTransformAttr(Gf.Matrix4d(1.0))
 
 
 def add_domain(stage: Usd.Stage, lower: tuple, size: tuple, wall: str, **values: object) -> Usd.Prim:

@@ -135,6 +135,18 @@ def test_legs_of_the_tongs_push_each_other_and_spring_open(tmp_path: Path) -> No
 
 
 @pytest.mark.slow
+def test_the_tentacle_bats_the_ball(tmp_path: Path) -> None:
+    """Coarse voxels: a skinned collider, which would not touch the ball if its points rested."""
+    run = Run("tentacle.usda", tmp_path / "cache", "/World/Domain.voxelSize=0.02", frames="1-10")
+    before, after = run.solid("/World/Ball", 7), run.solid("/World/Ball", 10)
+    assert abs(before["momentum"][0]) < 1e-3 * before["mass"]
+    assert after["momentum"][0] > 1.5 * after["mass"]  # m/s
+    given = sum(np.array(step["impulses"]["/World/Tentacle/Skin"]) for step in run.steps)
+    assert given[0] == pytest.approx(after["momentum"][0], rel=0.05), "something else has moved it"
+    assert sum(step["given_work"]["/World/Tentacle/Skin"] for step in run.steps) > 0.0
+
+
+@pytest.mark.slow
 def test_struck_pillar_holds_its_foot_gives_way_and_returns(tmp_path: Path) -> None:
     """Coarse voxels: a pin, a collider that swings, eyes that ride along."""
     voxel, frames = 0.02, 60

@@ -5,9 +5,11 @@
 #include <cmath>
 #include <limits>
 #include <new>
+#include <optional>
 #include <sstream>
 
 #include "base/error.hpp"
+#include "geometry/distance_by_levels.hpp"
 #include "geometry/distance_to_mesh.hpp"
 #include "geometry/mesh_topology.hpp"
 #include "geometry/solid_boundary.hpp"
@@ -99,10 +101,10 @@ std::string describe_repairs(const MeshReport& report, const OrientationRepair& 
   throw Error(ErrorCode::kMesh, message);
 }
 
-}  // namespace
+enum class Effort { kThorough, kByLevels };
 
-SignedDistance build_signed_distance(const TriangleMesh& mesh, double spacing, MeshReport& report,
-                                     const Parallel& parallel, const Progress& progress, double margin) {
+SignedDistance build(const TriangleMesh& mesh, double spacing, double margin, Effort effort, MeshReport& report,
+                     const Parallel& parallel, const Progress& progress) {
   progress.at(0.0);
   report = inspect(mesh);
   TriangleMesh surface = weld(mesh);
@@ -111,7 +113,8 @@ SignedDistance build_signed_distance(const TriangleMesh& mesh, double spacing, M
   const OrientationRepair turned = orient_outwards(surface);
   const Topology topology = analyse_topology(surface);
   const TriangleTree tree(surface);
-  report.thinnest_feature = thinnest_feature(surface, tree, parallel, progress.part(0.05, 0.1));
+  if (effort == Effort::kThorough)
+    report.thinnest_feature = thinnest_feature(surface, tree, parallel, progress.part(0.05, 0.1));
   report.pieces = static_cast<std::uint32_t>(topology.parts);
   report.turned_triangles = static_cast<std::uint32_t>(turned.changed_triangles);
 
@@ -119,21 +122,27 @@ SignedDistance build_signed_distance(const TriangleMesh& mesh, double spacing, M
   std::uint64_t caps = 0;
   bool as_given = false;  // the mesh is the boundary of the solid
   try {
-    DistanceToMesh distance(surface, grid, parallel, progress.part(0.1, 0.25));
-    distance.measure_near(grid, parallel);
+    std::optional<DistanceToMesh> thorough;
+    if (effort == Effort::kThorough) {
+      thorough.emplace(surface, grid, parallel, progress.part(0.1, 0.25));
+      thorough->measure_near(grid, parallel);
+    } else {
+      measure_by_levels(NearestTriangle(surface), grid, parallel);
+    }
     const WindingField winding(surface, tree, grid, parallel, progress.part(0.25, 0.5));
     const SolidBoundary boundary =
         solid_boundary(surface, grid, winding, topology.parts == 1, parallel, progress.part(0.5, 0.7));
     if (boundary.mesh.triangles.empty()) refuse_empty(report, spacing);
     as_given = report.closed && !boundary.differs;
     // Surfaces inside the solid and holes: distances to the boundary of the solid instead of those to the mesh.
-    if (boundary.differs) {
+    if (boundary.differs && !thorough) measure_by_levels(NearestTriangle(boundary.mesh), grid, parallel);
+    if (boundary.differs && thorough) {
       const auto same_part = [&](std::int32_t triangle, const Vec3d& X) {
         return boundary.triangle_at(surface, spacing, triangle, X);
       };
-      distance.replace_mesh(boundary.mesh, boundary.kept, same_part, parallel);
+      thorough->replace_mesh(boundary.mesh, boundary.kept, same_part, parallel);
     }
-    distance.measure(grid, parallel, progress.part(0.75, 1.0));
+    if (thorough) thorough->measure(grid, parallel, progress.part(0.75, 1.0));
     caps = boundary.cap_triangles;
     report.inner_triangles = static_cast<std::uint32_t>(boundary.inner_triangles);
     apply_sign(winding.at_nodes(), grid);
@@ -151,11 +160,26 @@ SignedDistance build_signed_distance(const TriangleMesh& mesh, double spacing, M
   return grid;
 }
 
+}  // namespace
+
+SignedDistance build_signed_distance(const TriangleMesh& mesh, double spacing, MeshReport& report,
+                                     const Parallel& parallel, const Progress& progress, double margin) {
+  return build(mesh, spacing, margin, Effort::kThorough, report, parallel, progress);
+}
+
 std::shared_ptr<const Surface> examine(TriangleMesh mesh, double spacing, const Parallel& parallel,
                                        const Progress& progress) {
   auto surface = std::make_shared<Surface>();
   surface->mesh = std::move(mesh);
   surface->distance = build_signed_distance(surface->mesh, spacing, surface->report, parallel, progress);
+  return surface;
+}
+
+std::shared_ptr<const Surface> examine_moved(TriangleMesh mesh, double spacing, const Parallel& parallel) {
+  auto surface = std::make_shared<Surface>();
+  surface->mesh = std::move(mesh);
+  surface->distance =
+      build(surface->mesh, spacing, kDefaultMargin, Effort::kByLevels, surface->report, parallel, Progress());
   return surface;
 }
 

@@ -2,11 +2,13 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <limits>
 
 namespace efsi::geometry {
 namespace {
 
+constexpr double kRounding = 1.0 + 1e-9;
 constexpr std::int32_t kLeaf = 4;  // triangles that are not divided further
 
 double squared_distance(const Vec3d& min, const Vec3d& max, const Vec3d& x) {
@@ -14,7 +16,7 @@ double squared_distance(const Vec3d& min, const Vec3d& max, const Vec3d& x) {
 }
 
 // The point of a segment that is nearest to x.
-Vec3d on_segment(const Vec3d& a, const Vec3d& b, const Vec3d& x) {
+inline Vec3d on_segment(const Vec3d& a, const Vec3d& b, const Vec3d& x) {
   const Vec3d way = b - a;
   const double length = way.squaredNorm();
   return length > 0.0 ? Vec3d(a + std::clamp((x - a).dot(way) / length, 0.0, 1.0) * way) : a;
@@ -26,9 +28,14 @@ Vec3d closest_point(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Vec3d&
   const Vec3d normal = (b - a).cross(c - a);
   const double square = normal.squaredNorm();
   if (square > 0.0) {
-    // Inside all three edges the foot of the perpendicular is the nearest point.
+    // Inside all three edges the foot of the perpendicular is the nearest point, else a point of an edge that x is
+    // outside of.
     const auto inside = [&](const Vec3d& p, const Vec3d& q) { return (q - p).cross(x - p).dot(normal) >= 0.0; };
-    if (inside(a, b) && inside(b, c) && inside(c, a)) return x - (x - a).dot(normal) / square * normal;
+    const bool in_ab = inside(a, b), in_bc = inside(b, c), in_ca = inside(c, a);
+    if (in_ab && in_bc && in_ca) return x - (x - a).dot(normal) / square * normal;
+    if (in_bc && in_ca) return on_segment(a, b, x);
+    if (in_ab && in_ca) return on_segment(b, c, x);
+    if (in_ab && in_bc) return on_segment(c, a, x);
   }
   Vec3d best = on_segment(a, b, x);
   for (const Vec3d& other : {on_segment(b, c, x), on_segment(c, a, x)})
@@ -37,10 +44,17 @@ Vec3d closest_point(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Vec3d&
 }
 
 NearestTriangle::NearestTriangle(const TriangleMesh& mesh) {
-  for (const Triangle& t : mesh.triangles)
-    leaves_.push_back({{mesh.points[static_cast<std::size_t>(t[0])], mesh.points[static_cast<std::size_t>(t[1])],
-                        mesh.points[static_cast<std::size_t>(t[2])]},
-                       static_cast<std::int32_t>(leaves_.size())});
+  leaves_.reserve(mesh.triangles.size());
+  for (const Triangle& t : mesh.triangles) {
+    Leaf leaf{{mesh.points[static_cast<std::size_t>(t[0])], mesh.points[static_cast<std::size_t>(t[1])],
+               mesh.points[static_cast<std::size_t>(t[2])]},
+              Vec3d::Zero(),
+              0.0,
+              static_cast<std::int32_t>(leaves_.size())};
+    leaf.middle = (leaf.corner[0] + leaf.corner[1] + leaf.corner[2]) / 3.0;
+    for (const Vec3d& x : leaf.corner) leaf.radius = std::max(leaf.radius, kRounding * (x - leaf.middle).norm());
+    leaves_.push_back(leaf);
+  }
   if (!leaves_.empty()) build(0, static_cast<std::int32_t>(leaves_.size()));
 }
 
@@ -57,45 +71,53 @@ void NearestTriangle::build(std::int32_t begin, std::int32_t end) {
   if (end - begin <= kLeaf) return;
   Eigen::Index axis = 0;
   (box.max - box.min).maxCoeff(&axis);
-  const auto middle = [axis](const Leaf& l) { return l.corner[0][axis] + l.corner[1][axis] + l.corner[2][axis]; };
-  std::sort(first, last, [&](const Leaf& a, const Leaf& b) {
-    return std::pair(middle(a), a.triangle) < std::pair(middle(b), b.triangle);
-  });
   const std::int32_t half = begin + (end - begin) / 2;
+  std::nth_element(first, leaves_.begin() + half, last, [&](const Leaf& a, const Leaf& b) {
+    return std::pair(a.middle[axis], a.triangle) < std::pair(b.middle[axis], b.triangle);
+  });
   build(begin, half);
   boxes_[at].right = static_cast<std::int32_t>(boxes_.size());
   build(half, end);
 }
 
-NearestTriangle::Found NearestTriangle::find(const Vec3d& x) const {
+NearestTriangle::Found NearestTriangle::find(const Vec3d& x, std::int32_t guess) const {
   Found found;
-  double best = std::numeric_limits<double>::infinity();
-  std::vector<std::int32_t> open;
-  if (!boxes_.empty()) open.push_back(0);
-  while (!open.empty()) {
-    const std::int32_t at = open.back();
-    const Box& box = boxes_[static_cast<std::size_t>(at)];
-    open.pop_back();
-    if (squared_distance(box.min, box.max, x) > best) continue;
+  double best = std::numeric_limits<double>::infinity(), reach = best;  // the square and, a little more, its root
+  const auto look_at = [&](std::int32_t l) {
+    const Leaf& leaf = leaves_[static_cast<std::size_t>(l)];
+    const double most = reach + leaf.radius;
+    if ((leaf.middle - x).squaredNorm() > most * most) return;
+    const double square = (closest_point(leaf.corner[0], leaf.corner[1], leaf.corner[2], x) - x).squaredNorm();
+    if (!(square < best || (square == best && leaf.triangle < found.triangle))) return;
+    best = square;
+    reach = kRounding * std::sqrt(square);
+    found.triangle = leaf.triangle;
+    found.leaf = l;
+  };
+  if (guess >= 0) look_at(guess);
+  struct Open {
+    std::int32_t box;
+    double square;  // of the distance to it
+  };
+  std::array<Open, 64> open;  // one per level of the tree and one more, which halves up to 2^31 leaves
+  std::size_t count = 0;
+  const auto square_of = [&](std::int32_t b) {
+    return squared_distance(boxes_[static_cast<std::size_t>(b)].min, boxes_[static_cast<std::size_t>(b)].max, x);
+  };
+  if (!boxes_.empty()) open[count++] = {0, square_of(0)};
+  while (count > 0) {
+    const Open next = open[--count];
+    if (next.square > best) continue;
+    const Box& box = boxes_[static_cast<std::size_t>(next.box)];
     if (box.right == 0) {
-      for (std::int32_t l = box.begin; l < box.end; ++l) {
-        const Leaf& leaf = leaves_[static_cast<std::size_t>(l)];
-        const double square = (closest_point(leaf.corner[0], leaf.corner[1], leaf.corner[2], x) - x).squaredNorm();
-        if (square < best || (square == best && leaf.triangle < found.triangle)) {
-          best = square;
-          found.triangle = leaf.triangle;
-        }
-      }
+      for (std::int32_t l = box.begin; l < box.end; ++l) look_at(l);
       continue;
     }
     // The nearer child is looked at first.
-    const std::int32_t left = at + 1, right = box.right;
-    const auto square_of = [&](std::int32_t b) {
-      return squared_distance(boxes_[static_cast<std::size_t>(b)].min, boxes_[static_cast<std::size_t>(b)].max, x);
-    };
-    const bool left_first = square_of(left) <= square_of(right);
-    open.push_back(left_first ? right : left);
-    open.push_back(left_first ? left : right);
+    const Open left{next.box + 1, square_of(next.box + 1)}, right{box.right, square_of(box.right)};
+    const bool left_first = left.square <= right.square;
+    open[count++] = left_first ? right : left;
+    open[count++] = left_first ? left : right;
   }
   found.distance = std::sqrt(best);
   return found;

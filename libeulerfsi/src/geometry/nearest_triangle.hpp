@@ -19,8 +19,10 @@ class NearestTriangle {
   struct Found {
     std::int32_t triangle = -1;  // index in the mesh; of several at the same distance the first; -1: there is none
     double distance = 0.0;       // [m]
+    std::int32_t leaf = -1;      // where the tree has the triangle
   };
-  Found find(const Vec3d& x) const;
+  // guess: a leaf that may be near; what is found does not depend on it, how long that takes does. -1: none.
+  Found find(const Vec3d& x, std::int32_t guess = -1) const;
   std::size_t bytes() const { return boxes_.capacity() * sizeof(Box) + leaves_.capacity() * sizeof(Leaf); }
 
  private:
@@ -31,6 +33,8 @@ class NearestTriangle {
   };
   struct Leaf {
     std::array<Vec3d, 3> corner;
+    Vec3d middle;   // of the corners
+    double radius;  // around the middle, a little more than to the corners
     std::int32_t triangle;
   };
   void build(std::int32_t begin, std::int32_t end);

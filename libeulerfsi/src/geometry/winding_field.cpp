@@ -81,7 +81,7 @@ WindingField::WindingField(const TriangleMesh& mesh, const TriangleTree& tree, c
     : tree_(tree),
       distance_(distance),
       closing_(closing_triangles(mesh)),
-      closed_tree_(together(mesh, closing_)),
+      closed_tree_(closing_.empty() ? TriangleMesh{} : together(mesh, closing_)),
       closing_tree_({mesh.points, closing_}, 1) {
   progress.at(0.0);
   count_ = count_along_rows(together(mesh, closing_), distance, parallel);
@@ -134,6 +134,7 @@ void WindingField::subtract_closing_at_nodes(const Parallel& parallel, const Pro
 
 // Of the closed mesh at X: from the nearest node whose number is known, along the segment from there.
 double WindingField::closed_number(const Vec3d& X) const {
+  const TriangleTree& closed = balanced() ? tree_ : closed_tree_;
   std::array<int, 3> cell;
   for (int axis = 0; axis < 3; ++axis)
     cell[axis] = std::clamp(static_cast<int>(std::floor((X[axis] - distance_.origin[axis]) / distance_.spacing)), 0,
@@ -151,8 +152,8 @@ double WindingField::closed_number(const Vec3d& X) const {
     from = at;
     start = node;
   }
-  if (nearest == std::numeric_limits<double>::infinity()) return std::round(closed_tree_.winding_number(X));
-  return count_[from] + closed_tree_.winding_change(start, X);
+  if (nearest == std::numeric_limits<double>::infinity()) return std::round(closed.winding_number(X));
+  return count_[from] + closed.winding_change(start, X);
 }
 
 std::vector<float> WindingField::at(const std::vector<Vec3d>& points, const Parallel& parallel,

@@ -41,7 +41,7 @@ class WindingField {
   const TriangleTree& tree_;
   const SignedDistance& distance_;
   std::vector<Triangle> closing_;
-  TriangleTree closed_tree_, closing_tree_;
+  TriangleTree closed_tree_, closing_tree_;  // the first of a mesh that closing triangles close only
   std::vector<std::int32_t> count_;  // whole numbers of the closed mesh at the nodes; kUnknown on a closing triangle
   std::vector<float> at_nodes_;
 };

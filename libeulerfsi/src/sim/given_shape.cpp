@@ -97,7 +97,7 @@ void update_shape(const Parallel& parallel, const Scene& scene, const Pin& pin, 
   if (state.shape && same_points(state.shape->surface->mesh.points, mesh.points, slab ? slab->axis : -1)) return;
   auto shape = std::make_shared<solid::GivenShape>();
   try {
-    shape->surface = geometry::examine(std::move(mesh), rest.distance.spacing, parallel);
+    shape->surface = geometry::examine_moved(std::move(mesh), rest.distance.spacing, parallel);
     if (slab) shape->surface = geometry::lay_in_slab(*shape->surface, *slab, parallel);
   } catch (const Error& error) {
     throw Error(error.code(), "collider " + std::to_string(pin.solid + 1) + ": its points at " + std::to_string(time) +

@@ -247,3 +247,32 @@ TEST_CASE("The examination of a mesh can be stopped and tells how far it is") {
     }
   }
 }
+
+TEST_CASE("A moved mesh has the distances of the thorough way near it, the same solid, and any number of threads",
+          "[law]") {
+  const TriangleMesh crossing = shapes::together(shapes::sphere(0.5, 6), shapes::sphere(0.4, 5, {0.5, 0.1, 0}));
+  for (const TriangleMesh& mesh :
+       {shapes::torus(0.8, 0.3, 24, 12), shapes::box({0, 0, 0}, {1, 0.7, 2.1}), crossing,
+        shapes::inside_out(shapes::box({0, 0, 0}, {1, 1, 1})), shapes::box({0, 0, 0}, {1, 1, 1}, true)}) {
+    constexpr double kSpacing = 0.053;
+    const auto slow = examine(mesh, kSpacing), fast = examine_moved(mesh, kSpacing);
+    REQUIRE(fast->distance.values.size() == slow->distance.values.size());
+    double near = 0.0, far = 0.0, least = 3.0;  // the last: of what is farther away
+    std::size_t other_side = 0;
+    for (std::size_t n = 0; n < fast->distance.values.size(); ++n) {
+      const double a = static_cast<double>(slow->distance.values[n]) / kSpacing;
+      const double b = static_cast<double>(fast->distance.values[n]) / kSpacing;
+      other_side += (a < 0.0) != (b < 0.0);
+      (std::abs(a) < 3.0 ? near : far) = std::max(std::abs(a) < 3.0 ? near : far, std::abs(b - a));
+      least = std::abs(a) < 3.0 ? least : std::min(least, std::abs(b));
+    }
+    INFO("off by " << near << " spacings near the surface, " << far << " far away, " << fast->report.repairs);
+    CHECK(near < 0.02);
+    CHECK(least > 2.98);
+    CHECK(far < 8.0);  // where the nearest point jumps, between nodes eight spacings apart
+    CHECK(other_side == 0);
+    CHECK(fast->report.solid_volume == Approx(slow->report.solid_volume).epsilon(1e-3));
+    CHECK(fast->report.repairs == slow->report.repairs);
+    CHECK(examine_moved(mesh, kSpacing, Parallel(2))->distance.values == fast->distance.values);
+  }
+}

@@ -1,8 +1,9 @@
 // Purpose: colliders whose points are given: they move as such whose transform is, push aside what they take up, and
-// lift what lies on them.
+// lift what lies on them, and rub it.
 #include <algorithm>
 
 #include "base/error.hpp"
+#include "sim/solid_contact.hpp"
 #include "unit/sim/scene.hpp"
 
 using namespace efsi;
@@ -243,6 +244,132 @@ TEST_CASE("A plate that bulges under a block lifts it, and counts what it gives 
     // Particles of the other preset give a collider what no node of it holds (contact record).
     if (preset == sim::Preset::kProduction) CHECK(impulse == Approx(wanted).epsilon(0.003));
   }
+}
+
+namespace {
+
+constexpr double kFriction = 0.3, kGravity = 9.8;
+constexpr double kShort = 1.0 / 96.0;  // what a motion that speeds up is given for at a time [s]
+constexpr int kStart = 40;             // of these the block has come to rest, and the motion begins
+
+// A block in vacuum on a collider whose upper face is at y = 0.2, over x = `left`.
+struct Carried {
+  std::unique_ptr<sim::Simulation> s;
+  std::size_t pin = 0;
+
+  Carried(const geometry::TriangleMesh& collider, double left) {
+    sim::Params p = box_params({0.9, 0.5, 0.4}, kCell);
+    p.fluid.present = false;
+    s = make_simulation(p);
+    geometry::MeshReport report;
+    sim::SolidDesc below = desc_of(collider),
+                   block = desc_of(plate_mesh({left, 0.2 + sim::kContactSkin * kCell, 0.12},
+                                              {left + 0.16, 0.28 + sim::kContactSkin * kCell, 0.28}, 8, 0.0, 1.0));
+    below.friction = block.friction = kFriction;
+    block.youngs_modulus = 2e5;
+    block.poissons_ratio = 0.2;
+    block.rayleigh_beta = 2e-3;
+    pin = s->add_collider(below, report);
+    s->add_solid(block, report);
+  }
+
+  double speed() {
+    const sim::SolidDiagnostics block = s->diagnose_solid(1);
+    return block.momentum[0] / block.mass;
+  }
+};
+
+// The speed that a block gains from 8 to 32 times kShort after the start, and what it has then, on a plate that goes
+// off along x with an acceleration.
+std::pair<double, double> carry(double acceleration, bool by_points) {
+  const geometry::TriangleMesh plate = plate_mesh({-0.5, 0.08, -0.1}, {1.1, 0.2, 0.5}, 16, 0.0, 1.0);
+  Carried scene(plate, 0.2);
+  double early = 0.0;
+  for (int n = -kStart; n < 32; ++n) {
+    const auto pose = [&](int at) {
+      const double time = kShort * std::max(0, at);
+      return pose_about({0, 0, 0}, {0, 0, 0}, {0.5 * acceleration * time * time, 0.0, 0.0});
+    };
+    const double start = (kStart + n) * kShort, end = start + kShort;
+    if (by_points)
+      scene.s->set_points(scene.pin, {start, end, placed(pose(n), plate.points), placed(pose(n + 1), plate.points)});
+    else
+      scene.s->set_motion(scene.pin, start, end, pose(n), pose(n + 1));
+    scene.s->advance(kShort, {});
+    if (n == 7) early = scene.speed();
+  }
+  return {scene.speed() - early, scene.speed()};
+}
+
+}  // namespace
+
+TEST_CASE("A plate whose points go off sideways carries a block, or slips under it, as Coulomb says", "[law]") {
+  for (const double acceleration : {1.5, 6.0}) {
+    const auto [pose_gain, pose_speed] = carry(acceleration, false);
+    const auto [gain, speed] = carry(acceleration, true);
+    const double wanted = 24.0 * kShort * std::min(acceleration, kFriction * kGravity);
+    INFO(acceleration << " m/s^2: by points " << gain << " m/s more, " << speed << " in all, by the transform "
+                      << pose_gain << ", " << pose_speed << ", Coulomb's " << wanted);
+    CHECK(gain == Approx(wanted).epsilon(0.05));
+    CHECK(gain == Approx(pose_gain).epsilon(0.03));  // it hops a little, and rubs as it presses
+    CHECK(speed == Approx(pose_speed).epsilon(0.02));
+  }
+}
+
+namespace {
+
+// A belt around two rollers, `moved` [m] along itself: its flat part is at y = 0.2, x from 0.1 to 0.8.
+geometry::TriangleMesh belt_mesh(double moved) {
+  constexpr double kPi = 3.14159265358979323846, kLeft = 0.1, kRight = 0.8, kRadius = 0.06, kTop = 0.2;
+  constexpr int kAlong = 100;
+  const double flat = kRight - kLeft, round = kPi * kRadius, length = 2.0 * (flat + round);
+  const auto at = [&](double way, double z) {
+    way = std::fmod(way, length);
+    const auto turned = [&](double x, double angle) {
+      return Vec3d(x + kRadius * std::sin(angle), kTop - kRadius + kRadius * std::cos(angle), z);
+    };
+    if (way < flat) return Vec3d(kLeft + way, kTop, z);
+    way -= flat;
+    if (way < round) return turned(kRight, way / kRadius);
+    way -= round;
+    if (way < flat) return Vec3d(kRight - way, kTop - 2.0 * kRadius, z);
+    return turned(kLeft, kPi + (way - flat) / kRadius);
+  };
+  geometry::TriangleMesh mesh;
+  for (const double z : {0.02, 0.38})
+    for (int i = 0; i < kAlong; ++i) mesh.points.push_back(at(moved + length * i / kAlong, z));
+  for (const double z : {0.02, 0.38}) mesh.points.push_back({0.5 * (kLeft + kRight), kTop - kRadius, z});
+  for (std::int32_t i = 0; i < kAlong; ++i) {
+    const std::int32_t next = (i + 1) % kAlong;
+    mesh.triangles.push_back({i, kAlong + i, kAlong + next});
+    mesh.triangles.push_back({i, kAlong + next, next});
+    mesh.triangles.push_back({2 * kAlong, i, next});
+    mesh.triangles.push_back({2 * kAlong + 1, kAlong + next, kAlong + i});
+  }
+  return mesh;
+}
+
+}  // namespace
+
+TEST_CASE("A belt whose points run in its surface drags a block by its friction until it moves along", "[law]") {
+  const double speed = 0.5;
+  Carried scene(belt_mesh(0.0), 0.15);
+  const auto points = [&](int n) { return belt_mesh(speed * kShort * std::max(0, n)).points; };
+  double early = 0.0, late = 0.0;
+  for (int n = -kStart; n < 40; ++n) {
+    const double start = (kStart + n) * kShort;
+    scene.s->set_points(scene.pin, {start, start + kShort, points(n), points(n + 1)});
+    scene.s->advance(kShort, {});
+    if (n == 3) early = scene.speed();
+    if (n == 11) late = scene.speed();
+  }
+  const double found = (late - early) / (8.0 * kShort), end = scene.speed();
+  const sim::SolidDiagnostics block = scene.s->diagnose_solid(1);
+  INFO("slips: " << found << " m/s^2 for " << kFriction * kGravity << ", at last " << end << " m/s for " << speed
+                 << ", height " << block.center[1]);
+  CHECK(found == Approx(kFriction * kGravity).epsilon(0.05));
+  CHECK(end == Approx(speed).epsilon(0.02));
+  CHECK(block.center[1] == Approx(0.24 + sim::kContactSkin * kCell).margin(0.25 * kCell));
 }
 
 TEST_CASE("Points of a collider: the same bits with any number of threads, and after a restart") {
