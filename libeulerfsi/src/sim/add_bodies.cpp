@@ -144,11 +144,11 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
   rest.friction = desc.friction;
   rest.stiff_by_part = params_.numerics.stiffness_by_part;
   rest.owned = solid::kOwnedPart;
+  rest.wet = params_.fluid.present;
   const fluid::FluidParams& fluid = params_.fluid;
-  const bool sticks = fluid.present && (desc.compressible || fluid.is_viscous() || !params_.numerics.fluid_slips);  // to all that is carried
+  const bool sticks = fluid.present && (desc.compressible || fluid.is_viscous() ||
+                                        !params_.numerics.fluid_slips);  // to all that is carried
   rest.element = rest.stiff_by_part && !collider && !sticks ? solid::kElementPart : rest.owned;
-  if (const char* s = getenv("EFSI_FSTAR"); s && rest.element == solid::kElementPart) rest.element.fraction = Real(atof(s));
-  if (const char* s = getenv("EFSI_LAG"); s && rest.element.fraction != rest.owned.fraction) rest.element.lag = Real(atof(s));
   if (!fluid.present) rest.owned = rest.element;
   rest.contact_stiffness = desc.contact_stiffness;
   rest.compressible = desc.compressible;

@@ -1,25 +1,27 @@
 #include "solid/energy.hpp"
 
 #include "solid/hexahedron.hpp"
+#include "solid/mass.hpp"
 #include "solid/plasticity.hpp"
 
 namespace efsi::solid {
 namespace {
 
-// Of a whole cell with these displacements at its corners, the lowest at x0, per element that it would be [J].
+// Of a cell with these displacements at its corners, the lowest at x0, that is `stiff` times as stiff as a whole one
+// and has `bulk` times the pressure's part [J].
 double cell_energy(const SolidRest& rest, const PlasticField& plastic, const Vec3d u[8], const Vec3d& x0, double h,
-                   const Vec3d& middle, int points) {
+                   const Vec3d& middle, int points, double stiff, double bulk) {
   const material::Elastic& elastic = rest.elastic;
   double energy = 0.0;
   for (int q = 0; q < points; ++q) {
     const ElasticPoint p = elastic_point(plastic, u, x0, h, quadrature_point(q, points, middle));
     const double volume = h * h * h / (points * p.elastic.det);
     energy += volume * material::principal_response(elastic, p.elastic.stretch).energy;
-    energy += volume * material::bulk_energy(rest.bulk, p.elastic.det);
     if (points == 1)
       energy += hourglass_energy(kHourglassFactor * elastic.mu * h, p, hourglass_amplitudes(plastic, p, u, h));
   }
-  return energy;
+  const double det = deformation_from_displacement(displacement_gradient(u, center_gradients(), h)).det;
+  return stiff * energy + h * h * h / det * material::bulk_energy(bulk * rest.bulk, det);
 }
 
 }  // namespace
@@ -31,7 +33,7 @@ double elastic_energy(const Parallel& parallel, const SolidRest& rest, const Sol
   const PlasticField plastic(rest, state);
   constexpr std::int64_t kChunk = 256;
   const auto elements = static_cast<std::int64_t>(work.element_corner.size());
-  return work.element_weight * parallel.sum((elements + kChunk - 1) / kChunk, [&](std::int64_t chunk) {
+  return parallel.sum((elements + kChunk - 1) / kChunk, [&](std::int64_t chunk) {
     double sum = 0.0;
     for (std::int64_t e = chunk * kChunk; e < std::min(elements, (chunk + 1) * kChunk); ++e) {
       const auto index = static_cast<std::size_t>(e);
@@ -39,8 +41,9 @@ double elastic_energy(const Parallel& parallel, const SolidRest& rest, const Sol
       Vec3d u[8];
       for (std::size_t a = 0; a < 8; ++a) u[a] = state.u.at(n + corner[a]).cast<double>();
       const Vec3i place = g.node_place(n);
-      sum += work.factor(index) * cell_energy(rest, plastic, u, g.node_position(place[0], place[1], place[2]), g.h,
-                                              work.middle(index), points_per_element);
+      sum += cell_energy(rest, plastic, u, g.node_position(place[0], place[1], place[2]), g.h, work.middle(index),
+                         points_per_element, work.element_weight * work.factor(index),
+                         bulk_weight(rest, work, static_cast<std::size_t>(work.element_cell[index])));
     }
     return sum;
   });
@@ -75,8 +78,8 @@ ShapeEnergies measure_shape(const Parallel& parallel, const SolidRest& rest, con
         s.mass += mass;
         s.kinetic += mass * square / 16.0;
         s.moment += mass * g.cell_center(i, j, k);
-        s.elastic +=
-            fraction * cell_energy(rest, plastic, u, g.node_position(i, j, k), g.h, Vec3d::Zero(), points_per_element);
+        s.elastic += fraction * cell_energy(rest, plastic, u, g.node_position(i, j, k), g.h, Vec3d::Zero(),
+                                            points_per_element, 1.0, 1.0);
       }
   });
   Sums total;

@@ -284,11 +284,19 @@ void lump_mass(const Parallel& parallel, const SolidRest& rest, const SolidState
 
 // The elements stand for the whole body in the elastic energy, as their corners do in the mass.
 void weigh_elements(const SolidRest& rest, const Grid& g, SolidWork& work) {
-  double elements = 0.0;  // their rest volume in cells
-  for (std::size_t e = 0; e < work.element_cell.size(); ++e)
-    elements += work.factor(e) / static_cast<double>(work.volume_ratio[static_cast<std::size_t>(work.element_cell[e])]);
-  const double mass = rest.density * g.h * g.h * g.h * elements;
-  work.element_weight = mass > 0.0 ? std::clamp(work.total_mass / mass, 1.0 / kMostWeight, kMostWeight) : 1.0;
+  double stiff = 0.0, owned = 0.0;  // their rest volume in cells
+  for (std::size_t e = 0; e < work.element_cell.size(); ++e) {
+    const auto c = static_cast<std::size_t>(work.element_cell[e]);
+    const double volume = 1.0 / static_cast<double>(work.volume_ratio[c]);
+    stiff += work.factor(e) * volume;
+    owned += work.owns(c) ? volume : 0.0;
+  }
+  const double cell = rest.density * g.h * g.h * g.h;
+  const auto weight = [&](double cells) {
+    return cells > 0.0 ? std::clamp(work.total_mass / (cell * cells), 1.0 / kMostWeight, kMostWeight) : 1.0;
+  };
+  work.element_weight = weight(stiff);
+  work.owned_weight = weight(owned);
 }
 
 }  // namespace
@@ -326,6 +334,12 @@ void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidSt
   }
   weigh_elements(rest, g, work);
   stiffen_beside_pins(parallel, rest, state, work);
+}
+
+double bulk_weight(const SolidRest& rest, const SolidWork& work, std::size_t cell) {
+  if (!work.owns(cell)) return 0.0;
+  if (rest.wet && rest.stiff_by_part) return work.owned_weight;
+  return work.element_weight * work.factor(static_cast<std::size_t>(work.element[cell]));
 }
 
 void remember_elements(const SolidWork& work, SolidState& state) {

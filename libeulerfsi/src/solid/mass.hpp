@@ -22,6 +22,10 @@ inline constexpr Threshold kOwnedPart = {Real(0.6), Real(0.1)};
 // solid that is whole keeps what it weighed at first (state.rest_volume_cells, once that is known).
 void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work);
 
+// Of the stiffness against change of volume that the pressure has in a cell, over the material's. In vacuum the empty
+// part of a cut cell gives way; in a fluid it does not, and the cells that the solid owns stand for all of it alike.
+double bulk_weight(const SolidRest& rest, const SolidWork& work, std::size_t cell);
+
 // Keeps which cells carry stiffness for the next compute_mass: state.stiff.
 void remember_elements(const SolidWork& work, SolidState& state);
 

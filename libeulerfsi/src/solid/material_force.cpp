@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "solid/hexahedron.hpp"
+#include "solid/mass.hpp"
 #include "solid/plasticity.hpp"
 
 namespace efsi::solid {
@@ -137,7 +138,7 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
       material::Elastic elastic = rest.elastic;
       elastic.mu *= work.element_weight * work.factor(e);
       elastic.lambda *= work.element_weight * work.factor(e);
-      const double bulk = rest.bulk * work.element_weight * work.factor(e);
+      const double bulk = rest.bulk * bulk_weight(rest, work, static_cast<std::size_t>(work.element_cell[e]));
       for (std::size_t q = 0; q < points; ++q) {
         const Vec3d local = work.local_point(e, q);
         const ElasticPoint p = elastic_point(plastic, u, x0, g.h, local);
@@ -145,7 +146,6 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
         double energy = 0.0;
         const double volume = g.h * g.h * g.h / (static_cast<double>(points) * d.det);
         ElementPoint point = linearise(elastic, d, volume, energy);
-        energy += volume * material::bulk_energy(bulk, d.det);
         if (points == 1) {
           for (int i = 0; i < 3; ++i) point.local[i] = static_cast<Real>(local[i]);
           const double k = kHourglassFactor * elastic.mu * g.h;
@@ -156,8 +156,9 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
           if (!plastic.empty()) work.hourglass_force[e] = hourglass_force(k, p, amplitudes);
         }
         work.set_element_point(e, q, point);
-        range.energy += energy;
         const double det = points != 1 || local.isZero(0.0) ? d.det : det_f_at_center(u, g.h);
+        energy += volume * d.det / det * material::bulk_energy(bulk, det);
+        range.energy += energy;
         range.low = std::min(range.low, det);
         range.high = std::max(range.high, det);
         if (!d.degenerate) range.stretch = std::max(range.stretch, p.total_stretch);

@@ -48,6 +48,7 @@ struct SolidRest {
   SurfaceClusters clusters;            // of its points; none: no vertex is mended
   std::vector<FoldPoint> fold_points;  // of it; empty: its folds do not see each other
   Threshold element, owned;    // parts of cells that carry its stiffness, and that pressure and fluid see as its
+  bool wet = false;            // a fluid fills its cut cells
   bool stiff_by_part = false;  // an element is as stiff as it is solid
   double volume = 0.0;         // of the closed rest shape [m^3]
   double area = 0.0;           // of the surface at rest [m^2]
@@ -195,7 +196,8 @@ struct SolidWork {
   double volume = 0.0;          // by cell fractions [m^3]
   double next_volume = 0.0;     // that a step without loss ends with, by the mesh, over that at rest; 0: not known
   double total_mass = 0.0;      // [kg]
-  double element_weight = 1.0;  // mass of the solid over that of its elements
+  double element_weight = 1.0;  // mass of the solid over that of its elements, each as far as it is stiff
+  double owned_weight = 1.0;    // over that of whole cells that it owns
   double elastic_energy = 0.0;  // [J]
   double max_speed = 0.0;
 
