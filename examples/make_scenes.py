@@ -26,6 +26,7 @@ from pieces import (
     apply_schema,
     bind_material,
     box_mesh,
+    eased,
     new_stage,
     on_ellipsoid,
     on_hairpin,
@@ -282,7 +283,7 @@ def make_tongs() -> Usd.Stage:
         roll.CreateExtentAttr(Vt.Vec3fArray([(-0.04, -0.04, -0.06), (0.04, 0.04, 0.06)]))
         place = roll.AddTranslateOp()
         for frame in range(1, frames + 1):
-            inwards = 0.5 - 0.5 * math.cos(math.pi * min(frame - 1, 20) / 20)
+            inwards = eased(frame, 1, 21)
             outwards = min(1.0, max(0.0, (frame - 24) / 4))
             place.Set(Gf.Vec3d(side * round(0.175 - 0.062 * (inwards - outwards), 5), 0.3, 0.0), frame)
         apply_schema(roll.GetPrim(), "collider", friction=0.0)
@@ -306,9 +307,9 @@ def make_tentacle() -> Usd.Stage:
     figure = UsdSkel.Root.Define(stage, "/World/Tentacle")
     turns = {}
     for frame in range(1, frames + 1):
-        back = 0.5 - 0.5 * math.cos(math.pi * min(frame - 1, 5) / 5)
-        there = 0.5 - 0.5 * math.cos(math.pi * min(max(frame - 6, 0), 5) / 5)
-        rest = 0.5 - 0.5 * math.cos(math.pi * min(max(frame - 14, 0), 14) / 14)
+        back = eased(frame, 1, 6)
+        there = eased(frame, 6, 11)
+        rest = eased(frame, 14, 28)
         turns[frame] = [round((15.0 * back - 41.0 * there) * (1.0 - rest), 4)] * joints
     add_joints(figure, [root + Gf.Vec3d(0, height * (i + 0.25) / joints, 0) for i in range(joints)], turns)
     skinned = add_mesh(stage, "/World/Tentacle/Skin", shape, (0.45, 0.2, 0.5))

@@ -50,6 +50,11 @@ def box_mesh(divisions: int, place: Callable[[Gf.Vec3d], Gf.Vec3d]) -> dict[str,
     return {"points": points, "counts": [4] * (len(indices) // 4), "indices": indices, "st": st}
 
 
+def eased(frame: float, first: float, last: float) -> float:
+    """0 up to frame `first`, 1 from `last` on, between them half a cosine."""
+    return 0.5 - 0.5 * math.cos(math.pi * min(max(frame - first, 0), last - first) / (last - first))
+
+
 def on_sphere(radius: float) -> Callable[[Gf.Vec3d], Gf.Vec3d]:
     """Maps the cube to a sphere with quads of nearly equal angle."""
 

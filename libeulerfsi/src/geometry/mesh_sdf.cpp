@@ -135,12 +135,13 @@ SignedDistance build(const TriangleMesh& mesh, double spacing, double margin, Ef
     if (boundary.mesh.triangles.empty()) refuse_empty(report, spacing);
     as_given = report.closed && !boundary.differs;
     // Surfaces inside the solid and holes: distances to the boundary of the solid instead of those to the mesh.
-    if (boundary.differs && !thorough) measure_by_levels(NearestTriangle(boundary.mesh), grid, parallel);
     if (boundary.differs && thorough) {
       const auto same_part = [&](std::int32_t triangle, const Vec3d& X) {
         return boundary.triangle_at(surface, spacing, triangle, X);
       };
       thorough->replace_mesh(boundary.mesh, boundary.kept, same_part, parallel);
+    } else if (boundary.differs) {
+      measure_by_levels(NearestTriangle(boundary.mesh), grid, parallel);
     }
     if (thorough) thorough->measure(grid, parallel, progress.part(0.75, 1.0));
     caps = boundary.cap_triangles;
@@ -160,6 +161,14 @@ SignedDistance build(const TriangleMesh& mesh, double spacing, double margin, Ef
   return grid;
 }
 
+std::shared_ptr<const Surface> examine(TriangleMesh mesh, double spacing, Effort effort, const Parallel& parallel,
+                                       const Progress& progress) {
+  auto surface = std::make_shared<Surface>();
+  surface->mesh = std::move(mesh);
+  surface->distance = build(surface->mesh, spacing, kDefaultMargin, effort, surface->report, parallel, progress);
+  return surface;
+}
+
 }  // namespace
 
 SignedDistance build_signed_distance(const TriangleMesh& mesh, double spacing, MeshReport& report,
@@ -169,18 +178,11 @@ SignedDistance build_signed_distance(const TriangleMesh& mesh, double spacing, M
 
 std::shared_ptr<const Surface> examine(TriangleMesh mesh, double spacing, const Parallel& parallel,
                                        const Progress& progress) {
-  auto surface = std::make_shared<Surface>();
-  surface->mesh = std::move(mesh);
-  surface->distance = build_signed_distance(surface->mesh, spacing, surface->report, parallel, progress);
-  return surface;
+  return examine(std::move(mesh), spacing, Effort::kThorough, parallel, progress);
 }
 
 std::shared_ptr<const Surface> examine_moved(TriangleMesh mesh, double spacing, const Parallel& parallel) {
-  auto surface = std::make_shared<Surface>();
-  surface->mesh = std::move(mesh);
-  surface->distance =
-      build(surface->mesh, spacing, kDefaultMargin, Effort::kByLevels, surface->report, parallel, Progress());
-  return surface;
+  return examine(std::move(mesh), spacing, Effort::kByLevels, parallel, Progress());
 }
 
 }  // namespace efsi::geometry

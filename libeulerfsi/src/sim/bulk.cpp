@@ -7,15 +7,13 @@
 namespace efsi::sim {
 namespace {
 
-// Calls body(solid, its band cell, padded cell) for the cells of solids with a bulk stiffness.
+// Calls body(solid, its band cell, padded cell) for the cells that solids with a bulk stiffness own.
 template <class Body>
 void for_bulk_cells(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const grid::Grid& g,
                     const Body& body) {
   for (std::size_t l = 0; l < states.size(); ++l) {
     if (!(step.scene.solids[l].bulk > 0.0)) continue;
-    for_band_cells(step.parallel, g, states[l].band, [&](std::size_t c, int i, int j, int k) {
-      if (solids[l].owns(c)) body(l, c, g.padded(i, j, k));
-    });
+    for_owned_cells(step.parallel, g, states[l], solids[l], [&](std::size_t cell, std::size_t c) { body(l, c, cell); });
   }
 }
 

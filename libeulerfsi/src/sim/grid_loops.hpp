@@ -42,12 +42,12 @@ void for_band_cells(const Parallel& parallel, const grid::Grid& common, const so
                     [&](int i, int j, int k) { body(band.grid.cell(i - lo[0], j - lo[1], k - lo[2]), i, j, k); });
 }
 
-// Calls body(padded cell of the common grid) for the cells that a solid owns.
+// Calls body(padded cell of the common grid, band cell) for the cells that a solid owns.
 template <class Body>
 void for_owned_cells(const Parallel& parallel, const grid::Grid& common, const solid::SolidState& state,
                      const solid::SolidWork& work, const Body& body) {
   for_band_cells(parallel, common, state.band, [&](std::size_t c, int i, int j, int k) {
-    if (work.owns(c)) body(common.padded(i, j, k));
+    if (work.owns(c)) body(common.padded(i, j, k), c);
   });
 }
 

@@ -39,7 +39,8 @@ std::vector<std::uint8_t> pressure_cells(const Parallel& parallel, const Scene& 
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     if (solid::has_pressure(scene.solids[l])) continue;
     if (active.empty()) active.assign(matter.common.grid.padded_count(), 1);
-    for_owned_cells(parallel, matter.common.grid, states[l], solids[l], [&](std::size_t c) { active[c] = 0; });
+    for_owned_cells(parallel, matter.common.grid, states[l], solids[l],
+                    [&](std::size_t c, std::size_t) { active[c] = 0; });
   }
   return active;
 }
@@ -146,8 +147,9 @@ void prepare_pressure(const StepContext& step, const SolidStates& states, SolidW
   linalg::fill(parallel, held, last.size(), Real(0));
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     if (!solid::has_pressure(scene.solids[l])) continue;
-    for_owned_cells(parallel, g, states[l], solids[l],
-                    [&](std::size_t c) { held[c] = static_cast<Real>(-dt * (static_cast<double>(last[c]) - level)); });
+    for_owned_cells(parallel, g, states[l], solids[l], [&](std::size_t c, std::size_t) {
+      held[c] = static_cast<Real>(-dt * (static_cast<double>(last[c]) - level));
+    });
   }
   compute_impulses(parallel, g, elasticity.system, velocity.slip, held, pressure.impulse);
   const system::VelocitySystem& system = elasticity.system;

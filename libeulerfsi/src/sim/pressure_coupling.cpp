@@ -31,7 +31,7 @@ void add_stiffness(const StepContext& step, const SolidStates& states, const Sol
     if (!solid::has_pressure(solid)) continue;
     const double modulus = solids[l].element_weight * (2.0 * solid.elastic.mu + solid.elastic.lambda);
     const Real share = static_cast<Real>(static_cast<double>(elasticity.stiffness_factor(l)) * modulus / volume);
-    for_owned_cells(parallel, g, states[l], solids[l], [&](std::size_t c) {
+    for_owned_cells(parallel, g, states[l], solids[l], [&](std::size_t c, std::size_t) {
       const Real given = compliance.empty() ? Real(0) : compliance[c];
       way[c] += share / (1 + share * given) * divergence[c];
     });

@@ -1,17 +1,6 @@
 #include "system/compliance.hpp"
 
 namespace efsi::system {
-namespace {
-
-// Calls body(i) for all i < n; ranges in parallel.
-template <class Body>
-void for_all(const Parallel& parallel, std::size_t n, const Body& body) {
-  parallel.for_ranges(static_cast<std::int64_t>(n), [&](std::int64_t begin, std::int64_t end) {
-    for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i) body(i);
-  });
-}
-
-}  // namespace
 
 void Compliance::set(const std::vector<Real>& cells, const PressureGrid& level) {
   cells_.clear();
@@ -37,17 +26,25 @@ void Compliance::add_to_diagonal(std::vector<Real>& inverse_diagonal) const {
 
 void Compliance::multiply(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& out) const {
   out.resize(cells_.size());
-  for_all(parallel, cells_.size(), [&](std::size_t i) { out[i] = values_[i] * x[cells_[i]]; });
+  parallel.for_each(count(), [&](std::int64_t n) {
+    const auto i = static_cast<std::size_t>(n);
+    out[i] = values_[i] * x[cells_[i]];
+  });
 }
 
 void Compliance::add(const Parallel& parallel, Real sign, const std::vector<Real>& x, std::vector<Real>& y) const {
-  for_all(parallel, cells_.size(), [&](std::size_t i) { y[cells_[i]] += sign * values_[i] * x[cells_[i]]; });
+  parallel.for_each(count(), [&](std::int64_t n) {
+    const auto i = static_cast<std::size_t>(n);
+    y[cells_[i]] += sign * values_[i] * x[cells_[i]];
+  });
 }
 
 void Compliance::relax(const Parallel& parallel, Real weight, const std::vector<Real>& inverse_diagonal,
                        const std::vector<Real>& given, std::vector<Real>& x) const {
-  for_all(parallel, cells_.size(),
-          [&](std::size_t i) { x[cells_[i]] -= weight * inverse_diagonal[cells_[i]] * given[i]; });
+  parallel.for_each(count(), [&](std::int64_t n) {
+    const auto i = static_cast<std::size_t>(n);
+    x[cells_[i]] -= weight * inverse_diagonal[cells_[i]] * given[i];
+  });
 }
 
 }  // namespace efsi::system

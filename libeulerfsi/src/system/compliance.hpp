@@ -27,6 +27,8 @@ class Compliance {
   std::size_t bytes() const { return cells_.size() * (sizeof(std::size_t) + sizeof(Real)); }
 
  private:
+  std::int64_t count() const { return static_cast<std::int64_t>(cells_.size()); }
+
   std::vector<std::size_t> cells_;
   std::vector<Real> values_;
 };

@@ -311,7 +311,7 @@ TEST_CASE("A plate whose points go off sideways carries a block, or slips under 
     INFO(acceleration << " m/s^2: by points " << gain << " m/s more, " << speed << " in all, by the transform "
                       << pose_gain << ", " << pose_speed << ", Coulomb's " << wanted);
     CHECK(gain == Approx(wanted).epsilon(0.05));
-    CHECK(gain == Approx(pose_gain).epsilon(0.03));  // it hops a little, and rubs as it presses
+    CHECK(pose_gain == Approx(wanted).epsilon(0.05));  // it hops a little, and rubs as it presses
     CHECK(speed == Approx(pose_speed).epsilon(0.02));
   }
 }
