@@ -231,14 +231,14 @@ TEST_CASE("A plate that bulges under a block lifts it, and counts what it gives 
       const auto &below = s->state().solids[0].surface, &above = s->state().solids[1].surface;
       const double deep = std::max(depth(above, plate(rise(f + 1))), depth(below, {above, cube.triangles})) / kCell;
       (f < 24 ? moving : resting) = std::max(f < 24 ? moving : resting, deep);
-      if (f == 2) first = s->diagnose_solid(1).center[1];
+      if (f == 1) first = s->diagnose_solid(1).center[1];  // before the plate moves
     }
     const sim::SolidDiagnostics block = s->diagnose_solid(1);
     const double drag = block.mass * body.rayleigh_alpha * (block.center[1] - start);
     const double wanted = block.momentum[1] + block.mass * 9.8 * s->state().time + drag;
     INFO("preset " << static_cast<int>(preset) << ": lifted by " << block.center[1] - first << " m, depth in motion "
                    << moving << " h, at rest " << resting << " h, impulse " << impulse << " for " << wanted);
-    CHECK(block.center[1] - first == Approx(0.06).margin(0.5 * kCell));
+    CHECK(block.center[1] - first == Approx(0.06).margin(0.3 * kCell));
     CHECK(moving < 0.5);
     CHECK(resting < 0.25);
     // Particles of the other preset give a collider what no node of it holds (contact record).
