@@ -143,13 +143,9 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
   rest.rayleigh_beta = desc.rayleigh_beta;
   rest.friction = desc.friction;
   rest.stiff_by_part = params_.numerics.stiffness_by_part;
-  rest.owned = solid::kOwnedPart;
   rest.wet = params_.fluid.present;
-  const fluid::FluidParams& fluid = params_.fluid;
-  const bool sticks = fluid.present && (desc.compressible || fluid.is_viscous() ||
-                                        !params_.numerics.fluid_slips);  // to all that is carried
-  rest.element = rest.stiff_by_part && !collider && !sticks ? solid::kElementPart : rest.owned;
-  if (!fluid.present) rest.owned = rest.element;
+  const bool whole = !rest.stiff_by_part || collider || params_.fluid.is_dense_for(desc.density);
+  rest.element = whole ? solid::kElementPartInFluid : solid::kElementPart;
   rest.contact_stiffness = desc.contact_stiffness;
   rest.compressible = desc.compressible;
   rest.plastic = desc.plastic;

@@ -47,7 +47,7 @@ template <class Body>
 void for_owned_cells(const Parallel& parallel, const grid::Grid& common, const solid::SolidState& state,
                      const solid::SolidWork& work, const Body& body) {
   for_band_cells(parallel, common, state.band, [&](std::size_t c, int i, int j, int k) {
-    if (work.owns(c)) body(common.padded(i, j, k), c);
+    if (work.element[c] >= 0) body(common.padded(i, j, k), c);
   });
 }
 

@@ -38,21 +38,9 @@ std::optional<std::size_t> carried(const Grid& g, const SolidStates& states, con
   return local;
 }
 
-// Whether a cell carries stiffness of solid l.
-bool is_element(const Grid& g, const SolidStates& states, const SolidWorks& solids, std::size_t l, int i, int j,
-                int k) {
-  const Grid& band = states[l].band.grid;
-  const Vec3i lo = grid::offset(band, g);
-  const int at[3] = {i - lo[0], j - lo[1], k - lo[2]};
-  for (std::size_t a = 0; a < 3; ++a)
-    if (at[a] < 0 || at[a] >= band.cells[a]) return false;
-  return solids[l].element[band.cell(at[0], at[1], at[2])] >= 0;
-}
-
 // A node that only one solid carries: its velocity and the fluid's, if the fluid slips there.
-bool find_slip(const SolidStates& states, const SolidWorks& solids, const Matter& matter,
-               const std::vector<std::uint32_t>& carrier, std::size_t solid, Real solid_mass, const Vec3i& at,
-               SlipNode& node) {
+bool find_slip(const Matter& matter, const std::vector<std::uint32_t>& carrier, std::size_t solid, Real solid_mass,
+               const Vec3i& at, SlipNode& node) {
   const Grid& g = matter.common.grid;
   const auto [i, j, k] = at;
   const Real fluid_mass = matter.fluid_mass[node.node];
@@ -74,15 +62,14 @@ bool find_slip(const SolidStates& states, const SolidWorks& solids, const Matter
     if (slab >= 0 && at[static_cast<std::size_t>(slab)] != corner[slab]) continue;  // beyond the slab
     if (matter.owned[g.padded(i - corner[0], j - corner[1], k - corner[2])])
       node.solid_cells = static_cast<std::uint8_t>(node.solid_cells | (1u << a));
-    else if (is_gap(i - corner[0], j - corner[1], k - corner[2]) &&
-             !is_element(g, states, solids, solid, i - corner[0], j - corner[1], k - corner[2]))
+    else if (is_gap(i - corner[0], j - corner[1], k - corner[2]))
       return false;
   }
   node.solid = solid;
   node.solid_mass = solid_mass;
   node.fluid_mass = fluid_mass;
   node.normal = system::stair_normal(node.solid_cells, slab);
-  return !node.normal.isZero() || node.solid_cells == 0;  // it may be beyond all that the solid owns
+  return !node.normal.isZero();
 }
 
 // A node that several solids carry: one entry for each of them.
@@ -136,7 +123,7 @@ system::SlipNodes find_slip_nodes(const Parallel& parallel, const Scene& scene, 
         for (std::size_t earlier = 0; earlier < l; ++earlier)
           if (carried(g, states, solids, earlier, {i, j, k})) return;  // it has found them all
         find_shared(scene, states, solids, matter, {i, j, k}, node, plane);
-      } else if (slips && find_slip(states, solids, matter, carrier, l, solids[l].mass[local], {i, j, k}, node)) {
+      } else if (slips && find_slip(matter, carrier, l, solids[l].mass[local], {i, j, k}, node)) {
         plane.push_back(node);
       }
     });

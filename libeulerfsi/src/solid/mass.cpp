@@ -40,16 +40,10 @@ constexpr double kMostCrushed = 0.2, kMostStretched = 5.0;  // stretches that ar
 constexpr double kSplinterGrowth = 1.25;  // of the volume of an element that is torn off, or its inverse
 constexpr std::size_t kSplinter = 3;      // elements
 
-// What a cell was in the last step (SolidState::stiff).
-constexpr std::uint8_t kWasElement = 1, kWasOwned = 2;
-
-// Of a cell that is an element, or owned, more than this is solid.
-Real least_fraction(const SolidState& state, std::size_t c, const Threshold& threshold, std::uint8_t was) {
-  if (state.stiff.empty()) return threshold.fraction;
-  return threshold.fraction + (state.stiff[c] & was ? -threshold.lag : threshold.lag);
-}
-Real element_fraction(const SolidRest& rest, const SolidState& state, std::size_t c) {
-  return least_fraction(state, c, rest.element, kWasElement);
+// Of a cell that carries stiffness more than this is solid.
+Real least_fraction(const SolidRest& rest, const SolidState& state, std::size_t c) {
+  if (state.stiff.empty()) return rest.element.fraction;
+  return rest.element.fraction + (state.stiff[c] ? -rest.element.lag : rest.element.lag);
 }
 
 bool is_positive(const Mat3d& m) {
@@ -104,7 +98,7 @@ std::vector<std::vector<Holding>> compute_fractions(const Parallel& parallel, co
         }
         const std::size_t c = g.cell(i, j, k);
         if (fraction > 0.0 && !is_credible(nearest, farthest, inverse_f)) {
-          rejected[static_cast<std::size_t>(k)] += static_cast<Real>(fraction) > element_fraction(rest, state, c);
+          rejected[static_cast<std::size_t>(k)] += static_cast<Real>(fraction) > least_fraction(rest, state, c);
           continue;
         }
         work.fraction[c] = static_cast<Real>(fraction);
@@ -183,14 +177,6 @@ void find_elements(const Grid& g, const std::vector<std::uint8_t>& full, SolidWo
         work.element_corner.push_back(static_cast<std::int32_t>(n));
         for (std::size_t offset : corner) work.carries[n + offset] = 1;
       }
-}
-
-void find_owned_elements(const SolidRest& rest, const SolidState& state, SolidWork& work) {
-  work.owned.clear();
-  if (rest.owned == rest.element) return;
-  work.owned.resize(work.element.size());
-  for (std::size_t c = 0; c < work.element.size(); ++c)
-    work.owned[c] = work.element[c] >= 0 && work.fraction[c] > least_fraction(state, c, rest.owned, kWasOwned);
 }
 
 // An element is as stiff as it is solid, and strained as its solid part is in the middle.
@@ -284,19 +270,19 @@ void lump_mass(const Parallel& parallel, const SolidRest& rest, const SolidState
 
 // The elements stand for the whole body in the elastic energy, as their corners do in the mass.
 void weigh_elements(const SolidRest& rest, const Grid& g, SolidWork& work) {
-  double stiff = 0.0, owned = 0.0;  // their rest volume in cells
+  double stiff = 0.0, whole = 0.0;  // their rest volume in cells
   for (std::size_t e = 0; e < work.element_cell.size(); ++e) {
     const auto c = static_cast<std::size_t>(work.element_cell[e]);
     const double volume = 1.0 / static_cast<double>(work.volume_ratio[c]);
     stiff += work.factor(e) * volume;
-    owned += work.owns(c) ? volume : 0.0;
+    whole += volume;
   }
   const double cell = rest.density * g.h * g.h * g.h;
   const auto weight = [&](double cells) {
     return cells > 0.0 ? std::clamp(work.total_mass / (cell * cells), 1.0 / kMostWeight, kMostWeight) : 1.0;
   };
   work.element_weight = weight(stiff);
-  work.owned_weight = weight(owned);
+  work.whole_weight = weight(whole);
 }
 
 }  // namespace
@@ -305,11 +291,10 @@ void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidSt
   const Grid& g = state.band.grid;
   const auto holdings = compute_fractions(parallel, rest, state, work);
   std::vector<std::uint8_t> full(g.cell_count());
-  for (std::size_t c = 0; c < full.size(); ++c) full[c] = work.fraction[c] > element_fraction(rest, state, c);
+  for (std::size_t c = 0; c < full.size(); ++c) full[c] = work.fraction[c] > least_fraction(rest, state, c);
   remove_cells(find_copies(parallel, g, holdings, full, kMostStretched), full, work);
   remove_splinters(state, full, work);
   find_elements(g, full, work);
-  find_owned_elements(rest, state, work);
   stiffen_by_part(parallel, rest, state, work);
   lump_mass(parallel, rest, state, work);
   const auto slab = static_cast<std::size_t>(g.cells[0]) * static_cast<std::size_t>(g.cells[1]);
@@ -337,17 +322,13 @@ void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidSt
 }
 
 double bulk_weight(const SolidRest& rest, const SolidWork& work, std::size_t cell) {
-  if (!work.owns(cell)) return 0.0;
-  if (rest.wet && rest.stiff_by_part) return work.owned_weight;
+  if (rest.wet && rest.stiff_by_part) return work.whole_weight;
   return work.element_weight * work.factor(static_cast<std::size_t>(work.element[cell]));
 }
 
 void remember_elements(const SolidWork& work, SolidState& state) {
   state.stiff.resize(work.element.size());
-  for (std::size_t c = 0; c < work.element.size(); ++c) {
-    state.stiff[c] = work.element[c] >= 0 ? kWasElement : std::uint8_t(0);
-    if (!work.owned.empty() && work.owned[c]) state.stiff[c] |= kWasOwned;
-  }
+  for (std::size_t c = 0; c < work.element.size(); ++c) state.stiff[c] = work.element[c] >= 0;
 }
 
 }  // namespace efsi::solid

@@ -12,10 +12,10 @@ namespace efsi::solid {
 
 // A cell carries stiffness when more than a part of it is solid: little, so that what enters is little and what is thin
 // holds together.
-inline constexpr Threshold kElementPart = {Real(0.2), Real(0.1)};
-// The corners of the cells that it owns are what the fluid sees of the solid; at 0.5 its added mass is that of a ball
-// larger by a quarter of a cell (docs/lab/stiffness-support.md).
-inline constexpr Threshold kOwnedPart = {Real(0.6), Real(0.1)};
+inline constexpr Threshold kElementPart = {Real(0.3), Real(0.1)};
+// The corners of these cells are what a dense fluid sees of the solid; at 0.5 its added mass is that of a ball larger
+// by a quarter of a cell (docs/lab/stiffness-support.md).
+inline constexpr Threshold kElementPartInFluid = {Real(0.6), Real(0.1)};
 
 // Reads state.u; writes fraction, volume_ratio, element, element_cell, element_corner, carries, mass, volume,
 // total_mass. Counted in cells the mass wavers by some 0.2 % as the solid moves over the grid, by 3 % where it folds; a
@@ -23,7 +23,7 @@ inline constexpr Threshold kOwnedPart = {Real(0.6), Real(0.1)};
 void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work);
 
 // Of the stiffness against change of volume that the pressure has in a cell, over the material's. In vacuum the empty
-// part of a cut cell gives way; in a fluid it does not, and the cells that the solid owns stand for all of it alike.
+// part of a cut cell gives way; in a fluid it does not, and the elements stand for the whole body alike.
 double bulk_weight(const SolidRest& rest, const SolidWork& work, std::size_t cell);
 
 // Keeps which cells carry stiffness for the next compute_mass: state.stiff.

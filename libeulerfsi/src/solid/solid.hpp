@@ -27,7 +27,6 @@ using grid::VectorField;
 // else a solid at rest takes stiffness up and drops it again in turns, and never comes to rest.
 struct Threshold {
   Real fraction = Real(0.6), lag = Real(0.1);
-  bool operator==(const Threshold&) const = default;
 };
 
 // Constant.
@@ -47,11 +46,11 @@ struct SolidRest {
   std::vector<double> along;           // in a slab: where the surface's points were given along its axis [m]
   SurfaceClusters clusters;            // of its points; none: no vertex is mended
   std::vector<FoldPoint> fold_points;  // of it; empty: its folds do not see each other
-  Threshold element, owned;    // parts of cells that carry its stiffness, and that pressure and fluid see as its
-  bool wet = false;            // a fluid fills its cut cells
-  bool stiff_by_part = false;  // an element is as stiff as it is solid
-  double volume = 0.0;         // of the closed rest shape [m^3]
-  double area = 0.0;           // of the surface at rest [m^2]
+  Threshold element;                   // parts of cells that carry its stiffness
+  bool wet = false;                    // a fluid fills its cut cells
+  bool stiff_by_part = false;          // an element is as stiff as it is solid
+  double volume = 0.0;                 // of the closed rest shape [m^3]
+  double area = 0.0;                   // of the surface at rest [m^2]
   std::vector<std::shared_ptr<const geometry::SignedDistance>> held;  // regions of pins, material space; < 0 inside
 };
 
@@ -174,7 +173,6 @@ struct SolidWork {
   std::vector<Real> fraction;                // part of the cell inside the solid, band cells
   std::vector<Real> volume_ratio;            // det F, band cells with fraction > 0; 0.1 to 10, inverted ones 10
   std::vector<std::int32_t> element;         // band cell -> element, -1: none
-  std::vector<std::uint8_t> owned;           // band cell: an element that the solid owns; empty: all are
   std::vector<std::int32_t> element_cell;    // element -> band cell
   std::vector<std::int32_t> element_corner;  // element -> band node of corner 0
   std::vector<double> element_factor;        // of their stiffness; empty: 1 everywhere
@@ -197,11 +195,10 @@ struct SolidWork {
   double next_volume = 0.0;     // that a step without loss ends with, by the mesh, over that at rest; 0: not known
   double total_mass = 0.0;      // [kg]
   double element_weight = 1.0;  // mass of the solid over that of its elements, each as far as it is stiff
-  double owned_weight = 1.0;    // over that of whole cells that it owns
+  double whole_weight = 1.0;    // over that of as many whole cells
   double elastic_energy = 0.0;  // [J]
   double max_speed = 0.0;
 
-  bool owns(std::size_t cell) const { return element[cell] >= 0 && (owned.empty() || owned[cell]); }
   double factor(std::size_t e) const { return element_factor.empty() ? 1.0 : element_factor[e]; }
   Vec3d middle(std::size_t e) const;
   // Quadrature point q of an element, local coordinates (solid/hexahedron.hpp).
