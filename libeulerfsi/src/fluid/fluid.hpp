@@ -12,8 +12,6 @@ using grid::Grid;
 using grid::VectorField;
 using grid::Walls;
 
-inline constexpr double kThin = 0.01;  // a fluid of at most this part of a solid's density hardly matters to it
-
 struct FluidParams {
   bool present = true;
   double density = 1.0;    // rho_f [kg/m^3]
@@ -23,7 +21,6 @@ struct FluidParams {
   double temperature_buoyancy = 0.0;  // [m/s^2/K]
 
   bool is_viscous() const { return present && viscosity > 0.0; }
-  bool is_dense_for(double solid_density) const { return present && density > kThin * solid_density; }
 };
 
 struct FluidState {

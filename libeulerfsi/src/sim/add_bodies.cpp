@@ -144,8 +144,7 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
   rest.friction = desc.friction;
   rest.stiff_by_part = params_.numerics.stiffness_by_part;
   rest.wet = params_.fluid.present;
-  const bool whole = !rest.stiff_by_part || collider || params_.fluid.is_dense_for(desc.density);
-  rest.element = whole ? solid::kElementPartInFluid : solid::kElementPart;
+  rest.element = rest.stiff_by_part && !collider && !rest.wet ? solid::kElementPart : solid::kElementPartInFluid;
   rest.contact_stiffness = desc.contact_stiffness;
   rest.compressible = desc.compressible;
   rest.plastic = desc.plastic;

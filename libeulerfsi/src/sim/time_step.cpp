@@ -23,8 +23,8 @@ constexpr double kPaperCfl = 0.6;         // cells per step of solids less than 
 constexpr double kPairReach = 6.0;        // cells between solids, from which on they do not limit each other
 constexpr double kUnseen = 1.2;           // cells that solids near each other may move before they see each other
 // Cells per step in flight over those elsewhere: through vacuum (4 where these are 1.8) and through a fluid of at most
-// fluid::kThin of a solid's density. The pressure of the fluid grows with what a solid moves in a step, and presses it.
-constexpr double kVacuumReach = 20.0 / 9.0, kFluidReach = 1.5;
+// kThin of a solid's density. The pressure of the fluid grows with what a solid moves in a step, and presses it.
+constexpr double kVacuumReach = 20.0 / 9.0, kFluidReach = 1.5, kThin = 0.01;
 constexpr double kStart = 0.1;         // cells in the first step, in which a dense fluid gives way to solids that move
 constexpr double kFarthest = 3.95;     // cells per step: one of more than four is repeated
 constexpr double kFlightStrain = 0.1;  // or angle [rad], in a step in flight
@@ -33,6 +33,10 @@ constexpr double kFlightStrain = 0.1;  // or angle [rad], in a step in flight
 double time_to_move(double speed, double a, double distance) {
   if (a > 0.0) return 2.0 * distance / (speed + std::sqrt(speed * speed + 4.0 * a * distance));
   return speed > 0.0 ? distance / speed : std::numeric_limits<double>::infinity();
+}
+
+bool is_dense(const fluid::FluidParams& fluid, const solid::SolidRest& solid) {
+  return fluid.present && fluid.density > kThin * solid.density;
 }
 
 // `limit`, or less: a step in which shear waves pass kContactPace cells, or more where that strains the solid little.
@@ -141,7 +145,7 @@ double fold_limit(const Parallel& parallel, const Scene& scene, std::size_t l, c
 // come towards it as far.
 double free_cells(const Scene& scene, const std::vector<Box>& boxes, std::size_t l, const Gaps& gaps) {
   const Params& params = scene.params;
-  if (!params.numerics.conserve_momentum || params.fluid.is_dense_for(scene.solids[l].density)) return params.cfl_solid;
+  if (!params.numerics.conserve_momentum || is_dense(params.fluid, scene.solids[l])) return params.cfl_solid;
   double room = gaps.least() - kContactDistance;
   for (std::size_t other = 0; other < boxes.size(); ++other)
     if (other != l)
@@ -183,7 +187,7 @@ double compute_time_step(const Parallel& parallel, const Scene& scene, const Sol
     const Gaps gaps = measure_gaps(scene, states[l]);
     limit = std::min(limit, wall_limit(parallel, scene, l, states[l], gaps));
     limit = speed_limit(parallel, scene, states[l], free_cells(scene, boxes, l, gaps), limit);
-    if (steps == 0 && params.numerics.resolve_impacts && params.fluid.is_dense_for(scene.solids[l].density))
+    if (steps == 0 && params.numerics.resolve_impacts && is_dense(params.fluid, scene.solids[l]))
       limit = std::min(limit, time_to_move(states[l].speed, 0.0, kStart * g.h));
   }
   for (const Vec3d& v : params.walls.velocity) fluid_speed = std::max(fluid_speed, v.cwiseAbs().maxCoeff());

@@ -13,7 +13,7 @@ namespace efsi::solid {
 // A cell carries stiffness when more than a part of it is solid: little, so that what enters is little and what is thin
 // holds together.
 inline constexpr Threshold kElementPart = {Real(0.3), Real(0.1)};
-// The corners of these cells are what a dense fluid sees of the solid; at 0.5 its added mass is that of a ball larger
+// The corners of these cells are what a fluid sees of the solid; at 0.5 its added mass is that of a ball larger
 // by a quarter of a cell (docs/lab/stiffness-support.md).
 inline constexpr Threshold kElementPartInFluid = {Real(0.6), Real(0.1)};
 
