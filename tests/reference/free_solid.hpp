@@ -48,7 +48,7 @@ struct FreeSolid {
     grid::VectorField field = s.state.v;
     system.scatter(parallel, v, field, slip);
     solid::take_velocity(parallel, g, field, s.state, s.work);
-    solid::extend(parallel, s.state, s.work);
+    solid::extend(parallel, s.rest, s.state, s.work);
     solid::Particles particles;
     solid::seed_particles(parallel, s.rest, s.state, s.work, steps, particles);
     solid::rasterize(parallel, dt, s.rest, particles, s.state, s.work);

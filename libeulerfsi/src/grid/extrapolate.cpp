@@ -1,9 +1,8 @@
 #include "grid/extrapolate.hpp"
 
+#include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
-#include <cstring>
 
 #include "grid/packed_field.hpp"
 
@@ -13,83 +12,67 @@ namespace {
 constexpr int kRadius = 3;
 constexpr int kWidth = 2 * kRadius + 1;
 constexpr int kRows = kWidth * kWidth;
-constexpr int kMasks = 1 << kWidth;
-constexpr std::size_t kAtOnce = 3;  // fields
+constexpr std::size_t kAtOnce = 3;         // fields
+constexpr Real kLeastWeight = Real(0.01);  // of data
 
-using Doubles = double __attribute__((vector_size(4 * sizeof(double))));
 using Lanes = double __attribute__((vector_size(8 * sizeof(double))));  // a row
 
-// The layers with a margin of kNoLayer around them, wide enough for the box.
-class PaddedLayers {
+// What the data of each node weigh, 0 without data, with a margin of zeros around them, wide enough for the box.
+class PaddedWeights {
  public:
-  explicit PaddedLayers(const Vec3i& n)
+  explicit PaddedWeights(const Vec3i& n)
       : stride_{1, n[0] + 2 * kRadius + 1, std::ptrdiff_t{n[0] + 2 * kRadius + 1} * (n[1] + 2 * kRadius)},
-        values_(static_cast<std::size_t>(stride_[2] * (n[2] + 2 * kRadius)), kNoLayer) {}
+        values_(static_cast<std::size_t>(stride_[2] * (n[2] + 2 * kRadius)), 0) {}
   std::ptrdiff_t stride(std::size_t axis) const { return stride_[axis]; }
+  Real& at(int i, int j, int k) { return values_[static_cast<std::size_t>(index(i, j, k))]; }
+  const Real* around(int i, int j, int k) const { return values_.data() + index(i, j, k); }
+
+ private:
   std::ptrdiff_t index(int i, int j, int k) const {
     return i + kRadius + stride_[1] * (j + kRadius) + stride_[2] * (k + kRadius);
   }
-  std::uint8_t* data() { return values_.data(); }
-  const std::uint8_t* data() const { return values_.data(); }
-
- private:
   std::array<std::ptrdiff_t, 3> stride_;
-  std::vector<std::uint8_t> values_;
+  std::vector<Real> values_;
 };
 
-// The box around a node as rows along x of 7 nodes; lane i of a row lies at x = i - 3, lane 7 is not used. Which lanes
-// of a row hold data is a mask of 7 bits.
+// The box around a node as rows along x of 7 nodes; lane i of a row lies at x = i - 3, lane 7 is not used.
 struct Row {
-  std::ptrdiff_t lead;        // from the node to lane 0
-  std::ptrdiff_t layer_lead;  // the same in the padded layers
-  int y, z, distance;         // distance: y^2 + z^2
-  Doubles linear, quadratic;  // 1, y, z, y^2 and z^2, y z, 0, 0
+  std::ptrdiff_t lead;         // from the node to lane 0
+  std::ptrdiff_t weight_lead;  // the same in the padded weights
+  double y, z;
+  Lanes near;  // 1/r^4
 };
 
 struct Box {
   std::array<Row, kRows> rows;
-  // By distance of the row and mask: 1/r^4 per lane that holds data; and the sums of w, w x, w x^2.
-  Lanes lane_weight[2 * kRadius * kRadius + 1][kMasks] = {};
-  double moment[2 * kRadius * kRadius + 1][kMasks][3] = {};
 
-  Box(const Grid& g, const PaddedLayers& layers) {
+  Box(const Grid& g, const PaddedWeights& weights) {
     std::size_t r = 0;
     for (int z = -kRadius; z <= kRadius; ++z)
-      for (int y = -kRadius; y <= kRadius; ++y)
-        rows[r++] = {static_cast<std::ptrdiff_t>(g.node_stride(1)) * y +
-                         static_cast<std::ptrdiff_t>(g.node_stride(2)) * z - kRadius,
-                     layers.stride(1) * y + layers.stride(2) * z - kRadius,
-                     y,
-                     z,
-                     y * y + z * z,
-                     Doubles{1, 1.0 * y, 1.0 * z, 1.0 * y * y},
-                     Doubles{1.0 * z * z, 1.0 * y * z, 0, 0}};
-    for (const Row& row : rows) {
-      if (row.y < 0 || row.z < row.y) continue;  // one row of each distance
-      for (int mask = 0; mask < kMasks; ++mask)
-        for (int i = 0; i < kWidth; ++i) {
-          const int r2 = row.distance + (i - kRadius) * (i - kRadius);
-          if (r2 == 0 || !(mask >> i & 1)) continue;
-          const double w = 1.0 / (static_cast<double>(r2) * r2);
-          lane_weight[row.distance][mask][i] = w;
-          for (int p = 0, x = 1; p < 3; ++p, x *= i - kRadius) moment[row.distance][mask][p] += w * x;
+      for (int y = -kRadius; y <= kRadius; ++y) {
+        Row& row = rows[r++];
+        row = {static_cast<std::ptrdiff_t>(g.node_stride(1)) * y + static_cast<std::ptrdiff_t>(g.node_stride(2)) * z -
+                   kRadius,
+               weights.stride(1) * y + weights.stride(2) * z - kRadius, 1.0 * y, 1.0 * z, Lanes{}};
+        for (int x = -kRadius; x <= kRadius; ++x) {
+          const double r2 = x * x + y * y + z * z;
+          if (r2 > 0) row.near[x + kRadius] = 1.0 / (r2 * r2);
         }
-    }
+      }
   }
 };
 
 EFSI_INLINE Lanes load_lanes(const Real* p) { return __builtin_convertvector(load_octet(p), Lanes); }
 
-// Lanes of a row whose layer is below l; reads 8 bytes.
-EFSI_INLINE unsigned data_mask(const std::uint8_t* row, int l) {
-  static_assert(std::endian::native == std::endian::little);
-  constexpr std::uint64_t ones = 0x0101010101010101u, high = 0x80u * ones;
-  std::uint64_t bytes;
-  std::memcpy(&bytes, row, sizeof bytes);
-  // The high bit of a byte is set where its layer (the last one counts as 127) is l or more.
-  const std::uint64_t above = (bytes & ~high) + (0x80u - static_cast<unsigned>(l)) * ones;
-  return static_cast<unsigned>(((~above & high) >> 7) * 0x0102040810204080u >> 56) & (kMasks - 1);
+// Whether any of the 8 numbers, none of them negative, is not 0.
+EFSI_INLINE bool any_positive(const Real* p) {
+  const Octet eight = load_octet(p);
+  Real sum = 0;
+  for (int i = 0; i < 8; ++i) sum += eight[i];
+  return sum > 0;
 }
+
+EFSI_INLINE double sum_of(const Lanes& v) { return ((v[0] + v[4]) + (v[1] + v[5])) + ((v[2] + v[6]) + (v[3] + v[7])); }
 
 // The row of a least-squares fit that gives the value at the target: sum_j w_j (c0 + c.d_j) f_j = w_j (1/s + a.(d_j -
 // m)) with the mean m of d and a = -C^-1 m, C the second moments about the mean. Falls back to the weighted mean where
@@ -109,48 +92,43 @@ EFSI_INLINE void evaluation_row(const double s[10], double c[4]) {
   c[0] = 1.0 / s[0] - (c[1] * x + c[2] * y + c[3] * z);
 }
 
-// Fits the fields at nodes [begin, end) of layer l; result: the fields of each node, side by side. Lanes without data
-// are read too, with weight 0, so nobody may write the fields meanwhile.
+// Fits the fields at nodes [begin, end); result: the fields of each node, side by side. Lanes without data are read
+// too, with weight 0, so nobody may write the fields meanwhile.
 EFSI_KERNEL void extend_nodes(const Box& box, const Grid& g, const std::array<int, 3>* begin,
-                              const std::array<int, 3>* end, int l, const PaddedLayers& layers,
+                              const std::array<int, 3>* end, const PaddedWeights& weights,
                               std::span<Real* const> fields, Real* result) {
   constexpr Lanes along = {-3, -2, -1, 0, 1, 2, 3, 4};
   struct Live {
     const Row* row;
-    unsigned mask;
     Lanes weights;
   };
   std::array<Live, kRows> live;
   const auto nodes = static_cast<std::ptrdiff_t>(g.node_count());
   for (const std::array<int, 3>* p = begin; p < end; ++p) {
     const auto target = static_cast<std::ptrdiff_t>(g.node((*p)[0], (*p)[1], (*p)[2]));
-    const std::uint8_t* layer = layers.data() + layers.index((*p)[0], (*p)[1], (*p)[2]);
+    const Real* around = weights.around((*p)[0], (*p)[1], (*p)[2]);
     std::size_t count = 0;
     bool whole_rows = true;  // all lanes of the rows, also those without data, are in the arrays
-    Doubles sum_linear = {0, 0, 0, 0}, sum_quadratic = sum_linear, sum_x = sum_linear;
-    double sum_xx = 0.0;
+    Lanes one = {}, y = one, z = one, yy = one, zz = one, yz = one;  // sums of w, w y, ... per lane
     for (const Row& row : box.rows) {
-      const unsigned mask = data_mask(layer + row.layer_lead, l);
-      if (mask == 0) continue;
+      if (!any_positive(around + row.weight_lead)) continue;
       const std::ptrdiff_t source = target + row.lead;
       whole_rows = whole_rows && source >= 0 && source + 8 <= nodes;
-      live[count].row = &row;
-      live[count++].mask = mask;
-      const double* m = box.moment[row.distance][mask];
-      sum_linear += m[0] * row.linear;
-      sum_quadratic += m[0] * row.quadratic;
-      sum_x += m[1] * row.linear;
-      sum_xx += m[2];
+      const Lanes w = row.near * load_lanes(around + row.weight_lead);
+      one += w;
+      y += row.y * w;
+      z += row.z * w;
+      yy += row.y * row.y * w;
+      zz += row.z * row.z * w;
+      yz += row.y * row.z * w;
+      live[count++] = {&row, w};
     }
-    const double s[10] = {sum_linear[0], sum_x[0],         sum_linear[1],    sum_linear[2], sum_xx,
-                          sum_linear[3], sum_quadratic[0], sum_quadratic[1], sum_x[2],      sum_x[1]};
+    const double s[10] = {sum_of(one), sum_of(one * along), sum_of(y),  sum_of(z),         sum_of(one * along * along),
+                          sum_of(yy),  sum_of(zz),          sum_of(yz), sum_of(z * along), sum_of(y * along)};
     double c[4];
     evaluation_row(s, c);
-    for (std::size_t q = 0; q < count; ++q) {
-      const Row& row = *live[q].row;
-      const double base = c[0] + c[2] * row.linear[1] + c[3] * row.linear[2];
-      live[q].weights = box.lane_weight[row.distance][live[q].mask] * (c[1] * along + base);
-    }
+    for (std::size_t q = 0; q < count; ++q)
+      live[q].weights *= c[1] * along + (c[0] + c[2] * live[q].row->y + c[3] * live[q].row->z);
     for (std::size_t first = 0; first < fields.size(); first += kAtOnce) {
       const std::size_t some = std::min(kAtOnce, fields.size() - first);
       const Real* source[kAtOnce];
@@ -158,23 +136,19 @@ EFSI_KERNEL void extend_nodes(const Box& box, const Grid& g, const std::array<in
       Lanes sums[kAtOnce] = {};
       if (whole_rows) {
         for (std::size_t q = 0; q < count; ++q) {
-          const Lanes weights = live[q].weights;
+          const Lanes w = live[q].weights;
           const std::ptrdiff_t lead = live[q].row->lead;
 #pragma GCC unroll 3
-          for (std::size_t f = 0; f < kAtOnce; ++f) sums[f] += weights * load_lanes(source[f] + lead);
+          for (std::size_t f = 0; f < kAtOnce; ++f) sums[f] += w * load_lanes(source[f] + lead);
         }
       } else {
         for (std::size_t q = 0; q < count; ++q)
           for (int lane = 0; lane < kWidth; ++lane)
-            if (live[q].mask >> lane & 1)
+            if (live[q].weights[lane] != 0.0)
               for (std::size_t f = 0; f < some; ++f)
                 sums[f][lane] += live[q].weights[lane] * static_cast<double>(source[f][live[q].row->lead + lane]);
       }
-      for (std::size_t f = 0; f < some; ++f) {
-        const Lanes& sum = sums[f];
-        *result++ =
-            static_cast<Real>(((sum[0] + sum[4]) + (sum[1] + sum[5])) + ((sum[2] + sum[6]) + (sum[3] + sum[7])));
-      }
+      for (std::size_t f = 0; f < some; ++f) *result++ = static_cast<Real>(sum_of(sums[f]));
     }
   }
 }
@@ -201,17 +175,22 @@ void dilate(const Vec3i& n, std::vector<std::uint8_t>& set, std::vector<std::uin
 }  // namespace
 
 void extend_linear(const Parallel& parallel, const Grid& g, int layers, std::vector<std::uint8_t>& layer,
-                   std::span<Real* const> fields) {
+                   std::span<Real* const> fields, const DataWeights& data) {
   const Vec3i n = g.nodes();
-  PaddedLayers padded(n);
-  const Box box(g, padded);
+  PaddedWeights weights(n);
+  const Box box(g, weights);
   std::vector<std::array<int, 3>> next;
   std::vector<Real> result;
   std::vector<std::uint8_t> reached(layer.size()), scratch(layer.size());
   for (std::size_t m = 0; m < layer.size(); ++m) reached[m] = layer[m] == 0;
   for (int k = 0; k < n[2]; ++k)
     for (int j = 0; j < n[1]; ++j)
-      std::copy_n(layer.data() + g.node(0, j, k), n[0], padded.data() + padded.index(0, j, k));
+      for (int i = 0; i < n[0]; ++i) {
+        const std::size_t m = g.node(i, j, k);
+        if (reached[m])
+          weights.at(i, j, k) =
+              data.node.empty() ? Real(1) : std::clamp(data.node[m] / data.whole, kLeastWeight, Real(1));
+      }
   for (int l = 1; l <= layers; ++l) {
     dilate(n, reached, scratch);
     next.clear();
@@ -220,16 +199,17 @@ void extend_linear(const Parallel& parallel, const Grid& g, int layers, std::vec
         for (int i = 0; i < n[0]; ++i) {
           const std::size_t m = g.node(i, j, k);
           if (!reached[m] || layer[m] != kNoLayer) continue;
-          layer[m] = padded.data()[padded.index(i, j, k)] = static_cast<std::uint8_t>(l);
+          layer[m] = static_cast<std::uint8_t>(l);
           next.push_back({i, j, k});
         }
     result.resize(next.size() * fields.size());
     parallel.for_ranges(static_cast<std::int64_t>(next.size()), [&](std::int64_t begin, std::int64_t end) {
-      extend_nodes(box, g, next.data() + begin, next.data() + end, l, padded, fields,
+      extend_nodes(box, g, next.data() + begin, next.data() + end, weights, fields,
                    result.data() + static_cast<std::size_t>(begin) * fields.size());
     });
     parallel.for_each(static_cast<std::int64_t>(next.size()), [&](std::int64_t t) {
       const auto& p = next[static_cast<std::size_t>(t)];
+      weights.at(p[0], p[1], p[2]) = 1;
       for (std::size_t f = 0; f < fields.size(); ++f)
         fields[f][g.node(p[0], p[1], p[2])] = result[static_cast<std::size_t>(t) * fields.size() + f];
     });

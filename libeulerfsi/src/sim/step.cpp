@@ -87,7 +87,7 @@ void take_velocities(const StepContext& step, std::uint64_t steps, const grid::G
       std::fill(solids[l].layer.begin(), solids[l].layer.end(), std::uint8_t{0});
       continue;
     }
-    solid::extend(parallel, states[l], solids[l]);
+    solid::extend(parallel, scene.solids[l], states[l], solids[l]);
     ledger.leave(l);
     solid::seed_particles(parallel, scene.solids[l], states[l], solids[l], steps * solids.size() + l, particles[l]);
     timer.visited(particles[l].size(), sizeof(Vec3d) + sizeof(Vec3));
@@ -113,7 +113,7 @@ void transport_solid(const StepContext& step, std::size_t l, const solid::RigidS
     if (scene.params.numerics.uses_particles()) {
       solid::rasterize(parallel, dt, scene.solids[l], particles[l], state, work);  // Alg. 1 line 18
     } else {
-      solid::extend(parallel, state, work);
+      solid::extend(parallel, scene.solids[l], state, work);
       ledger.leave(l);
     }
     solid::advect(parallel, scene.params.numerics.solid_advection, dt, frame, work, state,  // Alg. 1 lines 19, 20

@@ -34,13 +34,17 @@ void take_velocity(const Parallel& parallel, const Grid& global, const VectorFie
   });
 }
 
-void extend(const Parallel& parallel, SolidState& state, SolidWork& work) {
+void extend(const Parallel& parallel, const SolidRest& rest, SolidState& state, SolidWork& work) {
+  const Grid& g = state.band.grid;
   std::array<Real*, 6> fields;
   for (std::size_t a = 0; a < 3; ++a) {
     fields[a] = state.u.c[a].data();
     fields[3 + a] = state.v.c[a].data();
   }
-  grid::extend_linear(parallel, state.band.grid, kExtensionLayers, work.layer, fields);
+  // Data that move little mass, at a thin tip or at the rim of cut elements, are noisy.
+  const grid::DataWeights by_mass{work.mass, static_cast<Real>(rest.density * g.h * g.h * g.h)};
+  grid::extend_linear(parallel, g, kExtensionLayers, work.layer, fields,
+                      rest.stiff_by_part ? by_mass : grid::DataWeights{});
 }
 
 namespace {

@@ -23,7 +23,7 @@ enum class AdvectionScheme : std::int32_t { kMacCormack = 0, kPaper = 1 };
 void take_velocity(const Parallel& parallel, const Grid& global, const VectorField& velocity, SolidState& state,
                    SolidWork& work);
 // Line 18: extends u and v from these nodes outwards; work.layer: by which layer.
-void extend(const Parallel& parallel, SolidState& state, SolidWork& work);
+void extend(const Parallel& parallel, const SolidRest& rest, SolidState& state, SolidWork& work);
 
 // Packed fields of the band, shared by the solids: u, and v seen from the frame, before the advection; x_d; u and v
 // after its first sweep, and half the error of that. The fourth value of an error is 1 where it is known, 0 elsewhere.

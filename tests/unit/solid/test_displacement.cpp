@@ -37,7 +37,7 @@ void move(TestSolid& s, const std::function<Vec3d(const Vec3d&)>& velocity, doub
         v.set(g.node(i, j, k), Vec3(velocity(g.node_position(i, j, k)).cast<Real>()));
   solid::compute_mass(parallel, s.rest, s.state, s.work);
   solid::take_velocity(parallel, g, v, s.state, s.work);
-  solid::extend(parallel, s.state, s.work);
+  solid::extend(parallel, s.rest, s.state, s.work);
   solid::AdvectWorkspace packed;
   const solid::RigidStep step = solid::steady_step(frame, dt);
   solid::advect(parallel, scheme, dt, step, s.work, s.state, packed);
