@@ -101,3 +101,28 @@ TEST_CASE("One node of data extends to a constant") {
   CHECK(static_cast<double>(field[g.node(5, 5, 5)]) == Approx(3.0));
   CHECK(static_cast<double>(field[g.node(3, 4, 4)]) == Approx(3.0));
 }
+
+TEST_CASE("Data that weigh little hardly count") {
+  // A slope of 1 along x, and at its end a node that is off by 1.
+  Grid g;
+  g.cells = {10, 4, 4};
+  const auto extended = [&](Real weight) {
+    std::vector<std::uint8_t> layer(g.node_count(), kNoLayer);
+    std::vector<Real> field(g.node_count(), 0), weights(g.node_count(), 0);
+    for (int k = 0; k <= 4; ++k)
+      for (int j = 0; j <= 4; ++j)
+        for (int i = 0; i <= 6; ++i) {
+          const std::size_t n = g.node(i, j, k);
+          layer[n] = 0;
+          field[n] = static_cast<Real>(i == 6 ? i + 1 : i);
+          weights[n] = i == 6 ? weight : Real(2);
+        }
+    Real* fields[] = {field.data()};
+    extend_linear(Parallel(1), g, 1, layer, fields, {weights, 2});
+    return static_cast<double>(field[g.node(7, 2, 2)]);
+  };
+  CHECK(extended(2) > 8.0);
+  CHECK(extended(0) == extended(Real(0.02)));  // one hundredth at least
+  CHECK(extended(0) == Approx(7.25).margin(0.35));
+  CHECK(extended(6) == extended(2));
+}
