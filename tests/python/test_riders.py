@@ -1,0 +1,131 @@
+"""Passengers of colliders: what is below one whose points move, or named by it, follows its surface."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import make_scene, sphere, world_points
+from eulerfsi.simulate import Options, simulate
+from pxr import Gf, Usd, UsdGeom
+
+BODY = "/World/Body"
+FRAMES = (1, 5)
+
+
+def body_points(frame: int) -> np.ndarray:
+    """A ball that bulges to one side, leans and is carried off: points (n, 3)."""
+    points = sphere(0.12, 8)[0]
+    way = (frame - 1) / 4
+    points[:, 0] *= 1.0 + 0.3 * way * np.sin(20.0 * points[:, 1])
+    points[:, 2] += 0.25 * way * points[:, 1]
+    return points + (0.02 * way, 0.0, 0.0)
+
+
+def turned(points: np.ndarray, frame: int) -> np.ndarray:
+    """Rigid: around an axis of its own, and away."""
+    turn = Gf.Matrix4d().SetRotate(Gf.Rotation(Gf.Vec3d(1, 2, 0.5), 11.0 * (frame - 1)))
+    matrix = np.array(turn)
+    return points @ matrix[:3, :3] + (0.01 * (frame - 1), -0.004 * (frame - 1), 0.0)
+
+
+def add_mesh(stage: Usd.Stage, path: str, points: np.ndarray, counts: list, indices: list) -> UsdGeom.Mesh:
+    mesh = UsdGeom.Mesh.Define(stage, path)
+    mesh.CreatePointsAttr(points)
+    mesh.CreateFaceVertexCountsAttr(counts)
+    mesh.CreateFaceVertexIndicesAttr(indices)
+    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    return mesh
+
+
+def make_body(path: Path, points_at) -> Usd.Stage:
+    """A collider in vacuum at the lower side of a box whose points move and whose transform does; a ball above it."""
+    stage = make_scene(path, smoke=False, voxel=0.1, velocity=(0.0, 0.0, 0.0), frames=FRAMES, parent=Gf.Matrix4d(1))
+    stage.GetPrimAtPath("/World/Domain").GetAttribute("eulerfsi:ambientFluid").Set(False)
+    body = add_mesh(stage, BODY, points_at(1), *sphere(0.12, 8)[1:])
+    for frame in range(FRAMES[0], FRAMES[1] + 1):
+        body.GetPointsAttr().Set(points_at(frame), frame)
+    move, turn = body.AddTranslateOp(), body.AddRotateYOp()
+    for frame in FRAMES:
+        move.Set(Gf.Vec3d(0.01 * frame, -0.32, 0.0), frame)
+        turn.Set(3.0 * frame, frame)
+    body.GetPrim().ApplyAPI("EulerFsiColliderAPI")
+    return stage
+
+
+def run(stage: Usd.Stage, folder: Path) -> Usd.Stage:
+    """The stage that opens the cache."""
+    stage.GetRootLayer().Save()
+    scene = Path(stage.GetRootLayer().realPath)
+    return Usd.Stage.Open(str(simulate(scene, Options(output=folder, progress="none")).root))
+
+
+def test_a_piece_of_the_surface_stays_on_it(tmp_path: Path, library) -> None:
+    stage = make_body(tmp_path / "body.usda", body_points)
+    rest = world_points(stage, BODY, 1)
+    piece = np.arange(0, len(rest), 3)
+    group = UsdGeom.Xform.Define(stage, "/World/Clothes")
+    group.AddRotateZOp().Set(33.0)
+    group.AddScaleOp().Set(Gf.Vec3f(2.0, 0.5, 1.25))
+    to_local = np.linalg.inv(np.array(UsdGeom.XformCache(1).GetLocalToWorldTransform(group.GetPrim())))
+    buttons = UsdGeom.Points.Define(stage, "/World/Clothes/Buttons")
+    buttons.CreatePointsAttr(rest[piece] @ to_local[:3, :3] + to_local[3, :3])
+    stage.GetPrimAtPath(BODY).CreateRelationship("eulerfsi:carried", False).SetTargets([group.GetPath()])
+    result = run(stage, tmp_path / "cache")
+    size = np.ptp(rest, axis=0).max()
+    moved = np.abs(world_points(result, BODY, 5) - rest).max()
+    assert moved > 0.2 * size
+    for frame in range(FRAMES[0], FRAMES[1] + 1):
+        off = world_points(result, str(buttons.GetPath()), frame) - world_points(stage, BODY, frame)[piece]
+        assert np.abs(off).max() < 1e-6 * size, frame
+
+
+def test_what_turns_rigidly_by_its_points_turns_what_rides_on_it(tmp_path: Path, library) -> None:
+    start = sphere(0.12, 8)[0]
+    stage = make_body(tmp_path / "body.usda", lambda frame: turned(start, frame))
+    points, counts, indices = sphere(0.05, 6)
+    place = np.array((0.03, 0.15, 0.02))
+    add_mesh(stage, f"{BODY}/Hat", points + place, counts, indices)
+    hair = UsdGeom.BasisCurves.Define(stage, f"{BODY}/Hair")
+    hair.CreateTypeAttr(UsdGeom.Tokens.linear)
+    strands = np.array([(0.1, 0.05, 0), (0.14, 0.09, 0), (0.1, 0, 0.05), (0.2, 0, 0.05)])
+    hair.CreatePointsAttr(strands)
+    hair.CreateCurveVertexCountsAttr([2, 2])
+    result = run(stage, tmp_path / "cache")
+    for path, rest in ((f"{BODY}/Hat", points + place), (f"{BODY}/Hair", strands)):
+        size = np.ptp(rest, axis=0).max()
+        for frame in range(FRAMES[0], FRAMES[1] + 1):
+            prim = UsdGeom.PointBased(result.GetPrimAtPath(path))
+            off = np.asarray(prim.GetPointsAttr().Get(frame), float) - turned(rest, frame)
+            assert np.abs(off).max() < 1e-6 * size, (path, frame)
+
+
+def test_they_have_normals_extent_and_velocities(tmp_path: Path, library) -> None:
+    drift = np.array((0.024, 0.0, -0.012))  # per frame
+    start = sphere(0.12, 8)[0]
+    stage = make_body(tmp_path / "body.usda", lambda frame: start + drift * (frame - 1))
+    points, counts, indices = sphere(0.05, 6)
+    add_mesh(stage, f"{BODY}/Hat", points + (0, 0.13, 0), counts, indices)
+    result = run(stage, tmp_path / "cache")
+    hat = UsdGeom.Mesh(result.GetPrimAtPath(f"{BODY}/Hat"))
+    for frame in range(FRAMES[0], FRAMES[1] + 1):
+        velocities = np.asarray(hat.GetVelocitiesAttr().Get(frame), float)
+        assert np.abs(velocities - 24.0 * drift).max() < 1e-4 * 24.0 * np.abs(drift).max(), frame
+        normals = np.asarray(hat.GetNormalsAttr().Get(frame), float)
+        away = points / np.linalg.norm(points, axis=1)[:, None]
+        assert (normals * away).sum(axis=1).min() > math.cos(math.radians(15))
+        now = np.asarray(hat.GetPointsAttr().Get(frame))
+        assert np.allclose(hat.GetExtentAttr().Get(frame), [now.min(axis=0), now.max(axis=0)])
+
+
+@pytest.mark.parametrize("growth", (0.5, 2.0))
+def test_what_grows_by_its_points_makes_what_rides_on_it_grow(growth: float, tmp_path: Path, library) -> None:
+    start = sphere(0.12, 8)[0]
+    stage = make_body(tmp_path / "body.usda", lambda frame: start * (1 + (growth - 1) * (frame - 1) / 4))
+    points, counts, indices = sphere(0.05, 6)
+    add_mesh(stage, f"{BODY}/Hat", points + (0, 0.13, 0), counts, indices)
+    result = run(stage, tmp_path / "cache")
+    now = np.asarray(UsdGeom.Mesh(result.GetPrimAtPath(f"{BODY}/Hat")).GetPointsAttr().Get(5), float)
+    assert np.abs(now - growth * (points + (0, 0.13, 0))).max() < 1e-6 * growth * 0.1
