@@ -11,12 +11,16 @@ from typing import Any
 
 import numpy as np
 from eulerfsi_usd import deform, transforms
+from eulerfsi_usd.pose import PoseError
 from pxr import Usd, UsdGeom
 
 from . import binding, solver
+from .follow import Binding
 from .frames import FrameRange
 from .parameters import StageUnits
 from .space import SimulationSpace, transform_points
+
+_BESIDE = 0.25  # frames before and after one from which velocities come
 
 
 @dataclasses.dataclass
@@ -78,8 +82,8 @@ class Deformation:
     first: int
     stretched: bool
 
-    def points(self, frame: int) -> np.ndarray:
-        """(n, 3) in simulation space: the motion of the collider places them in a frame."""
+    def points(self, frame: float) -> np.ndarray:
+        """(n, 3) in simulation space: the motion of the collider places them in a frame. Raises PoseError."""
         prim = self.stage.GetPrimAtPath(self.path)
         time = Usd.TimeCode(frame if self.stretched else self.first)
         matrix = UsdGeom.XformCache(time).GetLocalToWorldTransform(prim)
@@ -137,6 +141,61 @@ class Passenger:
     def output_path(self) -> str:
         """The prim that receives the points."""
         return self.path
+
+
+@dataclasses.dataclass
+class Rider:
+    """What follows the surface of a collider. place: where that surface is; local: as of Solid, at the first frame."""
+
+    path: str
+    collider: str  # path of the collider
+    place: Deformation
+    binding: Binding
+    local: solver.Mesh
+    subdivision: str  # "" where there are no faces
+    left_handed: bool = False
+    surface_file: str = ""
+
+    @property
+    def output_path(self) -> str:
+        """The prim that receives the points."""
+        return self.path
+
+    @property
+    def mesh(self) -> solver.Mesh:
+        """Where it is at the first frame, simulation space."""
+        return solver.Mesh(self.points(self.place.first), self.local.counts, self.local.indices)
+
+    def points(self, frame: float) -> np.ndarray:
+        """(n, 3) in a frame, simulation space. Raises PoseError."""
+        return self.binding.points(self.place.points(frame))
+
+    def in_own_space(self, frame: int) -> tuple[np.ndarray, np.ndarray]:
+        """Points (n, 3) and velocities (n, 3) [1/s] in the space of the prim.
+
+        The velocities are the mean of those just before and just after the frame; where it stands still on one side,
+        that of the other: an animation may begin or end here.
+        """
+        times = (frame - _BESIDE, frame, frame + _BESIDE)
+        now, *beside = (self._local_points(time) for time in (times[1], times[0], times[2]))
+        moved = [part if part is not None and not np.array_equal(part, now) else None for part in beside]
+        ends = [(times[1], now) if part is None else (time, part) for time, part in zip(times[::2], moved, strict=True)]
+        (start, before), (end, after) = ends
+        seconds = (end - start) / self.place.stage.GetTimeCodesPerSecond()
+        return now, (after - before) / seconds if seconds else np.zeros_like(now)
+
+    def _local_points(self, frame: float) -> np.ndarray | None:
+        """None where the collider is another mesh then, or cannot be posed."""
+        try:
+            surface = self.place.points(frame)
+        except PoseError:
+            return None
+        if len(surface) != self.binding.surface_points or not np.isfinite(surface).all():
+            return None
+        prim = self.place.stage.GetPrimAtPath(self.path)
+        to_world = UsdGeom.XformCache(Usd.TimeCode(frame)).GetLocalToWorldTransform(prim)
+        world = self.place.space.point_to_world(self.binding.points(surface))
+        return transform_points(world, np.array(to_world.GetInverse()))
 
 
 @dataclasses.dataclass
@@ -204,11 +263,17 @@ class Scene:
     passengers: list[Passenger] = dataclasses.field(default_factory=list)
     pins: list[Pin] = dataclasses.field(default_factory=list)
     colliders: list[Collider] = dataclasses.field(default_factory=list)
+    riders: list[Rider] = dataclasses.field(default_factory=list)
 
     @property
-    def drawn(self) -> list[Solid | Passenger]:
-        """All that gets points in every frame."""
+    def simulated(self) -> list[Solid | Passenger]:
+        """All that gets points from the solver in every frame."""
         return [*self.solids, *self.passengers]
+
+    @property
+    def drawn(self) -> list[Solid | Passenger | Rider]:
+        """All that gets points in every frame."""
+        return [*self.simulated, *self.riders]
 
     @property
     def name(self) -> str:
@@ -230,6 +295,8 @@ class Scene:
                 result[emitter.path] |= {f"key_{field}": emitter.over_time(field).ravel().tolist()}
         for passenger in self.passengers:
             result[passenger.path] = {"carried_by": passenger.solid}
+        for rider in self.riders:
+            result[rider.path] = {"carried_by": rider.collider}
         for pin in self.pins:
             result[f"{pin.path} (pin)"] = {"solid": pin.solid, "driver": pin.motion.driver}
         return json.loads(json.dumps(result))

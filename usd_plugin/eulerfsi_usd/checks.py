@@ -16,7 +16,7 @@ from .given import check_pins
 from .gprims import dimensions
 from .issues import Issue, domain_box, first_time, is_enabled, is_ever_enabled, make_issue, read, scopes_of
 from .parameters import API_SCHEMAS, NAMESPACE, Parameter, load, prim_types, stage_attributes, stage_relationships
-from .passengers import check_passengers
+from .passengers import check_passengers, check_scale
 from .surface import check_animation, check_density, check_inside, check_surface
 
 AXES = ("X", "Y", "Z")
@@ -60,7 +60,9 @@ def check_scene(stage: Usd.Stage) -> list[Issue]:
     if not prims["solid"] and not prims["emitter"]:
         limit = "at least one prim with EulerFsiSolidAPI or EulerFsiEmitterAPI, enabled"
         issues.append(make_issue(None, "content", None, limit, "EmptyScene", severity="warning"))
-    issues += check_passengers(prims["solid"])
+    issues += check_passengers(prims["solid"], prims["collider"])
+    for prim in prims["solid"]:
+        issues += check_scale(prim)
     if len(prims["domain"]) == 1:
         domain = prims["domain"][0]
         if read(domain, "eulerfsi:ambientFluid") is False:

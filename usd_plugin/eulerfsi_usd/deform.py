@@ -17,8 +17,11 @@ SAME = 1e-6  # of the extent of a mesh: points that move less stay where they ar
 
 def deforms(prim: Usd.Prim) -> bool:
     """Whether its points move in a way that its transform, as far as that is rigid, does not explain."""
-    if stretches(prim):
-        return True
+    return stretches(prim) or points_move(prim)
+
+
+def points_move(prim: Usd.Prim) -> bool:
+    """Whether its points move in its own space. Raises PoseError."""
     if not _may_deform(prim):
         return False
     first, *frames = frames_of(prim.GetStage())
