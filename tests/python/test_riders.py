@@ -7,8 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import make_scene, sphere, world_points
+from conftest import content_hashes, make_scene, sphere, world_points
+from eulerfsi.errors import SceneError
 from eulerfsi.simulate import Options, simulate
+from eulerfsi_usd import checks
+from eulerfsi_usd.pose import Pose
+from figures import BODY as FIGURE
+from figures import make_figure
 from pxr import Gf, Usd, UsdGeom
 
 BODY = "/World/Body"
@@ -129,3 +134,104 @@ def test_what_grows_by_its_points_makes_what_rides_on_it_grow(growth: float, tmp
     result = run(stage, tmp_path / "cache")
     now = np.asarray(UsdGeom.Mesh(result.GetPrimAtPath(f"{BODY}/Hat")).GetPointsAttr().Get(5), float)
     assert np.abs(now - growth * (points + (0, 0.13, 0))).max() < 1e-6 * growth * 0.1
+
+
+@pytest.mark.parametrize("stretch", ((1.0, 1.0, 1.0), (1.4, 1.4, 1.4)))
+def test_points_that_are_named_follow_a_transform_too(stretch: tuple, tmp_path: Path, library) -> None:
+    """A collider without points of its own; what turns and grows by its transform takes along what it names."""
+    stage = make_body(tmp_path / "body.usda", body_points)
+    stage.RemovePrim(BODY)
+    cube = UsdGeom.Cube.Define(stage, BODY)
+    cube.CreateSizeAttr(0.2)
+    move, turn, size = cube.AddTranslateOp(), cube.AddRotateXYZOp(), cube.AddScaleOp()
+    for frame, way in ((1, 0.0), (5, 1.0)):
+        move.Set(Gf.Vec3d(0.1 * way, -0.35, 0.02), frame)
+        turn.Set(Gf.Vec3f(20.0 * way, 0.0, 30.0 * way), frame)
+        size.Set(Gf.Vec3f(*(1 + way * (s - 1) for s in stretch)), frame)
+    cube.GetPrim().ApplyAPI("EulerFsiColliderAPI")
+    lamp = UsdGeom.Points.Define(stage, "/World/Lamp")
+    rest = np.array([(0.05, -0.2, 0.0), (0.0, -0.22, 0.05), (0.03, -0.24, -0.02), (0.12, -0.36, 0.0)])
+    lamp.CreatePointsAttr(rest)
+    cube.GetPrim().CreateRelationship("eulerfsi:carried", False).SetTargets([lamp.GetPath()])
+    result = run(stage, tmp_path / "cache")
+    before, after = (
+        np.array(UsdGeom.XformCache(frame).GetLocalToWorldTransform(stage.GetPrimAtPath(BODY))) for frame in (1, 5)
+    )
+    motion = np.linalg.inv(before) @ after
+    wanted = rest @ motion[:3, :3] + motion[3, :3]
+    assert np.abs(wanted - rest).max() > 0.05
+    assert np.abs(world_points(result, "/World/Lamp", 5) - wanted).max() < 1e-6 * np.ptp(rest, axis=0).max()
+
+
+def test_what_is_below_a_skinned_collider_follows_and_what_deforms_itself_does_not(tmp_path: Path, library) -> None:
+    stage = make_figure(tmp_path / "figure.usda")
+    body = stage.GetPrimAtPath(FIGURE)
+    body.RemoveAPI("EulerFsiSolidAPI")
+    body.ApplyAPI("EulerFsiColliderAPI")
+    skin = UsdGeom.Mesh(body).GetPointsAttr().Get()
+    top = int(np.argmax([p[1] for p in skin]))
+    eye = add_mesh(stage, f"{FIGURE}/Eye", *sphere(0.03, 4))
+    start = Pose(body, True).points(Usd.TimeCode(1))[top]
+    eye.AddTranslateOp().Set(Gf.Vec3d(*start))
+    tail = add_mesh(stage, f"{FIGURE}/Tail", *sphere(0.03, 4))
+    for frame in (1, 2):
+        tail.GetPointsAttr().Set(sphere(0.03 * frame, 4)[0], frame)
+    result = run(stage, tmp_path / "cache")
+    now = Pose(body, True).points(Usd.TimeCode(2))[top]
+    assert np.linalg.norm(now - start) > 0.01
+    points = np.asarray(UsdGeom.Mesh(result.GetPrimAtPath(f"{FIGURE}/Eye")).GetPointsAttr().Get(2), float)
+    assert np.abs(points[[0, -1]].mean(axis=0) - (now - start)).max() < 0.002  # its middle is that vertex
+    assert not result.GetPrimAtPath(f"{FIGURE}/Tail").GetAttribute("velocities").HasAuthoredValue()
+
+
+def test_a_run_that_is_resumed_writes_the_same(tmp_path: Path, library) -> None:
+    stage = make_body(tmp_path / "body.usda", body_points)
+    hat = add_mesh(stage, f"{BODY}/Hat", *sphere(0.05, 6))
+    hat.AddTranslateOp().Set(Gf.Vec3d(0, 0.13, 0))
+    run(stage, tmp_path / "whole")
+    scene = tmp_path / "body.usda"
+    simulate(scene, Options(output=tmp_path / "parts", frames="1-3", progress="none"))
+    assert simulate(scene, Options(output=tmp_path / "parts", resume=True, progress="none")).resumed
+    assert content_hashes(tmp_path / "whole") == content_hashes(tmp_path / "parts")
+    hat.GetPointsAttr().Set(sphere(0.06, 6)[0])
+    stage.GetRootLayer().Save()
+    with pytest.raises(SceneError, match="scene"):
+        simulate(scene, Options(output=tmp_path / "parts", frames="1-6", resume=True, progress="none"))
+
+
+def test_what_cannot_follow_is_named(tmp_path: Path, library) -> None:
+    stage = make_body(tmp_path / "body.usda", body_points)
+    body = stage.GetPrimAtPath(BODY)
+    hat = add_mesh(stage, f"{BODY}/Hat", *sphere(0.05, 6))
+    assert issues(stage) == []
+    size = hat.AddScaleOp()
+    for frame, scale in ((1, 1.0), (3, 0.0), (5, 1.0)):
+        size.Set(Gf.Vec3f(1.0, scale, 1.0), frame)
+    (code, message), (animated, warning) = issues(stage)
+    assert code == "FlatTransform" and f"{BODY}/Hat.xformOpOrder = a scale of 0 at frame 3: must be" in message
+    assert animated == "AnimatedPassenger" and f"is animated by the transform of {BODY}/Hat" in warning
+    size.GetAttr().Clear()
+    body.CreateRelationship("eulerfsi:carried", False).SetTargets(["/World/Nobody", "/World/Ball"])
+    assert [code for code, _ in issues(stage)] == ["MissingTarget", "WrongTarget"]
+    body.GetRelationship("eulerfsi:carried").SetTargets([])
+    stage.GetPrimAtPath("/World/Ball").CreateRelationship("eulerfsi:carried", False).SetTargets([f"{BODY}/Hat"])
+    [message] = [message for code, message in issues(stage) if code == "ManyCarriers"]
+    assert "/World/Ball carries it already" in message
+
+
+def test_an_instance_below_a_collider_that_deforms_is_refused(tmp_path: Path, library) -> None:
+    stage = make_body(tmp_path / "body.usda", body_points)
+    add_mesh(stage, "/Hats/Top/Brim", *sphere(0.05, 6))
+    hat = stage.DefinePrim(f"{BODY}/Hat")
+    hat.GetReferences().AddInternalReference("/Hats/Top")
+    hat.SetInstanceable(True)
+    [(code, message)] = issues(stage)
+    assert code == "InstancePassenger" and f"{BODY}/Hat/Brim.instanceable" in message
+    assert "set instanceable = false" in message
+    hat.SetInstanceable(False)
+    assert issues(stage) == []
+
+
+def issues(stage: Usd.Stage) -> list[tuple[str, str]]:
+    """Code and message of what the checks say of passengers and colliders."""
+    return [(issue.code, issue.message) for issue in checks.check_stage(stage)]
