@@ -8,7 +8,7 @@ from typing import Any
 
 import eulerfsi_usd  # noqa: F401 - registers the schema before a stage is opened
 import numpy as np
-from eulerfsi_usd.passengers import find_passengers, find_riders
+from eulerfsi_usd.passengers import find_passengers
 from pxr import Tf, Usd, UsdGeom, UsdPhysics
 
 from . import memory
@@ -19,7 +19,7 @@ from .reasons import usd_reason
 from .references import how_to_make_a_scene, is_usd_file
 from .scene_bodies import examine, read_collider, read_density, read_pins, read_solid
 from .scene_parts import Scene, slab_axis
-from .scene_passengers import read_passenger, read_rider
+from .scene_passengers import read_passenger, read_riders
 from .scene_sources import read_emitters, read_forces
 from .scene_values import DOMAIN_API, Reader, find_prims, stage_units
 from .space import domain_space
@@ -118,11 +118,7 @@ def read_scene(stage: Usd.Stage, path: Path, memory_limit: int = 0, threads: int
         for solid in solids
         for prim in find_passengers(stage.GetPrimAtPath(solid.path))
     ]
-    riders = [
-        read_rider(reader, space, collider, prim)
-        for collider in colliders
-        for prim in find_riders(stage.GetPrimAtPath(collider.path))
-    ]
+    riders = [rider for collider in colliders for rider in read_riders(reader, space, collider, stage)]
     forces = [force for prim in find_prims(stage, "force") for force in read_forces(reader, space, prim, frames)]
     fps = stage.GetTimeCodesPerSecond()
     return Scene(

@@ -21,6 +21,7 @@ from .parameters import StageUnits
 from .space import SimulationSpace, transform_points
 
 _BESIDE = 0.25  # frames before and after one from which velocities come
+_RECENT = 4  # times of which a shape is kept
 
 
 @dataclasses.dataclass
@@ -81,13 +82,20 @@ class Deformation:
     space: SimulationSpace
     first: int
     stretched: bool
+    _recent: dict[float, np.ndarray] = dataclasses.field(default_factory=dict, repr=False)  # one asks more than once
 
     def points(self, frame: float) -> np.ndarray:
         """(n, 3) in simulation space: the motion of the collider places them in a frame. Raises PoseError."""
-        prim = self.stage.GetPrimAtPath(self.path)
-        time = Usd.TimeCode(frame if self.stretched else self.first)
-        matrix = UsdGeom.XformCache(time).GetLocalToWorldTransform(prim)
-        return transform_points(deform.points_at(prim, frame), self.space.from_local(np.array(matrix)))
+        if frame not in self._recent:
+            prim = self.stage.GetPrimAtPath(self.path)
+            time = Usd.TimeCode(frame if self.stretched else self.first)
+            matrix = UsdGeom.XformCache(time).GetLocalToWorldTransform(prim)
+            points = transform_points(deform.points_at(prim, frame), self.space.from_local(np.array(matrix)))
+            points.flags.writeable = False
+            while len(self._recent) >= _RECENT:
+                del self._recent[next(iter(self._recent))]
+            self._recent[frame] = points
+        return self._recent[frame]
 
 
 @dataclasses.dataclass

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from eulerfsi_usd.passengers import find_riders
 from pxr import Usd, UsdGeom
 
 from . import solver
@@ -21,14 +22,16 @@ def read_passenger(reader: Reader, space: SimulationSpace, solid: Usd.Prim, prim
     return Passenger(str(prim.GetPath()), str(solid.GetPath()), placed, local, subdivision, left_handed)
 
 
-def read_rider(reader: Reader, space: SimulationSpace, collider: Collider, prim: Usd.Prim) -> Rider:
-    """A prim bound to the surface of a collider where both are at the start."""
-    stage, first = prim.GetStage(), collider.motion.first
-    points, local, subdivision, left_handed = _shape(reader, prim)
-    placed = _place(reader, space, stage.GetPrimAtPath(collider.path), prim, points)
+def read_riders(reader: Reader, space: SimulationSpace, collider: Collider, stage: Usd.Stage) -> list[Rider]:
+    """What follows the surface of a collider, bound to it where both are at the start."""
+    body, first, riders = stage.GetPrimAtPath(collider.path), collider.motion.first, []
     place = Deformation(collider.path, stage, space, first, stretched=True)
-    binding = Binding(place.points(first), collider.mesh.triangles(), placed)
-    return Rider(str(prim.GetPath()), collider.path, place, binding, local, subdivision, left_handed)
+    for prim in find_riders(body):
+        points, local, subdivision, left_handed = _shape(reader, prim)
+        placed = _place(reader, space, body, prim, points)
+        binding = Binding(place.points(first), collider.mesh.triangles(), placed)
+        riders.append(Rider(str(prim.GetPath()), collider.path, place, binding, local, subdivision, left_handed))
+    return riders
 
 
 def _shape(reader: Reader, prim: Usd.Prim) -> tuple[np.ndarray, solver.Mesh, str, bool]:

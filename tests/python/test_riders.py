@@ -199,6 +199,25 @@ def test_a_run_that_is_resumed_writes_the_same(tmp_path: Path, library) -> None:
         simulate(scene, Options(output=tmp_path / "parts", frames="1-6", resume=True, progress="none"))
 
 
+def test_validate_and_info_say_what_rides_on_what(tmp_path: Path, cli) -> None:
+    stage = make_body(tmp_path / "body.usda", body_points)
+    add_mesh(stage, f"{BODY}/Hat", *sphere(0.05, 6))
+    add_mesh(stage, "/World/Ball/Eye", *sphere(0.05, 6))
+    run(stage, tmp_path / "cache")
+    checked = cli("validate", tmp_path / "body.usda").stdout
+    for line in (
+        f"{BODY}: collider, 224 triangles, friction 0, moves and deforms",
+        f"{BODY}/Hat: follows the surface of {BODY}, 62 points",
+        "/World/Ball/Eye: rides along with /World/Ball, 62 points",
+    ):
+        assert line in checked.splitlines()
+    told = [" ".join(line.split()) for line in cli("info", tmp_path / "cache").stdout.splitlines()]
+    at = told.index(f"{BODY}: collider")
+    assert told[at + 1] == "friction 0"
+    at = told.index(f"{BODY}/Hat: passenger")
+    assert told[at + 1] == f"carried by {BODY}"
+
+
 def test_what_cannot_follow_is_named(tmp_path: Path, library) -> None:
     stage = make_body(tmp_path / "body.usda", body_points)
     body = stage.GetPrimAtPath(BODY)
