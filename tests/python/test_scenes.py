@@ -291,3 +291,31 @@ def test_other_scenes_are_what_their_names_say() -> None:
         bunny.GetPrimAtPath("/World/Bunny").GetAttribute("eulerfsi:surfaceFile").Get().path
         == "/usr/share/glmark2/models/bunny.obj"
     )
+
+
+def test_prims_of_the_same_name_have_looks_of_their_own() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    surface = pieces.box_mesh(1, pieces.on_sphere(1.0))
+    colors = {
+        "/World/A/Ball": (1, 0, 0),
+        "/World/B/Ball": (0, 1, 0),
+        "/World/Ball": (0, 0, 1),
+        "/World/A/B/Ball": (1, 1, 0),
+    }
+    meshes = {path: pieces.add_mesh(stage, path, surface, color) for path, color in colors.items()}
+    for path, mesh in meshes.items():
+        material, _ = UsdShade.MaterialBindingAPI(mesh.GetPrim()).ComputeBoundMaterial()
+        shader = UsdShade.Shader(stage.GetPrimAtPath(material.GetPath().AppendChild("Surface")))
+        assert tuple(shader.GetInput("diffuseColor").Get()) == colors[path], path
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_two_prims_of_a_scene_share_a_look(name: str) -> None:
+    stage = Usd.Stage.Open(str(SCENES / name))
+    bound = Counter(
+        str(UsdShade.MaterialBindingAPI(prim).GetDirectBinding().GetMaterialPath())
+        for prim in stage.Traverse()
+        if prim.HasAPI(UsdShade.MaterialBindingAPI)
+    )
+    shared = [path for path, count in bound.items() if count > 1]
+    assert not shared and all(stage.GetPrimAtPath(path).IsA(UsdShade.Material) for path in bound)
