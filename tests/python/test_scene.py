@@ -347,6 +347,29 @@ def test_frames_count_from_the_first(tmp_path):
     assert read(stage, tmp_path / "a.usda").frames == FrameRange(1001, 1010)
 
 
+def test_no_two_files_of_a_scene_have_one_copy(tmp_path):
+    """Also where the scene has a folder of the name under which files from elsewhere are kept."""
+    home = tmp_path / "shot"
+    maps = {
+        "./red.png": home / "red.png",
+        "./external/0/red.png": home / "external/0/red.png",
+        "../a/red.png": tmp_path / "a/red.png",
+        "../b/red.png": tmp_path / "b/red.png",
+    }
+    for text, file in maps.items():
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+    stage = make_scene(home / "shot.usda")
+    for number, text in enumerate(maps):
+        ball = stage.GetPrimAtPath("/World/Ball")
+        ball.CreateAttribute(f"map{number}", Sdf.ValueTypeNames.Asset).Set(text)
+    stage.GetRootLayer().Save()
+    opened = Usd.Stage.Open(str(localize_scene(home / "shot.usda", tmp_path / "cache" / "scene")))
+    copies = [opened.GetPrimAtPath("/World/Ball").GetAttribute(f"map{number}").Get() for number in range(len(maps))]
+    assert [Path(copy.resolvedPath).read_text() for copy in copies] == list(maps)
+    assert all((tmp_path / "cache") in Path(copy.resolvedPath).parents for copy in copies)
+
+
 def test_copied_scene_is_whole_and_relative(tmp_path):
     outside, home = tmp_path / "assets", tmp_path / "shot"
     (outside / "maps").mkdir(parents=True)
