@@ -17,7 +17,7 @@ from .gprims import dimensions
 from .issues import Issue, domain_box, first_time, is_enabled, is_ever_enabled, make_issue, read, scopes_of
 from .parameters import API_SCHEMAS, NAMESPACE, Parameter, load, prim_types, stage_attributes, stage_relationships
 from .passengers import check_passengers, check_scale
-from .surface import check_animation, check_density, check_inside, check_surface
+from .surface import check_animation, check_density, check_inside, check_skinning, check_surface
 
 AXES = ("X", "Y", "Z")
 
@@ -249,13 +249,14 @@ def check_solid(prim: Usd.Prim) -> list[Issue]:
     issues = check_values(prim, "solid")
     if not is_enabled(prim):
         return issues
-    return issues + check_density(prim) + check_surface(prim) + check_animation(prim, "solid") + check_pins(prim)
+    issues += check_density(prim) + check_surface(prim) + check_skinning(prim)
+    return issues + check_animation(prim, "solid") + check_pins(prim)
 
 
 def check_collider(prim: Usd.Prim) -> list[Issue]:
     """Values, shape and motion of a prim with EulerFsiColliderAPI."""
     issues = check_values(prim, "collider")
-    return issues if issues or not is_enabled(prim) else check_given_collider(prim)
+    return issues if issues or not is_enabled(prim) else check_skinning(prim) + check_given_collider(prim)
 
 
 def check_emitter(prim: Usd.Prim) -> list[Issue]:
