@@ -49,11 +49,16 @@ def stage_frames(stage: Usd.Stage) -> FrameRange:
     return check_frames(frames, f"stage range {frames}")
 
 
-def _authored_range(stage: Usd.Stage) -> FrameRange:
+def _authored_range(stage: Usd.Stage, start: int | None = None) -> FrameRange:
+    """start: --start-frame; with it the whole frames of the range count."""
     first, last = stage.GetStartTimeCode(), stage.GetEndTimeCode()
-    if first != int(first) or last != int(last):
-        raise SceneError(f"stage: startTimeCode {first:g} and endTimeCode {last:g}: must be whole numbers")
-    return FrameRange(int(first), int(last))
+    limits = f"stage: startTimeCode {first:g} and endTimeCode {last:g}: must be whole numbers"
+    if not (math.isfinite(first) and math.isfinite(last)):
+        raise SceneError(limits)
+    whole = FrameRange(math.ceil(first), math.floor(last))
+    if start is None and (first, last) != (whole.first, whole.last):
+        raise SceneError(f"{limits}; --start-frame {whole.first} simulates the whole frames from there")
+    return whole
 
 
 def set_frames(stage: Usd.Stage, wanted: FrameRange | None, start: int | None) -> None:
@@ -62,7 +67,7 @@ def set_frames(stage: Usd.Stage, wanted: FrameRange | None, start: int | None) -
     wanted: --frames, start: --start-frame. A simulation starts at the scene's first frame, whatever frames are wanted,
     unless `start` says otherwise; `wanted` gives the first where the stage has no range. Raises UsageError.
     """
-    own = _authored_range(stage) if stage.HasAuthoredTimeCodeRange() else wanted
+    own = _authored_range(stage, start) if stage.HasAuthoredTimeCodeRange() else wanted
     if own is None or (wanted is None and start is None):
         return  # the range is the stage's own, or missing
     start, last = own.first if start is None else start, (wanted or own).last

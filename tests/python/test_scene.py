@@ -347,6 +347,24 @@ def test_frames_count_from_the_first(tmp_path):
     assert read(stage, tmp_path / "a.usda").frames == FrameRange(1001, 1010)
 
 
+def test_a_range_of_parts_of_frames_says_how_to_start(cli, tmp_path):
+    stage = make_scene(tmp_path / "a.usda", frames=(1, 5))
+    stage.SetStartTimeCode(0.5)
+    stage.SetEndTimeCode(3.25)
+    stage.GetRootLayer().Save()
+    refused = cli("validate", "a.usda")
+    assert refused.returncode == 3
+    assert "startTimeCode 0.5 and endTimeCode 3.25: must be whole numbers; --start-frame 1 simulates" in refused.stderr
+    assert "frames 1-3 at 24 per second" in cli("validate", "a.usda", "--start-frame", "1").stdout
+    stage.SetEndTimeCode(float("inf"))
+    stage.GetRootLayer().Save()
+    assert "endTimeCode inf: must be whole numbers" in cli("validate", "a.usda").stderr
+    stage.SetStartTimeCode(-2)
+    stage.SetEndTimeCode(3)
+    stage.GetRootLayer().Save()
+    assert "first frame -2 must be >= 0, as files are named by it; shift the" in cli("validate", "a.usda").stderr
+
+
 def test_no_two_files_of_a_scene_have_one_copy(tmp_path):
     """Also where the scene has a folder of the name under which files from elsewhere are kept."""
     home = tmp_path / "shot"
