@@ -238,6 +238,22 @@ def test_what_cannot_follow_is_named(tmp_path: Path, library) -> None:
     assert "/World/Ball carries it already" in message
 
 
+def test_what_has_no_points_is_left_behind_with_a_warning(tmp_path: Path, library) -> None:
+    stage = make_body(tmp_path / "body.usda", body_points)
+    UsdGeom.Sphere.Define(stage, f"{BODY}/Button")
+    UsdGeom.PointInstancer.Define(stage, "/World/Ball/Beads")
+    UsdGeom.Sphere.Define(stage, "/World/Ball/Region").CreatePurposeAttr(UsdGeom.Tokens.guide)
+    UsdGeom.Sphere.Define(stage, "/World/Ball/Hand").CreateRadiusAttr(0.1)
+    stage.GetPrimAtPath("/World/Ball").GetRelationship("eulerfsi:pins").SetTargets(["/World/Ball/Hand"])
+    assert [code for code, _ in issues(stage)] == ["LeftBehind"] * 2
+    found = [message for _, message in issues(stage)]
+    assert found[0].startswith("/World/Ball: does not take along /World/Ball/Beads: only a Mesh, curves and Points")
+    assert found[1].startswith(f"{BODY}: does not take along {BODY}/Button")
+    stage.GetPrimAtPath(BODY).GetAttribute("points").Clear()  # what does not deform takes along by its transform
+    stage.GetPrimAtPath(BODY).GetAttribute("points").Set(body_points(1))
+    assert len(issues(stage)) == 1
+
+
 def test_an_instance_below_a_collider_that_deforms_is_refused(tmp_path: Path, library) -> None:
     stage = make_body(tmp_path / "body.usda", body_points)
     add_mesh(stage, "/Hats/Top/Brim", *sphere(0.05, 6))

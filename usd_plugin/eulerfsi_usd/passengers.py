@@ -10,7 +10,7 @@ from .issues import Issue, first_time, is_enabled, make_issue, scopes_of
 from .pose import Pose, PoseError, transform_drivers
 from .transforms import frames_of, moves
 
-CARRIED = "eulerfsi:carried"
+CARRIED, PINS = "eulerfsi:carried", "eulerfsi:pins"
 
 
 def find_passengers(solid: Usd.Prim) -> list[Usd.Prim]:
@@ -53,7 +53,11 @@ def _can_ride(prim: Usd.Prim) -> bool:
 
 
 def _points_below(prim: Usd.Prim) -> list[Usd.Prim]:
-    """Below other solids (domains, emitters) nothing belongs to this prim."""
+    return [child for child in _below(prim) if _can_ride(child)]
+
+
+def _below(prim: Usd.Prim) -> list[Usd.Prim]:
+    """All prims below one, but other solids (colliders, domains, emitters, forces) and what is below those."""
     found = []
     below = iter(Usd.PrimRange(prim, Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)))
     for child in below:
@@ -61,7 +65,7 @@ def _points_below(prim: Usd.Prim) -> list[Usd.Prim]:
             continue
         if scopes_of(child):
             below.PruneChildren()
-        elif _can_ride(child):
+        else:
             found.append(child)
     return found
 
@@ -77,6 +81,7 @@ def check_passengers(solids: list[Usd.Prim], colliders: list[Usd.Prim]) -> list[
             carried = find_passengers(body) if body in solids else find_riders(body)
         except PoseError:
             continue  # the checks of the collider say so
+        issues += _check_left_behind(body, body in solids)
         for prim in carried:
             if prim in carriers:
                 limit = f"carried by one body only: {carriers[prim].GetPath()} carries it already"
@@ -84,6 +89,25 @@ def check_passengers(solids: list[Usd.Prim], colliders: list[Usd.Prim]) -> list[
             carriers.setdefault(prim, body)
             issues += _check_points(prim) + check_scale(prim) + _check_own_animation(prim, body)
     return issues
+
+
+def _check_left_behind(body: Usd.Prim, is_solid: bool) -> list[Issue]:
+    """Warns of what is drawn below a body that deforms and has no points that could ride along."""
+    pins = set(body.GetRelationship(PINS).GetTargets() if body.GetRelationship(PINS) else ())  # move as the scene says
+    left = [str(p.GetPath()) for p in _below(body) if _is_drawn(p) and not _can_ride(p) and p.GetPath() not in pins]
+    if not left or not (is_solid or points_move(body)):
+        return []
+    value = ", ".join(left[:3]) + (f" and {len(left) - 3} more" if len(left) > 3 else "")
+    message = (
+        f"{body.GetPath()}: does not take along {value}: only a Mesh, curves and Points have points that can follow"
+    )
+    limit = "a Mesh, curves or Points"
+    return [Issue(left[0], "typeName", value, limit, message, "warning", "LeftBehind")]
+
+
+def _is_drawn(prim: Usd.Prim) -> bool:
+    drawn = prim.IsA(UsdGeom.Gprim) or prim.IsA(UsdGeom.PointInstancer)
+    return drawn and UsdGeom.Imageable(prim).ComputePurpose() != UsdGeom.Tokens.guide
 
 
 def _check_target(solid: Usd.Prim, target: Sdf.Path) -> list[Issue]:
