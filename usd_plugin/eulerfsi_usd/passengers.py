@@ -6,11 +6,12 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from .deform import points_move
+from .given import PINS, targets
 from .issues import Issue, first_time, is_enabled, make_issue, scopes_of
 from .pose import Pose, PoseError, transform_drivers
 from .transforms import frames_of, moves
 
-CARRIED, PINS = "eulerfsi:carried", "eulerfsi:pins"
+CARRIED = "eulerfsi:carried"
 
 
 def find_passengers(solid: Usd.Prim) -> list[Usd.Prim]:
@@ -93,7 +94,7 @@ def check_passengers(solids: list[Usd.Prim], colliders: list[Usd.Prim]) -> list[
 
 def _check_left_behind(body: Usd.Prim, is_solid: bool) -> list[Issue]:
     """Warns of what is drawn below a body that deforms and has no points that could ride along."""
-    pins = set(body.GetRelationship(PINS).GetTargets() if body.GetRelationship(PINS) else ())  # move as the scene says
+    pins = targets(body, PINS)  # they move as the scene says
     left = [str(p.GetPath()) for p in _below(body) if _is_drawn(p) and not _can_ride(p) and p.GetPath() not in pins]
     if not left or not (is_solid or points_move(body)):
         return []
