@@ -8,6 +8,7 @@ from typing import Any
 
 import eulerfsi_usd  # noqa: F401 - registers the schema before a stage is opened
 import numpy as np
+from eulerfsi_usd.issues import all_prims
 from eulerfsi_usd.passengers import find_passengers
 from pxr import Tf, Usd, UsdGeom, UsdPhysics
 
@@ -193,7 +194,7 @@ def _domain_values(reader: Reader, prim: Usd.Prim, meters: np.ndarray, mirrored:
 def _gravity(stage: Usd.Stage, units: StageUnits, warnings: list[str]) -> np.ndarray:
     """World vector [m/s^2] from the PhysicsScene; 9.81 down without one."""
     up = np.array([0.0, 0.0, 1.0] if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else [0.0, 1.0, 0.0])
-    scenes = [UsdPhysics.Scene(prim) for prim in stage.Traverse() if prim.IsA(UsdPhysics.Scene)]
+    scenes = [UsdPhysics.Scene(prim) for prim in all_prims(stage) if prim.IsA(UsdPhysics.Scene)]
     if len(scenes) > 1:
         warnings.append(f"{len(scenes)} PhysicsScene prims: gravity is taken from {scenes[0].GetPath()}")
     direction, magnitude = -up, EARTH_GRAVITY

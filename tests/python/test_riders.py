@@ -14,7 +14,7 @@ from eulerfsi_usd import checks
 from eulerfsi_usd.pose import Pose
 from figures import BODY as FIGURE
 from figures import make_figure
-from pxr import Gf, Usd, UsdGeom
+from pxr import Gf, Sdf, Usd, UsdGeom
 
 BODY = "/World/Body"
 FRAMES = (1, 5)
@@ -264,6 +264,27 @@ def test_an_instance_below_a_collider_that_deforms_is_refused(tmp_path: Path, li
     assert code == "InstancePassenger" and f"{BODY}/Hat/Brim.instanceable" in message
     assert "set instanceable = false" in message
     hat.SetInstanceable(False)
+    assert issues(stage) == []
+
+
+def test_what_is_inside_an_instance_is_checked_too(tmp_path: Path, library) -> None:
+    """A whole character brought in as an instance: its collider acts, what rides on it cannot be given points."""
+    stage = make_body(tmp_path / "body.usda", body_points)
+    layer = stage.GetRootLayer()
+    for path in ("/Character", "/World/Hero"):
+        stage.DefinePrim(path, "Xform")
+    Sdf.CopySpec(layer, BODY, layer, "/Character/Body")
+    stage.RemovePrim(BODY)
+    add_mesh(stage, "/Character/Body/Hat", *sphere(0.05, 6))
+    stage.GetPrimAtPath("/Character").SetSpecifier(Sdf.SpecifierClass)
+    hero = stage.GetPrimAtPath("/World/Hero")
+    hero.GetReferences().AddInternalReference("/Character")
+    hero.SetInstanceable(True)
+    assert [code for code, _ in issues(stage)] == ["InstancePassenger"]
+    stage.GetPrimAtPath("/Character/Body").GetAttribute("eulerfsi:friction").Set(-1.0)
+    assert "OutOfRange" in [code for code, _ in issues(stage)]
+    stage.GetPrimAtPath("/Character/Body").GetAttribute("eulerfsi:friction").Set(0.1)
+    hero.SetInstanceable(False)
     assert issues(stage) == []
 
 

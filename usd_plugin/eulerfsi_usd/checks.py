@@ -14,7 +14,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 from .given import check_collider as check_given_collider
 from .given import check_pins
 from .gprims import dimensions
-from .issues import Issue, domain_box, first_time, is_enabled, is_ever_enabled, make_issue, read, scopes_of
+from .issues import Issue, all_prims, domain_box, first_time, is_enabled, is_ever_enabled, make_issue, read, scopes_of
 from .parameters import API_SCHEMAS, NAMESPACE, Parameter, load, prim_types, stage_attributes, stage_relationships
 from .passengers import check_passengers, check_scale
 from .surface import check_animation, check_density, check_inside, check_skinning, check_surface
@@ -32,7 +32,7 @@ def check_stage(stage: Usd.Stage) -> list[Issue]:
         "force": check_force,
         "collider": check_collider,
     }
-    for prim in stage.Traverse():
+    for prim in all_prims(stage):
         for scope in scopes_of(prim):
             issues += checks[scope](prim)
     return issues
@@ -40,14 +40,14 @@ def check_stage(stage: Usd.Stage) -> list[Issue]:
 
 def uses_eulerfsi(stage: Usd.Stage) -> bool:
     """True when a prim has one of the schemas or an attribute of the namespace."""
-    return any(scopes_of(prim) or prim.GetAuthoredPropertiesInNamespace("eulerfsi") for prim in stage.Traverse())
+    return any(scopes_of(prim) or prim.GetAuthoredPropertiesInNamespace("eulerfsi") for prim in all_prims(stage))
 
 
 def check_scene(stage: Usd.Stage) -> list[Issue]:
     """Units of the stage, number of domains, names of schemas and attributes, solids inside the domain."""
     issues = check_units(stage)
     prims: dict[str, list[Usd.Prim]] = {scope: [] for scope in API_SCHEMAS}
-    for prim in stage.Traverse():
+    for prim in all_prims(stage):
         issues += check_names(prim)
         for scope in scopes_of(prim):
             if scope == "domain" or (is_ever_enabled if scope == "emitter" else is_enabled)(prim):
