@@ -17,6 +17,8 @@ from .scene import open_stage, read_scene, set_frames
 from .scene_parts import Scene
 from .system import available_memory, available_threads, format_bytes
 
+_MOST_LINES = 8  # of passengers of one body
+
 
 def validate(
     path: Path, frames_text: str | None, start: int | None, settings: list[str], threads: int | None
@@ -90,10 +92,15 @@ def _describe_given(scene: Scene) -> list[str]:
             f"{collider.path}: collider, {collider.report['triangles']:,} triangles, "
             f"friction {collider.values['friction']:g}, {' and '.join(ways) or 'stands still'}"
         )
-    for passenger in scene.passengers:
-        lines.append(f"{passenger.path}: rides along with {passenger.solid}, {len(passenger.local.points):,} points")
-    for rider in scene.riders:
-        lines.append(f"{rider.path}: follows the surface of {rider.collider}, {len(rider.local.points):,} points")
+    ways = [(part, f"rides along with {part.solid}") for part in scene.passengers]
+    ways += [(part, f"follows the surface of {part.collider}") for part in scene.riders]
+    for way in dict.fromkeys(way for _, way in ways):
+        parts = [part for part, its in ways if its == way]
+        sizes = [len(part.local.points) for part in parts]
+        if len(parts) > _MOST_LINES:
+            lines.append(f"{parts[0].path} and {len(parts) - 1} more: each {way}, {sum(sizes):,} points in all")
+        else:
+            lines += [f"{part.path}: {way}, {size:,} points" for part, size in zip(parts, sizes, strict=True)]
     return lines
 
 

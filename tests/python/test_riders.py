@@ -211,6 +211,11 @@ def test_validate_and_info_say_what_rides_on_what(tmp_path: Path, cli) -> None:
         "/World/Ball/Eye: rides along with /World/Ball, 62 points",
     ):
         assert line in checked.splitlines()
+    for number in range(9):
+        add_mesh(stage, f"/World/Ball/Freckle{number}", *sphere(0.01, 3))
+    stage.GetRootLayer().Save()
+    many = "/World/Ball/Eye and 9 more: each rides along with /World/Ball, 188 points in all"
+    assert many in cli("validate", tmp_path / "body.usda").stdout.splitlines()
     told = [" ".join(line.split()) for line in cli("info", tmp_path / "cache").stdout.splitlines()]
     at = told.index(f"{BODY}: collider")
     assert told[at + 1] == "friction 0"

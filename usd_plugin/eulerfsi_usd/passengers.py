@@ -30,17 +30,11 @@ def find_riders(collider: Usd.Prim) -> list[Usd.Prim]:
 
 def _named(body: Usd.Prim) -> list[Usd.Prim]:
     found = []
-    for target in carried_targets(body):
+    for target in targets(body, CARRIED):
         prim = body.GetStage().GetPrimAtPath(target)
         if prim:
             found += ([prim] if _can_ride(prim) else []) + _points_below(prim)
     return found
-
-
-def carried_targets(body: Usd.Prim) -> list[Sdf.Path]:
-    """Targets of eulerfsi:carried."""
-    relationship = body.GetRelationship(CARRIED)
-    return relationship.GetTargets() if relationship else []
 
 
 def _deforms_itself(prim: Usd.Prim) -> bool:
@@ -76,7 +70,7 @@ def check_passengers(solids: list[Usd.Prim], colliders: list[Usd.Prim]) -> list[
     issues: list[Issue] = []
     carriers: dict[Usd.Prim, Usd.Prim] = {}
     for body in [*solids, *colliders]:
-        for target in carried_targets(body):
+        for target in targets(body, CARRIED):
             issues += _check_target(body, target)
         try:
             carried = find_passengers(body) if body in solids else find_riders(body)
