@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import hashlib
 import json
@@ -20,7 +21,6 @@ from .frames import FrameRange
 from .parameters import StageUnits
 from .space import SimulationSpace, transform_points
 
-_BESIDE = 0.25  # frames before and after one from which velocities come
 _RECENT = 4  # times of which a shape is kept
 
 
@@ -181,23 +181,24 @@ class Rider:
     def in_own_space(self, frame: int) -> tuple[np.ndarray, np.ndarray]:
         """Points (n, 3) and velocities (n, 3) [1/s] in the space of the prim.
 
-        The velocities are the mean of those just before and just after the frame; where it stands still on one side,
-        that of the other: an animation may begin or end here.
+        The velocities are the mean over the frame before and the frame after; where it stands still in one of them, or
+        is another mesh there, that of the other: an animation may begin or end here.
         """
-        times = (frame - _BESIDE, frame, frame + _BESIDE)
-        now, *beside = (self._local_points(time) for time in (times[1], times[0], times[2]))
-        moved = [part if part is not None and not np.array_equal(part, now) else None for part in beside]
-        ends = [(times[1], now) if part is None else (time, part) for time, part in zip(times[::2], moved, strict=True)]
-        (start, before), (end, after) = ends
-        seconds = (end - start) / self.place.stage.GetTimeCodesPerSecond()
-        return now, (after - before) / seconds if seconds else np.zeros_like(now)
+        now = self._own_points(frame)
+        places = {frame: now}
+        for time in (frame - 1, frame + 1):
+            with contextlib.suppress(PoseError):
+                points = self._own_points(time)
+                if points is not None and not np.array_equal(points, now):
+                    places[time] = points
+        start, end = min(places), max(places)
+        if start == end:
+            return now, np.zeros_like(now)
+        return now, (places[end] - places[start]) * (self.place.stage.GetTimeCodesPerSecond() / (end - start))
 
-    def _local_points(self, frame: float) -> np.ndarray | None:
-        """None where the collider is another mesh then, or cannot be posed."""
-        try:
-            surface = self.place.points(frame)
-        except PoseError:
-            return None
+    def _own_points(self, frame: float) -> np.ndarray | None:
+        """None where the collider is another mesh. Raises PoseError."""
+        surface = self.place.points(frame)
         if len(surface) != self.binding.surface_points or not np.isfinite(surface).all():
             return None
         prim = self.place.stage.GetPrimAtPath(self.path)

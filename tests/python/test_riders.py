@@ -125,6 +125,18 @@ def test_they_have_normals_extent_and_velocities(tmp_path: Path, library) -> Non
         assert np.allclose(hat.GetExtentAttr().Get(frame), [now.min(axis=0), now.max(axis=0)])
 
 
+def test_velocities_are_those_of_the_frames_beside(tmp_path: Path, library) -> None:
+    """At rest until frame 2, then faster and faster, and at rest from frame 4 on."""
+    start, places = sphere(0.12, 8)[0], {1: 0.0, 2: 0.0, 3: 0.01, 4: 0.03, 5: 0.03}
+    stage = make_body(tmp_path / "body.usda", lambda frame: start + (places[frame], 0.0, 0.0))
+    add_mesh(stage, f"{BODY}/Hat", sphere(0.05, 6)[0] + (0, 0.13, 0), *sphere(0.05, 6)[1:])
+    result = run(stage, tmp_path / "cache")
+    hat = UsdGeom.Mesh(result.GetPrimAtPath(f"{BODY}/Hat"))
+    for frame, speed in {1: 0.0, 2: 0.24, 3: 0.36, 4: 0.48, 5: 0.0}.items():
+        velocities = np.asarray(hat.GetVelocitiesAttr().Get(frame), float)
+        assert np.abs(velocities - (speed, 0.0, 0.0)).max() < 1e-5, frame
+
+
 @pytest.mark.parametrize("growth", (0.5, 2.0))
 def test_what_grows_by_its_points_makes_what_rides_on_it_grow(growth: float, tmp_path: Path, library) -> None:
     start = sphere(0.12, 8)[0]
