@@ -347,6 +347,21 @@ def test_frames_count_from_the_first(tmp_path):
     assert read(stage, tmp_path / "a.usda").frames == FrameRange(1001, 1010)
 
 
+def test_a_schema_on_a_prim_that_nothing_defines_is_warned_of(cli, tmp_path):
+    stage = make_scene(tmp_path / "a.usda")
+    over = stage.OverridePrim("/World/Bal")
+    over.ApplyAPI("EulerFsiSolidAPI")
+    stage.CreateClassPrim("/_solid").ApplyAPI("EulerFsiSolidAPI")
+    stage.OverridePrim("/World/Off").ApplyAPI("EulerFsiSolidAPI")
+    stage.GetPrimAtPath("/World/Off").SetActive(False)
+    stage.GetRootLayer().Save()
+    told = cli("validate", "a.usda")
+    assert told.returncode == 0
+    warnings = [line for line in told.stdout.splitlines() if line.startswith("warning")]
+    assert len(warnings) == 1
+    assert "/World/Bal.specifier = an over with EulerFsiSolidAPI: must be defined: it takes no part" in warnings[0]
+
+
 def test_a_range_of_parts_of_frames_says_how_to_start(cli, tmp_path):
     stage = make_scene(tmp_path / "a.usda", frames=(1, 5))
     stage.SetStartTimeCode(0.5)

@@ -45,7 +45,7 @@ def uses_eulerfsi(stage: Usd.Stage) -> bool:
 
 def check_scene(stage: Usd.Stage) -> list[Issue]:
     """Units of the stage, number of domains, names of schemas and attributes, solids inside the domain."""
-    issues = check_units(stage)
+    issues = check_units(stage) + _check_defined(stage)
     prims: dict[str, list[Usd.Prim]] = {scope: [] for scope in API_SCHEMAS}
     for prim in all_prims(stage):
         issues += check_names(prim)
@@ -74,6 +74,18 @@ def check_scene(stage: Usd.Stage) -> list[Issue]:
         if not _box_fault(domain):
             for prim in prims["solid"]:
                 issues += check_inside(prim, domain)
+    return issues
+
+
+def _check_defined(stage: Usd.Stage) -> list[Issue]:
+    """Warns of schemas on prims that only overs speak of: a path that is misspelt, or a file that is missing."""
+    issues = []
+    for prim in Usd.PrimRange.Stage(stage, Usd.PrimAllPrimsPredicate):
+        scopes = scopes_of(prim) if prim.IsActive() and not prim.IsDefined() and not prim.IsAbstract() else ()
+        for scope in scopes:
+            value, limit = f"an over with {API_SCHEMAS[scope]}", "defined: it takes no part in the simulation"
+            hint = "look at its path, and at what the prims above it refer to"
+            issues.append(make_issue(prim, "specifier", value, limit, "UndefinedPrim", hint, severity="warning"))
     return issues
 
 

@@ -78,7 +78,7 @@ def check_passengers(solids: list[Usd.Prim], colliders: list[Usd.Prim]) -> list[
             continue  # the checks of the collider say so
         issues += _check_left_behind(body, body in solids)
         for prim in carried:
-            if prim in carriers:
+            if carriers.get(prim, body) != body:
                 limit = f"carried by one body only: {carriers[prim].GetPath()} carries it already"
                 issues.append(make_issue(body, CARRIED, prim.GetPath(), limit, "ManyCarriers"))
             carriers.setdefault(prim, body)
