@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from eulerfsi_usd import deform, given, gprims
+from eulerfsi_usd.issues import instance_above
 from eulerfsi_usd.pose import Pose, PoseError
 from pxr import Usd, UsdGeom, UsdShade
 
@@ -27,7 +28,10 @@ def read_solid(reader: Reader, space: SimulationSpace, prim: Usd.Prim) -> Solid:
     """Surface, placement and values; the mesh is not examined yet and the density is missing."""
     path = str(prim.GetPath())
     if prim.IsInstanceProxy():
-        raise SceneError(f"{path}: a solid inside an instance cannot be given its own points; set instanceable = false")
+        instance = instance_above(prim).GetPath()
+        raise SceneError(
+            f"{path}: a solid inside an instance cannot be given its own points; set instanceable = false on {instance}"
+        )
     local, file, pose = _surface(reader, prim)
     to_sim = space.from_local(reader.local_to_world(prim))
     handedness = determinant(to_sim)

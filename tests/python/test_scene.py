@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import author, box, make_scene, write_obj
+from conftest import author, box, make_scene, sphere, write_obj
 from eulerfsi import binding
 from eulerfsi.errors import SceneError, UsageError
 from eulerfsi.frames import FrameRange, parse_frames
@@ -360,6 +360,28 @@ def test_a_schema_on_a_prim_that_nothing_defines_is_warned_of(cli, tmp_path):
     warnings = [line for line in told.stdout.splitlines() if line.startswith("warning")]
     assert len(warnings) == 1
     assert "/World/Bal.specifier = an over with EulerFsiSolidAPI: must be defined: it takes no part" in warnings[0]
+
+
+def test_a_schema_below_an_instance_is_warned_of(cli, tmp_path):
+    """USD ignores what is authored there: the collider would be missed only on the screen."""
+    stage = make_scene(tmp_path / "a.usda")
+    points, counts, indices = sphere(0.05)
+    rock = UsdGeom.Mesh.Define(stage, "/Rocks/Small")
+    rock.CreatePointsAttr(points)
+    rock.CreateFaceVertexCountsAttr(counts)
+    rock.CreateFaceVertexIndicesAttr(indices)
+    pile = UsdGeom.Xform.Define(stage, "/World/Pile").GetPrim()
+    pile.GetReferences().AddInternalReference("/Rocks")
+    stage.OverridePrim("/World/Pile/Small").ApplyAPI("EulerFsiColliderAPI")
+    pile.SetInstanceable(True)
+    stage.GetRootLayer().Save()
+    told = cli("validate", "a.usda").stdout
+    assert (
+        "/World/Pile.instanceable = true: must be false: USD ignores EulerFsiColliderAPI on /World/Pile/Small" in told
+    )
+    pile.SetInstanceable(False)
+    stage.GetRootLayer().Save()
+    assert "instance" not in cli("validate", "a.usda").stdout
 
 
 def test_a_range_of_parts_of_frames_says_how_to_start(cli, tmp_path):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 import math
+from collections.abc import Iterable
 
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
@@ -45,7 +46,7 @@ def uses_eulerfsi(stage: Usd.Stage) -> bool:
 
 def check_scene(stage: Usd.Stage) -> list[Issue]:
     """Units of the stage, number of domains, names of schemas and attributes, solids inside the domain."""
-    issues = check_units(stage) + _check_defined(stage)
+    issues = check_units(stage) + _check_defined(stage) + _check_ignored(stage)
     prims: dict[str, list[Usd.Prim]] = {scope: [] for scope in API_SCHEMAS}
     for prim in all_prims(stage):
         issues += check_names(prim)
@@ -87,6 +88,27 @@ def _check_defined(stage: Usd.Stage) -> list[Issue]:
             hint = "look at its path, and at what the prims above it refer to"
             issues.append(make_issue(prim, "specifier", value, limit, "UndefinedPrim", hint, severity="warning"))
     return issues
+
+
+def _check_ignored(stage: Usd.Stage) -> list[Issue]:
+    """Warns of what is authored below an instance, where USD ignores it."""
+    issues = []
+    for instance in (prim for prim in stage.Traverse() if prim.IsInstance()):
+        for layer in stage.GetLayerStack():
+            spec = layer.GetPrimAtPath(instance.GetPath())
+            for part in _specs_below(spec) if spec else ():
+                schemas = part.GetInfo("apiSchemas").GetAddedOrExplicitItems()
+                names = [name for name in (*schemas, *part.properties.keys()) if name.lower().startswith("eulerfsi")]
+                if names:
+                    limit = f"false: USD ignores {names[0]} on {part.path}, inside the instance"
+                    issues.append(make_issue(instance, "instanceable", True, limit, "IgnoredOver", severity="warning"))
+    return issues
+
+
+def _specs_below(spec: Sdf.PrimSpec) -> Iterable[Sdf.PrimSpec]:
+    for child in spec.nameChildren:
+        yield child
+        yield from _specs_below(child)
 
 
 def _check_outflow(domain: Usd.Prim, emitters: list[Usd.Prim]) -> list[Issue]:

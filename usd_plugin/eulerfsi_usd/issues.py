@@ -60,6 +60,14 @@ def all_prims(stage: Usd.Stage) -> Iterable[Usd.Prim]:
     return Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate))
 
 
+def instance_above(prim: Usd.Prim) -> Usd.Prim:
+    """The outermost instance that an instance proxy lies in: what is to be made no instance to author the proxy."""
+    above = prim
+    while above.IsInstanceProxy():
+        above = above.GetParent()
+    return above
+
+
 def scopes_of(prim: Usd.Prim) -> list[str]:
     """Scopes whose schema is applied to the prim, whether or not the plug-in was registered in time."""
     applied = prim.GetPrimTypeInfo().GetAppliedAPISchemas()

@@ -7,7 +7,7 @@ from pxr import Sdf, Usd, UsdGeom
 
 from .deform import points_move
 from .given import PINS, targets
-from .issues import Issue, first_time, is_enabled, make_issue, scopes_of
+from .issues import Issue, first_time, instance_above, is_enabled, make_issue, scopes_of
 from .pose import Pose, PoseError, transform_drivers
 from .transforms import frames_of, moves
 
@@ -121,8 +121,8 @@ def _check_target(solid: Usd.Prim, target: Sdf.Path) -> list[Issue]:
 
 def _check_points(prim: Usd.Prim) -> list[Issue]:
     if prim.IsInstanceProxy():
-        limit = "set instanceable = false: what is carried is given its own points"
-        return [make_issue(prim, "instanceable", "an instance", limit, "InstancePassenger")]
+        limit = f"false: {prim.GetPath()} inside it is carried, and given its own points"
+        return [make_issue(instance_above(prim), "instanceable", True, limit, "InstancePassenger")]
     points = UsdGeom.PointBased(prim).GetPointsAttr().Get(first_time(prim.GetStage()))
     points = np.asarray(points if points is not None else (), float).reshape(-1, 3)
     if len(points) == 0:
