@@ -315,6 +315,16 @@ def make_tentacle() -> Usd.Stage:
     skinned = add_mesh(stage, "/World/Tentacle/Skin", shape, (0.45, 0.2, 0.5))
     skin(skinned, joints, lambda p: (p[1] / height) * joints - 0.25)
     apply_schema(skinned.GetPrim(), "collider", friction=0.3)
+    cup = box_mesh(4, on_ellipsoid(0.014, 0.014, 0.006))
+    cups = [root + Gf.Vec3d(0.0, 0.045 + 0.045 * i, radius) for i in range(7)]
+    suckers = {
+        "points": [place + point for place in cups for point in cup["points"]],
+        "counts": cup["counts"] * len(cups),
+        "indices": [i * len(cup["points"]) + index for i in range(len(cups)) for index in cup["indices"]],
+        "st": cup["st"] * len(cups),
+    }
+    add_mesh(stage, "/World/Suckers", suckers, (0.85, 0.6, 0.75))
+    skinned.GetPrim().CreateRelationship("eulerfsi:carried", False).SetTargets(["/World/Suckers"])
     ball = add_mesh(stage, "/World/Ball", box_mesh(12, on_sphere(0.07)), (0.9, 0.75, 0.2))
     ball.AddTranslateOp().Set(Gf.Vec3d(0.02, 0.35, 0.0))
     apply_schema(

@@ -97,7 +97,7 @@ def add_disc(stage: Usd.Stage, name: str, radius: float, place: tuple, color: tu
     root = UsdGeom.Xform.Define(stage, f"/World/{name}")
     root.AddTranslateOp().Set(Gf.Vec3d(*place))
     surface = box_mesh(16, on_cylinder(radius, 0.01))
-    disc = add_mesh(stage, f"/World/{name}/Disc", surface, color, look=name).GetPrim()
+    disc = add_mesh(stage, f"/World/{name}/Disc", surface, color).GetPrim()
     apply_schema(disc, "solid", **values)
     squares = checker(radius, 0.2 * radius, 0.0101)
     add_mesh(stage, f"/World/{name}/Squares", squares, (0.95, 0.95, 0.92))

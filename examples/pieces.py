@@ -180,8 +180,8 @@ def add_cube(stage: Usd.Stage, path: str, lower: tuple, size: tuple) -> Usd.Prim
     return cube.GetPrim()
 
 
-def add_mesh(stage: Usd.Stage, path: str, surface: dict[str, list], color: tuple, look: str = "") -> UsdGeom.Mesh:
-    """Polygon mesh with normals, texture coordinates and a preview material, `look` or named after the mesh."""
+def add_mesh(stage: Usd.Stage, path: str, surface: dict[str, list], color: tuple) -> UsdGeom.Mesh:
+    """Polygon mesh with normals, texture coordinates and a preview material of its own."""
     mesh = UsdGeom.Mesh.Define(stage, path)
     points = [Gf.Vec3f(*(round(x, DIGITS) for x in p)) for p in surface["points"]]
     normals = [Gf.Vec3d(0.0) for _ in points]
@@ -201,7 +201,7 @@ def add_mesh(stage: Usd.Stage, path: str, surface: dict[str, list], color: tuple
     unique = {uv: number for number, uv in enumerate(sorted(set(surface["st"])))}
     st.Set(Vt.Vec2fArray([Gf.Vec2f(*(round(x, DIGITS) for x in uv)) for uv in unique]))
     st.SetIndices(Vt.IntArray([unique[uv] for uv in surface["st"]]))
-    bind_material(stage, mesh.GetPrim(), color, look)
+    bind_material(stage, mesh.GetPrim(), color)
     return mesh
 
 
@@ -209,10 +209,15 @@ def _quads(indices: list[int]) -> list[list[int]]:
     return [indices[i : i + 4] for i in range(0, len(indices), 4)]
 
 
-def bind_material(stage: Usd.Stage, prim: Usd.Prim, color: tuple, look: str = "") -> None:
-    """Binds a plain UsdPreviewSurface, `look` or named after the prim."""
-    UsdGeom.Scope.Define(stage, "/World/Looks")
-    material = UsdShade.Material.Define(stage, f"/World/Looks/{look or prim.GetName()}")
+def bind_material(stage: Usd.Stage, prim: Usd.Prim, color: tuple) -> None:
+    """Binds a plain UsdPreviewSurface. Looks lie as their prims do: that of /World/A/Ball is /World/Looks/A/Ball."""
+    root = prim.GetPath().GetPrefixes()[0]
+    looks = root.AppendChild("Looks")
+    path = prim.GetPath().ReplacePrefix(root, looks)
+    for scope in [looks, *(p for p in path.GetParentPath().GetPrefixes() if p.HasPrefix(looks))]:
+        if not stage.GetPrimAtPath(scope):
+            UsdGeom.Scope.Define(stage, scope)
+    material = UsdShade.Material.Define(stage, path)
     shader = UsdShade.Shader.Define(stage, material.GetPath().AppendChild("Surface"))
     shader.CreateIdAttr("UsdPreviewSurface")
     shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*color))

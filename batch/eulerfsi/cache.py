@@ -105,7 +105,7 @@ class Cache:
     def write_frame(
         self, frame: int, simulation: Simulation, solids: list[int], passengers: list[int]
     ) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Writes all files of a frame and registers them; returns (points, velocities) of scene.drawn as written."""
+        """Writes all files of a frame and registers them; returns (points, velocities) of scene.simulated."""
         surfaces = [
             simulation.surface(identifier, len(solid.mesh.points))
             for identifier, solid in zip(solids, self.scene.solids, strict=True)
@@ -115,7 +115,7 @@ class Cache:
             for identifier, passenger in zip(passengers, self.scene.passengers, strict=True)
         ]
         written = {}
-        if solids:
+        if self.scene.drawn:
             written[self.writer.frame_name(frame)] = self.writer.write_frame(frame, surfaces)
         if self.scene.has_smoke:
             name = self.writer.vdb_name(frame)

@@ -72,7 +72,8 @@ def demand_start(wanted: FrameRange, first: int, checkpoint: int | None) -> None
 def check_frames(frames: FrameRange, where: str) -> FrameRange:
     """Limits of every range: not negative (cache readers take the number from file names), two frames at least."""
     if frames.first < 0:
-        raise UsageError(f"{where}: first frame {frames.first} must be >= 0")
+        way_out = "shift the scene's range and keys, or start later with --start-frame"
+        raise UsageError(f"{where}: first frame {frames.first} must be >= 0, as files are named by it; {way_out}")
     if frames.last < frames.first:
         raise UsageError(f"{where}: the last frame {frames.last} comes before the first, {frames.first}")
     if len(frames) < 2:

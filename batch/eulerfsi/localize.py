@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
 import shutil
@@ -17,8 +18,8 @@ from .reasons import usd_reason
 def localize_scene(scene: Path, folder: Path) -> Path:
     """Copies the scene's layers and assets into `folder` with relative paths; returns the copy of the root layer.
 
-    Files under the scene's own folder keep their place relative to it; others go to external/<n>/. References that
-    do not resolve stay as they are.
+    Files under the scene's own folder keep their place relative to it; others go to external/<n>/, or external1/<n>/
+    where the scene has a folder of that name itself, and so on. References that do not resolve stay as they are.
     """
     root = scene.resolve()
     try:
@@ -59,6 +60,8 @@ class _Places:
     def __init__(self, home: Path, folder: Path) -> None:
         self.home = home
         self.folder = folder
+        names = itertools.chain(["external"], (f"external{number}" for number in itertools.count(1)))
+        self.outside = folder / next(name for name in names if not (home / name).exists())
         self.external: dict[Path, int] = {}
 
     def of(self, source: Path) -> Path:
@@ -66,7 +69,7 @@ class _Places:
         if self.home in source.parents:
             return self.folder / source.relative_to(self.home)
         number = self.external.setdefault(source.parent, len(self.external))
-        return self.folder / "external" / str(number) / source.name
+        return self.outside / str(number) / source.name
 
     def relative(self, authored: str, layer: Sdf.Layer, target: Path) -> str:
         """What `authored` in `layer` reads in the copy at `target`."""

@@ -33,7 +33,7 @@ def write_preview(
     smoke: np.ndarray | None,
     title: str,
 ) -> None:
-    """Draws one frame. surfaces: of scene.drawn points [m] and velocities; smoke: (nx, ny, nz) density or None."""
+    """Draws one frame. surfaces: of scene.simulated points [m] and velocities; smoke: (nx, ny, nz) density or None."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -74,8 +74,8 @@ def write_preview(
     # The viewer looks against the third axis of a right-handed (right, up, towards) frame.
     toward = flip * (1.0 if (right, up, depth) in ((0, 1, 2), (1, 2, 0), (2, 0, 1)) else -1.0)
     polygons, shades, distances = [], [], []
-    shapes = [(solid, points) for solid, (points, _) in zip(scene.drawn, surfaces, strict=True)]
-    shapes += [(collider, collider.points(frame)) for collider in scene.colliders]
+    shapes = [(solid, points) for solid, (points, _) in zip(scene.simulated, surfaces, strict=True)]
+    shapes += [(body, body.points(frame)) for body in [*scene.riders, *scene.colliders]]
     for number, (solid, points) in enumerate(shapes):
         if not len(solid.mesh.counts):
             continue

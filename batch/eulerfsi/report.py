@@ -17,6 +17,8 @@ from .scene import open_stage, read_scene, set_frames
 from .scene_parts import Scene
 from .system import available_memory, available_threads, format_bytes
 
+_MOST_LINES = 8  # of passengers of one body
+
 
 def validate(
     path: Path, frames_text: str | None, start: int | None, settings: list[str], threads: int | None
@@ -41,7 +43,7 @@ def validate(
 
 
 def describe_scene(scene: Scene) -> list[str]:
-    """Domain, solids, emitters and forces, one a line, in SI."""
+    """Domain, solids, what is given, what rides along, emitters and forces, one a line, in SI."""
     cells = np.ceil(np.array(scene.domain["domain_size"]) / scene.domain["voxel_size"] - 1e-6).astype(int)
     size = " x ".join(f"{edge:.4g}" for edge in scene.domain["domain_size"])
     gravity = ", ".join(f"{g + 0.0:.4g}" for g in scene.domain["gravity"])
@@ -60,6 +62,7 @@ def describe_scene(scene: Scene) -> list[str]:
         )
         if solid.pose:
             lines.append(f"{solid.path}: {solid.pose}")
+    lines += _describe_given(scene)
     for emitter in scene.emitters:
         mode = next(name for name, number in binding.EMITTER_MODES.items() if number == emitter.values["mode"])
         text = f"{emitter.path}: {mode} emitter, smoke density {emitter.over_time('density').max():g}"
@@ -73,6 +76,31 @@ def describe_scene(scene: Scene) -> list[str]:
         )
         times = f"from {force.values['start_time']:g} to {force.values['end_time']:g} s"
         lines.append(f"{force.path}: {kind} force on {'fluid and solids' if on == 'both' else on}, {times}")
+    return lines
+
+
+def _describe_given(scene: Scene) -> list[str]:
+    """Pins, colliders, and what rides along."""
+    lines = []
+    for pin in scene.pins:
+        where = f"{int(pin.vertices.sum()):,} vertices" if pin.vertices is not None else f"what lies in {pin.path}"
+        driver = f"follows {pin.motion.driver}" if pin.motion.moves else "stays where it starts"
+        lines.append(f"{pin.solid}: pinned, {where}, {driver}")
+    for collider in scene.colliders:
+        ways = ["moves"] * collider.motion.moves + ["deforms"] * (collider.shape is not None)
+        lines.append(
+            f"{collider.path}: collider, {collider.report['triangles']:,} triangles, "
+            f"friction {collider.values['friction']:g}, {' and '.join(ways) or 'stands still'}"
+        )
+    ways = [(part, f"rides along with {part.solid}") for part in scene.passengers]
+    ways += [(part, f"follows the surface of {part.collider}") for part in scene.riders]
+    for way in dict.fromkeys(way for _, way in ways):
+        parts = [part for part, its in ways if its == way]
+        sizes = [len(part.local.points) for part in parts]
+        if len(parts) > _MOST_LINES:
+            lines.append(f"{parts[0].path} and {len(parts) - 1} more: each {way}, {sum(sizes):,} points in all")
+        else:
+            lines += [f"{part.path}: {way}, {size:,} points" for part, size in zip(parts, sizes, strict=True)]
     return lines
 
 
@@ -139,10 +167,9 @@ def describe_parameters(path: str, values: dict[str, Any]) -> list[str]:
     values: {field of the C definition: SI value}, as a manifest holds them. What has no row in the parameter table is
     named by its field.
     """
-    scope = "domain" if "voxel_size" in values else "solid" if "youngs_modulus" in values else "emitter"
-    scope = "force" if "acts_on" in values else scope
-    rows = {row.field: row for row in table()[scope].values() if row.field}
-    lines = [f"{path}: {scope}"]
+    kind = next((name for name, field in _KINDS.items() if field in values), "prim")
+    rows = {row.field: row for row in table().get(kind, {}).values() if row.field}
+    lines = [f"{path}: {kind}"]
     for field, value in values.items():
         row = rows.get(field)
         if field == "transform":
@@ -155,6 +182,16 @@ def describe_parameters(path: str, values: dict[str, Any]) -> list[str]:
     return lines
 
 
+# What a prim is, by a field that only such prims have; the first that fits.
+_KINDS = {
+    "domain": "voxel_size",
+    "solid": "youngs_modulus",
+    "force": "acts_on",
+    "emitter": "mode",
+    "passenger": "carried_by",
+    "pin": "driver",
+    "collider": "friction",
+}
 # Fields that are no parameters: they follow from prims.
 _UNITS = {"domain_min": "m", "domain_size": "m", "gravity": "m/s^2"}
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import eulerfsi_usd  # noqa: F401 - registers the schema before a stage is opened
 import numpy as np
+from eulerfsi_usd.issues import all_prims
 from eulerfsi_usd.passengers import find_passengers
 from pxr import Tf, Usd, UsdGeom, UsdPhysics
 
@@ -17,8 +18,9 @@ from .frames import FrameRange, check_frames
 from .parameters import StageUnits, table
 from .reasons import usd_reason
 from .references import how_to_make_a_scene, is_usd_file
-from .scene_bodies import examine, read_collider, read_density, read_passenger, read_pins, read_solid
+from .scene_bodies import examine, read_collider, read_density, read_pins, read_solid
 from .scene_parts import Scene, slab_axis
+from .scene_passengers import read_passenger, read_riders
 from .scene_sources import read_emitters, read_forces
 from .scene_values import DOMAIN_API, Reader, find_prims, stage_units
 from .space import domain_space
@@ -48,11 +50,16 @@ def stage_frames(stage: Usd.Stage) -> FrameRange:
     return check_frames(frames, f"stage range {frames}")
 
 
-def _authored_range(stage: Usd.Stage) -> FrameRange:
+def _authored_range(stage: Usd.Stage, start: int | None = None) -> FrameRange:
+    """start: --start-frame; with it the whole frames of the range count."""
     first, last = stage.GetStartTimeCode(), stage.GetEndTimeCode()
-    if first != int(first) or last != int(last):
-        raise SceneError(f"stage: startTimeCode {first:g} and endTimeCode {last:g}: must be whole numbers")
-    return FrameRange(int(first), int(last))
+    limits = f"stage: startTimeCode {first:g} and endTimeCode {last:g}: must be whole numbers"
+    if not (math.isfinite(first) and math.isfinite(last)):
+        raise SceneError(limits)
+    whole = FrameRange(math.ceil(first), math.floor(last))
+    if start is None and (first, last) != (whole.first, whole.last):
+        raise SceneError(f"{limits}; --start-frame {whole.first} simulates the whole frames from there")
+    return whole
 
 
 def set_frames(stage: Usd.Stage, wanted: FrameRange | None, start: int | None) -> None:
@@ -61,7 +68,7 @@ def set_frames(stage: Usd.Stage, wanted: FrameRange | None, start: int | None) -
     wanted: --frames, start: --start-frame. A simulation starts at the scene's first frame, whatever frames are wanted,
     unless `start` says otherwise; `wanted` gives the first where the stage has no range. Raises UsageError.
     """
-    own = _authored_range(stage) if stage.HasAuthoredTimeCodeRange() else wanted
+    own = _authored_range(stage, start) if stage.HasAuthoredTimeCodeRange() else wanted
     if own is None or (wanted is None and start is None):
         return  # the range is the stage's own, or missing
     start, last = own.first if start is None else start, (wanted or own).last
@@ -117,6 +124,7 @@ def read_scene(stage: Usd.Stage, path: Path, memory_limit: int = 0, threads: int
         for solid in solids
         for prim in find_passengers(stage.GetPrimAtPath(solid.path))
     ]
+    riders = [rider for collider in colliders for rider in read_riders(reader, space, collider, stage)]
     forces = [force for prim in find_prims(stage, "force") for force in read_forces(reader, space, prim, frames)]
     fps = stage.GetTimeCodesPerSecond()
     return Scene(
@@ -135,6 +143,7 @@ def read_scene(stage: Usd.Stage, path: Path, memory_limit: int = 0, threads: int
         passengers,
         pins,
         colliders,
+        riders,
     )
 
 
@@ -185,7 +194,7 @@ def _domain_values(reader: Reader, prim: Usd.Prim, meters: np.ndarray, mirrored:
 def _gravity(stage: Usd.Stage, units: StageUnits, warnings: list[str]) -> np.ndarray:
     """World vector [m/s^2] from the PhysicsScene; 9.81 down without one."""
     up = np.array([0.0, 0.0, 1.0] if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else [0.0, 1.0, 0.0])
-    scenes = [UsdPhysics.Scene(prim) for prim in stage.Traverse() if prim.IsA(UsdPhysics.Scene)]
+    scenes = [UsdPhysics.Scene(prim) for prim in all_prims(stage) if prim.IsA(UsdPhysics.Scene)]
     if len(scenes) > 1:
         warnings.append(f"{len(scenes)} PhysicsScene prims: gravity is taken from {scenes[0].GetPath()}")
     direction, magnitude = -up, EARTH_GRAVITY

@@ -1,4 +1,4 @@
-"""Bodies of a scene: solids where they start and how they move then, what rides along, pins, colliders."""
+"""Bodies of a scene: solids where they start and how they move then, pins, colliders."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from eulerfsi_usd import deform, given, gprims
+from eulerfsi_usd.issues import instance_above
 from eulerfsi_usd.pose import Pose, PoseError
 from pxr import Usd, UsdGeom, UsdShade
 
@@ -15,7 +16,7 @@ from .errors import Cancelled, LibraryError, SceneError
 from .motion import fit_rigid_motion, volume_center
 from .progress import Waiting
 from .reasons import mesh_reason
-from .scene_parts import Collider, Deformation, Emitter, Motion, Passenger, Pin, Solid, slab_axis
+from .scene_parts import Collider, Deformation, Emitter, Motion, Pin, Solid, slab_axis
 from .scene_values import Reader
 from .signals import Signals
 from .space import SimulationSpace, determinant, orthonormal_rows, transform_points, transform_vectors
@@ -27,7 +28,10 @@ def read_solid(reader: Reader, space: SimulationSpace, prim: Usd.Prim) -> Solid:
     """Surface, placement and values; the mesh is not examined yet and the density is missing."""
     path = str(prim.GetPath())
     if prim.IsInstanceProxy():
-        raise SceneError(f"{path}: a solid inside an instance cannot be given its own points; set instanceable = false")
+        instance = instance_above(prim).GetPath()
+        raise SceneError(
+            f"{path}: a solid inside an instance cannot be given its own points; set instanceable = false on {instance}"
+        )
     local, file, pose = _surface(reader, prim)
     to_sim = space.from_local(reader.local_to_world(prim))
     handedness = determinant(to_sim)
@@ -61,13 +65,13 @@ def _surface(reader: Reader, prim: Usd.Prim) -> tuple[solver.Mesh, str, Pose]:
             raise SceneError(f"{path}: eulerfsi:surfaceFile = {asset.path}: {mesh_reason(file, error)}") from error
     if not prim.IsA(UsdGeom.Mesh):
         raise SceneError(f"{path}: a {prim.GetTypeName() or 'typeless'} prim needs eulerfsi:surfaceFile; or use a Mesh")
-    pose, points, counts, indices = _posed_mesh(reader, prim)
+    pose, points, counts, indices = posed_mesh(reader, prim)
     if not len(points) or not counts or not indices:
         raise SceneError(f"{path}: the mesh has no points or no faces at frame {reader.time.GetValue():g}")
     return solver.Mesh(points, np.array(counts), np.array(indices)), "", pose
 
 
-def _posed_mesh(reader: Reader, prim: Usd.Prim) -> tuple[Pose, Any, Any, Any]:
+def posed_mesh(reader: Reader, prim: Usd.Prim) -> tuple[Pose, Any, Any, Any]:
     """The pose of a Mesh, its points in it, and its faces: counts and indices, None where nothing is authored."""
     geom, pose = UsdGeom.Mesh(prim), Pose(prim, own_points=True)
     try:
@@ -76,26 +80,6 @@ def _posed_mesh(reader: Reader, prim: Usd.Prim) -> tuple[Pose, Any, Any, Any]:
         raise SceneError(f"{prim.GetPath()}: skel:skeleton = {pose.skeleton}: cannot be applied: {error}") from error
     counts = geom.GetFaceVertexCountsAttr().Get(reader.time)
     return pose, points, counts, geom.GetFaceVertexIndicesAttr().Get(reader.time)
-
-
-def read_passenger(reader: Reader, space: SimulationSpace, solid: Usd.Prim, prim: Usd.Prim) -> Passenger:
-    """Where a prim is while the solid is in its rest shape: both as posed at the start."""
-    path, is_mesh = str(prim.GetPath()), prim.IsA(UsdGeom.Mesh)
-    counts = indices = subdivision = None
-    if is_mesh:
-        _, points, counts, indices = _posed_mesh(reader, prim)
-        subdivision = str(UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get())
-    else:
-        points = np.asarray(UsdGeom.PointBased(prim).GetPointsAttr().Get(reader.time), float)
-    local = solver.Mesh(points, np.array(counts or (), int), np.array(indices or (), int))
-    if is_mesh and (local.counts.sum() != len(local.indices) or (local.indices >= len(local.points)).any()):
-        raise SceneError(f"{path}: faceVertexCounts, faceVertexIndices and points of the mesh do not fit")
-    to_sim = space.from_local(reader.local_to_world(prim))
-    if determinant(to_sim) == 0:
-        raise SceneError(f"{path}: the transform of what {solid.GetPath()} carries has a zero scale")
-    placed = solver.Mesh(transform_points(local.points, to_sim), local.counts, local.indices)
-    left_handed = is_mesh and reader.authored(prim, "orientation") == UsdGeom.Tokens.leftHanded
-    return Passenger(path, str(solid.GetPath()), placed, local, subdivision or "", left_handed)
 
 
 def closed_mesh(reader: Reader, space: SimulationSpace, prim: Usd.Prim) -> solver.Mesh:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import hashlib
 import json
@@ -11,12 +12,16 @@ from typing import Any
 
 import numpy as np
 from eulerfsi_usd import deform, transforms
+from eulerfsi_usd.pose import PoseError
 from pxr import Usd, UsdGeom
 
 from . import binding, solver
+from .follow import Binding
 from .frames import FrameRange
 from .parameters import StageUnits
 from .space import SimulationSpace, transform_points
+
+_RECENT = 4  # times of which a shape is kept
 
 
 @dataclasses.dataclass
@@ -77,13 +82,20 @@ class Deformation:
     space: SimulationSpace
     first: int
     stretched: bool
+    _recent: dict[float, np.ndarray] = dataclasses.field(default_factory=dict, repr=False)  # one asks more than once
 
-    def points(self, frame: int) -> np.ndarray:
-        """(n, 3) in simulation space: the motion of the collider places them in a frame."""
-        prim = self.stage.GetPrimAtPath(self.path)
-        time = Usd.TimeCode(frame if self.stretched else self.first)
-        matrix = UsdGeom.XformCache(time).GetLocalToWorldTransform(prim)
-        return transform_points(deform.points_at(prim, frame), self.space.from_local(np.array(matrix)))
+    def points(self, frame: float) -> np.ndarray:
+        """(n, 3) in simulation space: the motion of the collider places them in a frame. Raises PoseError."""
+        if frame not in self._recent:
+            prim = self.stage.GetPrimAtPath(self.path)
+            time = Usd.TimeCode(frame if self.stretched else self.first)
+            matrix = UsdGeom.XformCache(time).GetLocalToWorldTransform(prim)
+            points = transform_points(deform.points_at(prim, frame), self.space.from_local(np.array(matrix)))
+            points.flags.writeable = False
+            while len(self._recent) >= _RECENT:
+                del self._recent[next(iter(self._recent))]
+            self._recent[frame] = points
+        return self._recent[frame]
 
 
 @dataclasses.dataclass
@@ -137,6 +149,62 @@ class Passenger:
     def output_path(self) -> str:
         """The prim that receives the points."""
         return self.path
+
+
+@dataclasses.dataclass
+class Rider:
+    """What follows the surface of a collider. place: where that surface is; local: as of Solid, at the first frame."""
+
+    path: str
+    collider: str  # path of the collider
+    place: Deformation
+    binding: Binding
+    local: solver.Mesh
+    subdivision: str  # "" where there are no faces
+    left_handed: bool = False
+    surface_file: str = ""
+
+    @property
+    def output_path(self) -> str:
+        """The prim that receives the points."""
+        return self.path
+
+    @property
+    def mesh(self) -> solver.Mesh:
+        """Where it is at the first frame, simulation space."""
+        return solver.Mesh(self.points(self.place.first), self.local.counts, self.local.indices)
+
+    def points(self, frame: float) -> np.ndarray:
+        """(n, 3) in a frame, simulation space. Raises PoseError."""
+        return self.binding.points(self.place.points(frame))
+
+    def in_own_space(self, frame: int) -> tuple[np.ndarray, np.ndarray]:
+        """Points (n, 3) and velocities (n, 3) [1/s] in the space of the prim.
+
+        The velocities are the mean over the frame before and the frame after; where it stands still in one of them, or
+        is another mesh there, that of the other: an animation may begin or end here.
+        """
+        now = self._own_points(frame)
+        places = {frame: now}
+        for time in (frame - 1, frame + 1):
+            with contextlib.suppress(PoseError):
+                points = self._own_points(time)
+                if points is not None and np.abs(points - now).max() > deform.SAME * np.abs(now).max():
+                    places[time] = points
+        start, end = min(places), max(places)
+        if start == end:
+            return now, np.zeros_like(now)
+        return now, (places[end] - places[start]) * (self.place.stage.GetTimeCodesPerSecond() / (end - start))
+
+    def _own_points(self, frame: float) -> np.ndarray | None:
+        """None where the collider is another mesh. Raises PoseError."""
+        surface = self.place.points(frame)
+        if len(surface) != self.binding.surface_points or not np.isfinite(surface).all():
+            return None
+        prim = self.place.stage.GetPrimAtPath(self.path)
+        to_world = UsdGeom.XformCache(Usd.TimeCode(frame)).GetLocalToWorldTransform(prim)
+        world = self.place.space.point_to_world(self.binding.points(surface))
+        return transform_points(world, np.array(to_world.GetInverse()))
 
 
 @dataclasses.dataclass
@@ -204,11 +272,17 @@ class Scene:
     passengers: list[Passenger] = dataclasses.field(default_factory=list)
     pins: list[Pin] = dataclasses.field(default_factory=list)
     colliders: list[Collider] = dataclasses.field(default_factory=list)
+    riders: list[Rider] = dataclasses.field(default_factory=list)
 
     @property
-    def drawn(self) -> list[Solid | Passenger]:
-        """All that gets points in every frame."""
+    def simulated(self) -> list[Solid | Passenger]:
+        """All that gets points from the solver in every frame."""
         return [*self.solids, *self.passengers]
+
+    @property
+    def drawn(self) -> list[Solid | Passenger | Rider]:
+        """All that gets points in every frame."""
+        return [*self.simulated, *self.riders]
 
     @property
     def name(self) -> str:
@@ -230,6 +304,8 @@ class Scene:
                 result[emitter.path] |= {f"key_{field}": emitter.over_time(field).ravel().tolist()}
         for passenger in self.passengers:
             result[passenger.path] = {"carried_by": passenger.solid}
+        for rider in self.riders:
+            result[rider.path] = {"carried_by": rider.collider}
         for pin in self.pins:
             result[f"{pin.path} (pin)"] = {"solid": pin.solid, "driver": pin.motion.driver}
         return json.loads(json.dumps(result))

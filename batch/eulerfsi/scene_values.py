@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
+from eulerfsi_usd.issues import all_prims
 from eulerfsi_usd.parameters import API_SCHEMAS
 from pxr import Usd, UsdGeom, UsdPhysics
 
@@ -33,8 +34,7 @@ def applied_scopes(prim: Usd.Prim) -> list[str]:
 
 def find_prims(stage: Usd.Stage, scope: str) -> list[Usd.Prim]:
     """Prims of one scope in stage order, instance proxies included."""
-    everything = Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate))
-    return [prim for prim in everything if scope in applied_scopes(prim)]
+    return [prim for prim in all_prims(stage) if scope in applied_scopes(prim)]
 
 
 def stage_units(stage: Usd.Stage) -> StageUnits:

@@ -15,7 +15,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 
 from . import files
-from .scene_parts import Passenger, Scene, Solid
+from .scene_parts import Passenger, Rider, Scene, Solid
 from .space import transform_points, transform_vectors
 
 _TYPES = {
@@ -55,6 +55,15 @@ def vertex_normals(points: np.ndarray, triangles: np.ndarray, left_handed: bool)
     return (normals / length[:, None]).astype(np.float32)
 
 
+def _values(part: Solid | Passenger | Rider, points: np.ndarray, velocities: np.ndarray) -> dict[str, np.ndarray]:
+    """Values of the attributes of a prim, from what it has in its own space."""
+    values = {"points": points.astype(np.float32), "velocities": velocities.astype(np.float32)}
+    if part.subdivision == "none":
+        values["normals"] = vertex_normals(values["points"], part.local.triangles(), part.left_handed)
+    values["extent"] = np.stack([values["points"].min(axis=0), values["points"].max(axis=0)])
+    return {name: np.ascontiguousarray(value) for name, value in values.items()}
+
+
 class UsdWriter:
     """Writes the USD part of one cache. Paths in the layers are relative to the cache folder."""
 
@@ -72,26 +81,29 @@ class UsdWriter:
         return f"vdb/{self.scene.name}.{frame:04d}.vdb"
 
     def write_frame(self, frame: int, surfaces: list[tuple[np.ndarray, np.ndarray]]) -> str:
-        """Writes one frame layer. surfaces: of scene.drawn, positions [m] and velocities [m/s] in simulation space.
+        """Writes one frame layer. surfaces: of scene.simulated, positions [m] and velocities [m/s] in simulation space.
 
         Returns the content hash: SHA-256 of prim paths, points and velocities as written.
         """
         layer = Sdf.Layer.CreateAnonymous(".usdc")
         content = hashlib.sha256()
-        for solid, (points, velocities) in zip(self.scene.drawn, surfaces, strict=True):
-            values = self._local_values(solid, frame, points, velocities)
-            prim = Sdf.CreatePrimInLayer(layer, solid.output_path)
+        placed = [self._in_own_space(part, frame, *at) for part, at in zip(self.scene.simulated, surfaces, strict=True)]
+        placed += [rider.in_own_space(frame) for rider in self.scene.riders]
+        for part, (points, velocities) in zip(self.scene.drawn, placed, strict=True):
+            values = _values(part, points, velocities)
+            prim = Sdf.CreatePrimInLayer(layer, part.output_path)
             for name, value in values.items():
                 spec = Sdf.AttributeSpec(prim, name, _TYPES[name])
                 layer.SetTimeSample(spec.path, frame, Vt.Vec3fArray.FromNumpy(value))
-            content.update(solid.output_path.encode() + values["points"].tobytes() + values["velocities"].tobytes())
+            content.update(part.output_path.encode() + values["points"].tobytes() + values["velocities"].tobytes())
         with files.replacing(self.folder / self.frame_name(frame)) as temporary:
             files.export_layer(layer, temporary)
         return content.hexdigest()
 
-    def _local_values(
+    def _in_own_space(
         self, solid: Solid | Passenger, frame: int, points: np.ndarray, velocities: np.ndarray
-    ) -> dict[str, np.ndarray]:
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Points and velocities in the space of the prim."""
         prim = self.scene.stage.GetPrimAtPath(solid.path)
         to_world = self._local_to_world(prim, frame)
         to_local = np.array(Gf.Matrix4d(to_world).GetInverse())
@@ -100,14 +112,7 @@ class UsdWriter:
         step = 0.01
         rate = (self._local_to_world(prim, frame + step) - np.array(to_world)) * (self.scene.fps / step)
         world_velocities = self.scene.space.velocity_to_world(velocities) - transform_points(local, rate)
-        values = {
-            "points": local.astype(np.float32),
-            "velocities": transform_vectors(world_velocities, to_local).astype(np.float32),
-        }
-        if solid.subdivision == "none":
-            values["normals"] = vertex_normals(values["points"], solid.local.triangles(), solid.left_handed)
-        values["extent"] = np.stack([values["points"].min(axis=0), values["points"].max(axis=0)])
-        return {name: np.ascontiguousarray(value) for name, value in values.items()}
+        return local, transform_vectors(world_velocities, to_local)
 
     @staticmethod
     def _local_to_world(prim: Usd.Prim, frame: float) -> np.ndarray:
@@ -157,7 +162,7 @@ class UsdWriter:
         layer.startTimeCode, layer.endTimeCode = self.scene.frames.first, last
         layer.customLayerData = {**source.GetInfo("customLayerData"), "eulerfsi": _usd_dictionary(data)}
 
-    def _write_clips(self, layer: Sdf.Layer, solid: Solid | Passenger, last: int) -> None:
+    def _write_clips(self, layer: Sdf.Layer, solid: Solid | Passenger | Rider, last: int) -> None:
         prim = Sdf.CreatePrimInLayer(layer, solid.output_path)
         if solid.surface_file:
             prim.specifier, prim.typeName = Sdf.SpecifierDef, "Mesh"
@@ -188,13 +193,13 @@ class UsdWriter:
             },
         )
 
-    def _block(self, spec: Sdf.PrimSpec, solid: Solid | Passenger, name: str) -> None:
+    def _block(self, spec: Sdf.PrimSpec, solid: Solid | Passenger | Rider, name: str) -> None:
         """Takes away an attribute that the scene authors."""
         attribute = self.scene.stage.GetPrimAtPath(solid.path).GetAttribute(name)
         if attribute and attribute.HasAuthoredValue():
             Sdf.AttributeSpec(spec, name, attribute.GetTypeName()).default = Sdf.ValueBlock()
 
-    def _hold_topology(self, spec: Sdf.PrimSpec, solid: Solid | Passenger) -> None:
+    def _hold_topology(self, spec: Sdf.PrimSpec, solid: Solid | Passenger | Rider) -> None:
         """Faces that change over time stay those of the first frame, to which the simulated points belong."""
         mesh = UsdGeom.Mesh(self.scene.stage.GetPrimAtPath(solid.path))
         for attribute, value in (

@@ -14,10 +14,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, Vt
+from pxr import Gf, Kind, Usd, UsdGeom, Vt
 from skimage.measure import marching_cubes
 
 ASSETS = Path(__file__).resolve().parent
+sys.path.insert(0, str(ASSETS.parent))
+
+from pieces import bind_material  # noqa: E402
+
 SPACING = 0.03  # of the grid on which a shape is sampled
 DIGITS = 5  # decimals of coordinates
 BLEND = 0.06  # radius of the fillets between parts
@@ -186,15 +190,7 @@ def add_mesh(stage: Usd.Stage, path: str, points: np.ndarray, faces: np.ndarray,
     mesh.CreateFaceVertexCountsAttr([3] * len(faces))
     mesh.CreateFaceVertexIndicesAttr(faces.ravel().tolist())
     mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(places))
-    looks = mesh.GetPath().GetPrefixes()[0].AppendChild("Looks")
-    UsdGeom.Scope.Define(stage, looks)
-    material = UsdShade.Material.Define(stage, looks.AppendChild(mesh.GetPrim().GetName()))
-    shader = UsdShade.Shader.Define(stage, material.GetPath().AppendChild("Surface"))
-    shader.CreateIdAttr("UsdPreviewSurface")
-    shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*color))
-    shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(0.4)
-    material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
-    UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(material)
+    bind_material(stage, mesh.GetPrim(), color)
     return mesh
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import make_scene, sphere, world_points
+from conftest import content_hashes, make_scene, sphere, world_points
 from eulerfsi.scene import open_stage, read_scene
 from eulerfsi.simulate import Options, simulate
 from eulerfsi_usd import checks
@@ -178,3 +178,16 @@ def test_points_that_are_not_finite_or_turn_inside_out_are_named(rising: Path) -
     mesh.GetPointsAttr().Set(rock_points(5) * (1, -1, 1), 5)
     [(code, message)] = faults(stage)
     assert code == "InvertedCollider" and "at frame 5" in message and "of the same sign" in message
+
+
+def test_a_run_that_ends_before_the_points_move_can_go_on(rising: Path, tmp_path: Path, library) -> None:
+    stage = Usd.Stage.Open(str(rising))
+    points = UsdGeom.Mesh(stage.GetPrimAtPath(ROCK)).GetPointsAttr()
+    for frame in range(1, 8):
+        points.Set(rock_points(max(1, frame - 3)), frame)
+    stage.GetRootLayer().Save()
+    whole = simulate(rising, Options(output=tmp_path / "whole", progress="none"))
+    simulate(rising, Options(output=tmp_path / "parts", progress="none", frames="1-3"))
+    parts = simulate(rising, Options(output=tmp_path / "parts", progress="none", resume=True))
+    assert parts.resumed
+    assert content_hashes(whole.folder) == content_hashes(parts.folder)

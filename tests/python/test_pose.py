@@ -13,6 +13,7 @@ from eulerfsi.motion import fit_rigid_motion, volume_center
 from eulerfsi.scene import read_scene
 from eulerfsi.simulate import Options, simulate
 from eulerfsi.solver import Mesh
+from eulerfsi_usd import checks
 from eulerfsi_usd.pose import Pose
 from figures import BODY, add_tube, make_figure, start_stage, tube
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, UsdValidation, Vt
@@ -286,6 +287,35 @@ def test_animation_is_warned_of_once_by_validate_and_simulate(cli, tmp_path):
     )
     assert "velocity (0.3, 0, 0) m/s of the animation" in report.stdout
     assert cli("simulate", "s.usda", "--progress", "none").stderr.count(solid) == 1
+
+
+def idle(stage: Usd.Stage) -> list[str]:
+    return [issue.message for issue in checks.check_stage(stage) if issue.code == "IdleSkinning"]
+
+
+@pytest.mark.parametrize("api", ("EulerFsiSolidAPI", "EulerFsiColliderAPI"))
+def test_joint_weights_that_do_nothing_are_warned_of(api, tmp_path):
+    """USD skins only what a SkelRoot and a skeleton reach, by prims that can be drawn."""
+    stage = make_figure(tmp_path / "f.usda")
+    stage.GetPrimAtPath(BODY).RemoveAPI("EulerFsiSolidAPI")
+    stage.GetPrimAtPath(BODY).ApplyAPI(api)
+    assert idle(stage) == []
+    figure = stage.GetPrimAtPath("/World/Figure")
+    figure.SetTypeName("Xform")
+    [message] = idle(stage)
+    assert message.startswith(f"{BODY}: is not skinned") and message.endswith("there is no SkelRoot above it")
+    figure.SetTypeName("SkelRoot")
+    targets = figure.GetRelationship("skel:skeleton").GetTargets()
+    figure.GetRelationship("skel:skeleton").SetTargets([])
+    assert idle(stage)[0].endswith("no skel:skeleton is bound to it or above it")
+    figure.GetRelationship("skel:skeleton").SetTargets(targets)
+    layer = stage.GetRootLayer()
+    stage.DefinePrim("/World/Figure/Geo")
+    Sdf.CopySpec(layer, BODY, layer, "/World/Figure/Geo/Body")
+    stage.RemovePrim(BODY)
+    assert "/World/Figure/Geo, between it and its SkelRoot, is a prim without a type; make it" in idle(stage)[0]
+    stage.GetPrimAtPath("/World/Figure/Geo").SetTypeName("Scope")
+    assert idle(stage) == []
 
 
 def test_skinning_that_cannot_be_computed_is_an_error_with_its_prim(cli, tmp_path):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import author, box, make_scene, write_obj
+from conftest import author, box, make_scene, sphere, write_obj
 from eulerfsi import binding
 from eulerfsi.errors import SceneError, UsageError
 from eulerfsi.frames import FrameRange, parse_frames
@@ -345,6 +345,84 @@ def test_other_frame_ranges_say_what_is_wrong(text, message):
 def test_frames_count_from_the_first(tmp_path):
     stage = make_scene(tmp_path / "a.usda", frames=(1001, 1010))
     assert read(stage, tmp_path / "a.usda").frames == FrameRange(1001, 1010)
+
+
+def test_a_schema_on_a_prim_that_nothing_defines_is_warned_of(cli, tmp_path):
+    stage = make_scene(tmp_path / "a.usda")
+    over = stage.OverridePrim("/World/Bal")
+    over.ApplyAPI("EulerFsiSolidAPI")
+    stage.CreateClassPrim("/_solid").ApplyAPI("EulerFsiSolidAPI")
+    stage.OverridePrim("/World/Off").ApplyAPI("EulerFsiSolidAPI")
+    stage.GetPrimAtPath("/World/Off").SetActive(False)
+    stage.GetRootLayer().Save()
+    told = cli("validate", "a.usda")
+    assert told.returncode == 0
+    warnings = [line for line in told.stdout.splitlines() if line.startswith("warning")]
+    assert len(warnings) == 1
+    assert "/World/Bal.specifier = an over with EulerFsiSolidAPI: must be defined: it takes no part" in warnings[0]
+
+
+def test_a_schema_below_an_instance_is_warned_of(cli, tmp_path):
+    """USD ignores what is authored there: the collider would be missed only on the screen."""
+    stage = make_scene(tmp_path / "a.usda")
+    points, counts, indices = sphere(0.05)
+    rock = UsdGeom.Mesh.Define(stage, "/Rocks/Small")
+    rock.CreatePointsAttr(points)
+    rock.CreateFaceVertexCountsAttr(counts)
+    rock.CreateFaceVertexIndicesAttr(indices)
+    pile = UsdGeom.Xform.Define(stage, "/World/Pile").GetPrim()
+    pile.GetReferences().AddInternalReference("/Rocks")
+    stage.OverridePrim("/World/Pile/Small").ApplyAPI("EulerFsiColliderAPI")
+    pile.SetInstanceable(True)
+    stage.GetRootLayer().Save()
+    told = cli("validate", "a.usda").stdout
+    assert (
+        "/World/Pile.instanceable = true: must be false: USD ignores EulerFsiColliderAPI on /World/Pile/Small" in told
+    )
+    pile.SetInstanceable(False)
+    stage.GetRootLayer().Save()
+    assert "instance" not in cli("validate", "a.usda").stdout
+
+
+def test_a_range_of_parts_of_frames_says_how_to_start(cli, tmp_path):
+    stage = make_scene(tmp_path / "a.usda", frames=(1, 5))
+    stage.SetStartTimeCode(0.5)
+    stage.SetEndTimeCode(3.25)
+    stage.GetRootLayer().Save()
+    refused = cli("validate", "a.usda")
+    assert refused.returncode == 3
+    assert "startTimeCode 0.5 and endTimeCode 3.25: must be whole numbers; --start-frame 1 simulates" in refused.stderr
+    assert "frames 1-3 at 24 per second" in cli("validate", "a.usda", "--start-frame", "1").stdout
+    stage.SetEndTimeCode(float("inf"))
+    stage.GetRootLayer().Save()
+    assert "endTimeCode inf: must be whole numbers" in cli("validate", "a.usda").stderr
+    stage.SetStartTimeCode(-2)
+    stage.SetEndTimeCode(3)
+    stage.GetRootLayer().Save()
+    assert "first frame -2 must be >= 0, as files are named by it; shift the" in cli("validate", "a.usda").stderr
+
+
+def test_no_two_files_of_a_scene_have_one_copy(tmp_path):
+    """Also where the scene has a folder of the name under which files from elsewhere are kept."""
+    home = tmp_path / "shot"
+    maps = {
+        "./red.png": home / "red.png",
+        "./external/0/red.png": home / "external/0/red.png",
+        "../a/red.png": tmp_path / "a/red.png",
+        "../b/red.png": tmp_path / "b/red.png",
+    }
+    for text, file in maps.items():
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+    stage = make_scene(home / "shot.usda")
+    for number, text in enumerate(maps):
+        ball = stage.GetPrimAtPath("/World/Ball")
+        ball.CreateAttribute(f"map{number}", Sdf.ValueTypeNames.Asset).Set(text)
+    stage.GetRootLayer().Save()
+    opened = Usd.Stage.Open(str(localize_scene(home / "shot.usda", tmp_path / "cache" / "scene")))
+    copies = [opened.GetPrimAtPath("/World/Ball").GetAttribute(f"map{number}").Get() for number in range(len(maps))]
+    assert [Path(copy.resolvedPath).read_text() for copy in copies] == list(maps)
+    assert all((tmp_path / "cache") in Path(copy.resolvedPath).parents for copy in copies)
 
 
 def test_copied_scene_is_whole_and_relative(tmp_path):

@@ -13,6 +13,7 @@ import eulerfsi_usd  # noqa: F401  (registers the schema before the first stage)
 import numpy as np
 import pytest
 from eulerfsi_usd import checks
+from eulerfsi_usd.pose import Pose
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
 from scene_run import SCENES, Run
 
@@ -136,7 +137,7 @@ def test_legs_of_the_tongs_push_each_other_and_spring_open(tmp_path: Path) -> No
 
 @pytest.mark.slow
 def test_the_tentacle_bats_the_ball(tmp_path: Path) -> None:
-    """Coarse voxels: a skinned collider, which would not touch the ball if its points rested."""
+    """Coarse voxels: a skinned collider, which would not touch the ball if its points rested; suckers ride on it."""
     run = Run("tentacle.usda", tmp_path / "cache", "/World/Domain.voxelSize=0.02", frames="1-10")
     before, after = run.solid("/World/Ball", 7), run.solid("/World/Ball", 10)
     assert abs(before["momentum"][0]) < 1e-3 * before["mass"]
@@ -144,6 +145,15 @@ def test_the_tentacle_bats_the_ball(tmp_path: Path) -> None:
     given = sum(np.array(step["impulses"]["/World/Tentacle/Skin"]) for step in run.steps)
     assert given[0] == pytest.approx(after["momentum"][0], rel=0.05), "something else has moved it"
     assert sum(step["given_work"]["/World/Tentacle/Skin"] for step in run.steps) > 0.0
+    skin = Pose(run.stage.GetPrimAtPath("/World/Tentacle/Skin"), own_points=True)
+    away = []
+    for frame in (1, 10):
+        surface, middles = (
+            skin.points(Usd.TimeCode(frame)),
+            run.points("/World/Suckers", frame).reshape(7, -1, 3).mean(1),
+        )
+        away.append(np.sort(np.linalg.norm(middles[:, None] - surface, axis=2), axis=1)[:, :4].mean(axis=1))
+    assert np.abs(away[1] - away[0]).max() < 0.001, "a sucker has left its place"
 
 
 @pytest.mark.slow
@@ -281,3 +291,31 @@ def test_other_scenes_are_what_their_names_say() -> None:
         bunny.GetPrimAtPath("/World/Bunny").GetAttribute("eulerfsi:surfaceFile").Get().path
         == "/usr/share/glmark2/models/bunny.obj"
     )
+
+
+def test_prims_of_the_same_name_have_looks_of_their_own() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    surface = pieces.box_mesh(1, pieces.on_sphere(1.0))
+    colors = {
+        "/World/A/Ball": (1, 0, 0),
+        "/World/B/Ball": (0, 1, 0),
+        "/World/Ball": (0, 0, 1),
+        "/World/A/B/Ball": (1, 1, 0),
+    }
+    meshes = {path: pieces.add_mesh(stage, path, surface, color) for path, color in colors.items()}
+    for path, mesh in meshes.items():
+        material, _ = UsdShade.MaterialBindingAPI(mesh.GetPrim()).ComputeBoundMaterial()
+        shader = UsdShade.Shader(stage.GetPrimAtPath(material.GetPath().AppendChild("Surface")))
+        assert tuple(shader.GetInput("diffuseColor").Get()) == colors[path], path
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_two_prims_of_a_scene_share_a_look(name: str) -> None:
+    stage = Usd.Stage.Open(str(SCENES / name))
+    bound = Counter(
+        str(UsdShade.MaterialBindingAPI(prim).GetDirectBinding().GetMaterialPath())
+        for prim in stage.Traverse()
+        if prim.HasAPI(UsdShade.MaterialBindingAPI)
+    )
+    shared = [path for path, count in bound.items() if count > 1]
+    assert not shared and all(stage.GetPrimAtPath(path).IsA(UsdShade.Material) for path in bound)

@@ -8,16 +8,17 @@ from __future__ import annotations
 
 import difflib
 import math
+from collections.abc import Iterable
 
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from .given import check_collider as check_given_collider
 from .given import check_pins
 from .gprims import dimensions
-from .issues import Issue, domain_box, first_time, is_enabled, is_ever_enabled, make_issue, read, scopes_of
+from .issues import Issue, all_prims, domain_box, first_time, is_enabled, is_ever_enabled, make_issue, read, scopes_of
 from .parameters import API_SCHEMAS, NAMESPACE, Parameter, load, prim_types, stage_attributes, stage_relationships
-from .passengers import check_passengers
-from .surface import check_animation, check_density, check_inside, check_surface
+from .passengers import check_passengers, check_scale
+from .surface import check_animation, check_density, check_inside, check_skinning, check_surface
 
 AXES = ("X", "Y", "Z")
 
@@ -32,7 +33,7 @@ def check_stage(stage: Usd.Stage) -> list[Issue]:
         "force": check_force,
         "collider": check_collider,
     }
-    for prim in stage.Traverse():
+    for prim in all_prims(stage):
         for scope in scopes_of(prim):
             issues += checks[scope](prim)
     return issues
@@ -40,14 +41,14 @@ def check_stage(stage: Usd.Stage) -> list[Issue]:
 
 def uses_eulerfsi(stage: Usd.Stage) -> bool:
     """True when a prim has one of the schemas or an attribute of the namespace."""
-    return any(scopes_of(prim) or prim.GetAuthoredPropertiesInNamespace("eulerfsi") for prim in stage.Traverse())
+    return any(scopes_of(prim) or prim.GetAuthoredPropertiesInNamespace("eulerfsi") for prim in all_prims(stage))
 
 
 def check_scene(stage: Usd.Stage) -> list[Issue]:
     """Units of the stage, number of domains, names of schemas and attributes, solids inside the domain."""
-    issues = check_units(stage)
+    issues = check_units(stage) + _check_defined(stage) + _check_ignored(stage)
     prims: dict[str, list[Usd.Prim]] = {scope: [] for scope in API_SCHEMAS}
-    for prim in stage.Traverse():
+    for prim in all_prims(stage):
         issues += check_names(prim)
         for scope in scopes_of(prim):
             if scope == "domain" or (is_ever_enabled if scope == "emitter" else is_enabled)(prim):
@@ -60,7 +61,9 @@ def check_scene(stage: Usd.Stage) -> list[Issue]:
     if not prims["solid"] and not prims["emitter"]:
         limit = "at least one prim with EulerFsiSolidAPI or EulerFsiEmitterAPI, enabled"
         issues.append(make_issue(None, "content", None, limit, "EmptyScene", severity="warning"))
-    issues += check_passengers(prims["solid"])
+    issues += check_passengers(prims["solid"], prims["collider"])
+    for prim in prims["solid"]:
+        issues += check_scale(prim)
     if len(prims["domain"]) == 1:
         domain = prims["domain"][0]
         if read(domain, "eulerfsi:ambientFluid") is False:
@@ -73,6 +76,39 @@ def check_scene(stage: Usd.Stage) -> list[Issue]:
             for prim in prims["solid"]:
                 issues += check_inside(prim, domain)
     return issues
+
+
+def _check_defined(stage: Usd.Stage) -> list[Issue]:
+    """Warns of schemas on prims that only overs speak of: a path that is misspelt, or a file that is missing."""
+    issues = []
+    for prim in Usd.PrimRange.Stage(stage, Usd.PrimAllPrimsPredicate):
+        scopes = scopes_of(prim) if prim.IsActive() and not prim.IsDefined() and not prim.IsAbstract() else ()
+        for scope in scopes:
+            value, limit = f"an over with {API_SCHEMAS[scope]}", "defined: it takes no part in the simulation"
+            hint = "look at its path, and at what the prims above it refer to"
+            issues.append(make_issue(prim, "specifier", value, limit, "UndefinedPrim", hint, severity="warning"))
+    return issues
+
+
+def _check_ignored(stage: Usd.Stage) -> list[Issue]:
+    """Warns of what is authored below an instance, where USD ignores it."""
+    issues = []
+    for instance in (prim for prim in stage.Traverse() if prim.IsInstance()):
+        for layer in stage.GetLayerStack():
+            spec = layer.GetPrimAtPath(instance.GetPath())
+            for part in _specs_below(spec) if spec else ():
+                schemas = part.GetInfo("apiSchemas").GetAddedOrExplicitItems()
+                names = [name for name in (*schemas, *part.properties.keys()) if name.lower().startswith("eulerfsi")]
+                if names:
+                    limit = f"false: USD ignores {names[0]} on {part.path}, inside the instance"
+                    issues.append(make_issue(instance, "instanceable", True, limit, "IgnoredOver", severity="warning"))
+    return issues
+
+
+def _specs_below(spec: Sdf.PrimSpec) -> Iterable[Sdf.PrimSpec]:
+    for child in spec.nameChildren:
+        yield child
+        yield from _specs_below(child)
 
 
 def _check_outflow(domain: Usd.Prim, emitters: list[Usd.Prim]) -> list[Issue]:
@@ -247,13 +283,14 @@ def check_solid(prim: Usd.Prim) -> list[Issue]:
     issues = check_values(prim, "solid")
     if not is_enabled(prim):
         return issues
-    return issues + check_density(prim) + check_surface(prim) + check_animation(prim, "solid") + check_pins(prim)
+    issues += check_density(prim) + check_surface(prim) + check_skinning(prim)
+    return issues + check_animation(prim, "solid") + check_pins(prim)
 
 
 def check_collider(prim: Usd.Prim) -> list[Issue]:
     """Values, shape and motion of a prim with EulerFsiColliderAPI."""
     issues = check_values(prim, "collider")
-    return issues if issues or not is_enabled(prim) else check_given_collider(prim)
+    return issues if issues or not is_enabled(prim) else check_skinning(prim) + check_given_collider(prim)
 
 
 def check_emitter(prim: Usd.Prim) -> list[Issue]:

@@ -10,26 +10,38 @@ from pxr import Usd, UsdGeom, UsdSkel
 from .gprims import surface_of
 from .issues import Issue, make_issue
 from .pose import Pose, PoseError
-from .transforms import first_change, frames_of, motion, motion_text, moves, stretch
+from .transforms import first_change, frames_of, key_frames, motion, motion_text, moves, place_attributes, stretch
 
 SAME = 1e-6  # of the extent of a mesh: points that move less stay where they are
 
 
 def deforms(prim: Usd.Prim) -> bool:
     """Whether its points move in a way that its transform, as far as that is rigid, does not explain."""
-    if stretches(prim):
-        return True
+    return stretches(prim) or points_move(prim)
+
+
+def points_move(prim: Usd.Prim) -> bool:
+    """Whether its points move in its own space. Raises PoseError."""
     if not _may_deform(prim):
         return False
-    first, *frames = frames_of(prim.GetStage())
+    first, *frames = _key_frames(prim)
     start = Pose(prim, True).points(Usd.TimeCode(first))
     least = SAME * np.ptp(start, axis=0).max()
-    return any(np.abs(Pose(prim, True).points(Usd.TimeCode(frame)) - start).max() > least for frame in frames)
+
+    def moved(frame: float) -> bool:
+        """What cannot be posed is looked at where it is simulated."""
+        try:
+            points = Pose(prim, True).points(Usd.TimeCode(frame))
+        except PoseError:
+            return False
+        return len(points) == len(start) and bool(np.abs(points - start).max() > least)
+
+    return any(moved(frame) for frame in frames)
 
 
 def stretches(prim: Usd.Prim) -> bool:
     """Whether its transform is not rigid from the first frame on."""
-    first, *frames = frames_of(prim.GetStage())
+    first, *frames = key_frames(prim.GetStage(), place_attributes(prim))
     return moves(prim) and any(stretch(motion(prim, frame, first)) is not None for frame in frames)
 
 
@@ -42,6 +54,13 @@ def _may_deform(prim: Usd.Prim) -> bool:
     if not prim.IsA(UsdGeom.Mesh):
         return False
     return UsdGeom.Mesh(prim).GetPointsAttr().ValueMightBeTimeVarying() or bool(Pose(prim, True).skeleton)
+
+
+def _key_frames(prim: Usd.Prim) -> list[float]:
+    """The first frame, and those that show how its points move, whatever frames are simulated."""
+    sources = _sources(prim)
+    own = [attribute for source in sources for attribute in source.GetAuthoredAttributes()]
+    return key_frames(prim.GetStage(), [*own, *(part for source in sources for part in place_attributes(source))])
 
 
 def shape_digest(prim: Usd.Prim) -> bytes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from pxr import Gf, Sdf, Usd, UsdGeom
@@ -52,6 +53,19 @@ def format_value(value: object) -> str:
     if isinstance(value, (tuple, list, Gf.Vec3d, Gf.Vec3f, Gf.Vec3h, Gf.Vec3i)):
         return f"({', '.join(format_value(x) for x in value)})"
     return str(value)
+
+
+def all_prims(stage: Usd.Stage) -> Iterable[Usd.Prim]:
+    """Prims that are there, those inside instances too, in stage order."""
+    return Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate))
+
+
+def instance_above(prim: Usd.Prim) -> Usd.Prim:
+    """The outermost instance that an instance proxy lies in: what is to be made no instance to author the proxy."""
+    above = prim
+    while above.IsInstanceProxy():
+        above = above.GetParent()
+    return above
 
 
 def scopes_of(prim: Usd.Prim) -> list[str]:

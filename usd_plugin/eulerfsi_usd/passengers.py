@@ -1,29 +1,45 @@
-"""Passengers: what rides along with a solid. Which prims they are, and whether they can be."""
+"""Passengers: what rides along with a solid or a collider. Which prims they are, and whether they can be."""
 
 from __future__ import annotations
 
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
-from .issues import Issue, first_time, is_enabled, make_issue, scopes_of
+from .deform import points_move
+from .given import PINS, targets
+from .issues import Issue, first_time, instance_above, is_enabled, make_issue, scopes_of
+from .pose import Pose, PoseError, transform_drivers
+from .transforms import frames_of, moves
 
 CARRIED = "eulerfsi:carried"
 
 
 def find_passengers(solid: Usd.Prim) -> list[Usd.Prim]:
     """Meshes, curves and points below a solid or named by its eulerfsi:carried, in stage order and then as named."""
-    found = _points_below(solid)
-    for target in carried_targets(solid):
-        prim = solid.GetStage().GetPrimAtPath(target)
+    return list(dict.fromkeys(_points_below(solid) + _named(solid)))
+
+
+def find_riders(collider: Usd.Prim) -> list[Usd.Prim]:
+    """Those that follow the surface of a collider: named by it or, where its points move, below it.
+
+    What is below it moves with its transform in any case, and may deform on its own. Raises PoseError.
+    """
+    below = [prim for prim in _points_below(collider) if not _deforms_itself(prim)]
+    return list(dict.fromkeys((below if below and points_move(collider) else []) + _named(collider)))
+
+
+def _named(body: Usd.Prim) -> list[Usd.Prim]:
+    found = []
+    for target in targets(body, CARRIED):
+        prim = body.GetStage().GetPrimAtPath(target)
         if prim:
             found += ([prim] if _can_ride(prim) else []) + _points_below(prim)
-    return list(dict.fromkeys(found))
+    return found
 
 
-def carried_targets(solid: Usd.Prim) -> list[Sdf.Path]:
-    """Targets of eulerfsi:carried."""
-    relationship = solid.GetRelationship(CARRIED)
-    return relationship.GetTargets() if relationship else []
+def _deforms_itself(prim: Usd.Prim) -> bool:
+    points = UsdGeom.PointBased(prim).GetPointsAttr()
+    return points.ValueMightBeTimeVarying() or (prim.IsA(UsdGeom.Mesh) and bool(Pose(prim, True).skeleton))
 
 
 def _can_ride(prim: Usd.Prim) -> bool:
@@ -32,7 +48,11 @@ def _can_ride(prim: Usd.Prim) -> bool:
 
 
 def _points_below(prim: Usd.Prim) -> list[Usd.Prim]:
-    """Below other solids (domains, emitters) nothing belongs to this prim."""
+    return [child for child in _below(prim) if _can_ride(child)]
+
+
+def _below(prim: Usd.Prim) -> list[Usd.Prim]:
+    """All prims below one, but other solids (colliders, domains, emitters, forces) and what is below those."""
     found = []
     below = iter(Usd.PrimRange(prim, Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)))
     for child in below:
@@ -40,25 +60,49 @@ def _points_below(prim: Usd.Prim) -> list[Usd.Prim]:
             continue
         if scopes_of(child):
             below.PruneChildren()
-        elif _can_ride(child):
+        else:
             found.append(child)
     return found
 
 
-def check_passengers(solids: list[Usd.Prim]) -> list[Issue]:
-    """Targets that exist and have points, points that are finite, each prim carried by one solid."""
+def check_passengers(solids: list[Usd.Prim], colliders: list[Usd.Prim]) -> list[Issue]:
+    """Targets that exist and have points, points that are finite, transforms, each prim carried by one body."""
     issues: list[Issue] = []
     carriers: dict[Usd.Prim, Usd.Prim] = {}
-    for solid in solids:
-        for target in carried_targets(solid):
-            issues += _check_target(solid, target)
-        for prim in find_passengers(solid):
-            if prim in carriers:
-                limit = f"carried by one solid only: {carriers[prim].GetPath()} carries it already"
-                issues.append(make_issue(solid, CARRIED, prim.GetPath(), limit, "ManyCarriers"))
-            carriers.setdefault(prim, solid)
-            issues += _check_points(prim)
+    for body in [*solids, *colliders]:
+        for target in targets(body, CARRIED):
+            issues += _check_target(body, target)
+        try:
+            carried = find_passengers(body) if body in solids else find_riders(body)
+        except PoseError:
+            continue  # the checks of the collider say so
+        issues += _check_left_behind(body, body in solids)
+        for prim in carried:
+            if carriers.get(prim, body) != body:
+                limit = f"carried by one body only: {carriers[prim].GetPath()} carries it already"
+                issues.append(make_issue(body, CARRIED, prim.GetPath(), limit, "ManyCarriers"))
+            carriers.setdefault(prim, body)
+            issues += _check_points(prim) + check_scale(prim) + _check_own_animation(prim, body)
     return issues
+
+
+def _check_left_behind(body: Usd.Prim, is_solid: bool) -> list[Issue]:
+    """Warns of what is drawn below a body that deforms and has no points that could ride along."""
+    pins = targets(body, PINS)  # they move as the scene says
+    left = [str(p.GetPath()) for p in _below(body) if _is_drawn(p) and not _can_ride(p) and p.GetPath() not in pins]
+    if not left or not (is_solid or points_move(body)):
+        return []
+    value = ", ".join(left[:3]) + (f" and {len(left) - 3} more" if len(left) > 3 else "")
+    message = (
+        f"{body.GetPath()}: does not take along {value}: only a Mesh, curves and Points have points that can follow"
+    )
+    limit = "a Mesh, curves or Points"
+    return [Issue(left[0], "typeName", value, limit, message, "warning", "LeftBehind")]
+
+
+def _is_drawn(prim: Usd.Prim) -> bool:
+    drawn = prim.IsA(UsdGeom.Gprim) or prim.IsA(UsdGeom.PointInstancer)
+    return drawn and UsdGeom.Imageable(prim).ComputePurpose() != UsdGeom.Tokens.guide
 
 
 def _check_target(solid: Usd.Prim, target: Sdf.Path) -> list[Issue]:
@@ -77,8 +121,8 @@ def _check_target(solid: Usd.Prim, target: Sdf.Path) -> list[Issue]:
 
 def _check_points(prim: Usd.Prim) -> list[Issue]:
     if prim.IsInstanceProxy():
-        limit = "set instanceable = false: what is carried is given its own points"
-        return [make_issue(prim, "instanceable", "an instance", limit, "InstancePassenger")]
+        limit = f"false: {prim.GetPath()} inside it is carried, and given its own points"
+        return [make_issue(instance_above(prim), "instanceable", True, limit, "InstancePassenger")]
     points = UsdGeom.PointBased(prim).GetPointsAttr().Get(first_time(prim.GetStage()))
     points = np.asarray(points if points is not None else (), float).reshape(-1, 3)
     if len(points) == 0:
@@ -89,3 +133,38 @@ def _check_points(prim: Usd.Prim) -> list[Issue]:
     value = tuple(float(x) for x in points[bad[0]])
     limit = f"finite ({len(bad)} of {len(points)} points are not)"
     return [make_issue(prim, f"points[{bad[0]}]", value, limit, "NonFinitePoints")]
+
+
+def check_scale(prim: Usd.Prim) -> list[Issue]:
+    """What is given points in each frame has a space in each, which they are written in."""
+    first, *frames = frames_of(prim.GetStage())
+    for frame in frames if moves(prim) else ():
+        matrix = np.array(UsdGeom.XformCache(Usd.TimeCode(frame)).GetLocalToWorldTransform(prim))[:3, :3]
+        sizes = np.sqrt((matrix * matrix).sum(axis=1))
+        if abs(np.linalg.det(matrix)) <= 1e-12 * sizes.max() ** 3:
+            value = f"a scale of 0 at frame {frame:g}"
+            limit = "a transform with a volume in all frames: its points are written in that space"
+            hint = "hide it by its visibility"
+            return [make_issue(prim, "xformOpOrder", value, limit, "FlatTransform", hint)]
+    return []
+
+
+def _check_own_animation(prim: Usd.Prim, body: Usd.Prim) -> list[Issue]:
+    """Warns of what animates a passenger beside what animates its carrier too."""
+    time = first_time(prim.GetStage())
+    after = -np.inf if time.IsEarliestTime() else time.GetValue()
+    shared = transform_drivers(body)
+    if prim.IsA(UsdGeom.Mesh):
+        drivers = Pose(prim, True).drivers(after)
+    else:
+        varies = UsdGeom.PointBased(prim).GetPointsAttr().ValueMightBeTimeVarying()
+        drivers = transform_drivers(prim, after) + (["its points"] if varies else [])
+    drivers = [driver for driver in drivers if driver not in shared]
+    if not drivers:
+        return []
+    value = " and ".join(drivers)
+    start = frames_of(prim.GetStage())[0]
+    message = (
+        f"{prim.GetPath()}: is animated by {value}: {body.GetPath()} carries it from where it is at frame {start:g}"
+    )
+    return [Issue(str(prim.GetPath()), "xformOpOrder", value, "constant", message, "warning", "AnimatedPassenger")]

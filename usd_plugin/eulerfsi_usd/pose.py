@@ -46,6 +46,26 @@ class Pose:
         """Whether blend shapes take part."""
         return bool(self._skeleton and self._skinning.HasBlendShapes())
 
+    def idle_skinning(self) -> str:
+        """Why the joint weights or blend shapes that the mesh has do nothing; '' where they act, or it has none."""
+        names = ("primvars:skel:jointIndices", "skel:blendShapes")
+        has = any(a and a.HasAuthoredValue() for a in map(self.prim.GetAttribute, names))
+        if not self.own_points or not has or self._skeleton:
+            return ""
+        root, parent = UsdSkel.Root.Find(self.prim), self.prim.GetParent()
+        if not root:
+            return "there is no SkelRoot above it"
+        while parent != root.GetPrim():
+            if not parent.IsA(UsdGeom.Imageable):
+                kind = parent.GetTypeName() or "prim without a type"
+                return f"{parent.GetPath()}, between it and its SkelRoot, is a {kind}; make it an Xform or a Scope"
+            if parent.IsA(UsdGeom.Gprim):
+                return f"{parent.GetPath()}, above it, is a {parent.GetTypeName()}; USD skins nothing below one"
+            parent = parent.GetParent()
+        if not UsdSkel.BindingAPI(self.prim).GetInheritedSkeleton():
+            return "no skel:skeleton is bound to it or above it"
+        return "USD does not take them"
+
     def points(self, time: Usd.TimeCode) -> np.ndarray:
         """(n, 3) float64 in the prim's local space. Raises PoseError."""
         points = UsdGeom.Mesh(self.prim).GetPointsAttr().Get(time)

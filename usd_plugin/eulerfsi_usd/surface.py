@@ -125,6 +125,18 @@ def check_inside(prim: Usd.Prim, domain: Usd.Prim) -> list[Issue]:
     return [make_issue(prim, "points", value, limit, "OutsideDomain")]
 
 
+def check_skinning(prim: Usd.Prim) -> list[Issue]:
+    """Warns of joint weights and blend shapes that USD does not apply: what is simulated is the mesh without them."""
+    if not prim.IsA(UsdGeom.Mesh) or surface_file(prim):
+        return []
+    reason = Pose(prim, True).idle_skinning()
+    if not reason:
+        return []
+    limit = "a skinning that USD applies"
+    message = f"{prim.GetPath()}: is not skinned, its joint weights or blend shapes do nothing: {reason}"
+    return [Issue(str(prim.GetPath()), "skel:skeleton", reason, limit, message, "warning", "IdleSkinning")]
+
+
 def check_animation(prim: Usd.Prim, scope: str) -> list[Issue]:
     """Warns of what animates a prim: its pose and motion at the first time count, what follows does not."""
     time = first_time(prim.GetStage())

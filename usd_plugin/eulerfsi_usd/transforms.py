@@ -20,6 +20,33 @@ def frames_of(stage: Usd.Stage) -> list[float]:
     return [float(frame) for frame in range(math.ceil(stage.GetStartTimeCode()), int(stage.GetEndTimeCode()) + 1)]
 
 
+def key_frames(stage: Usd.Stage, attributes: Iterable[Usd.Attribute]) -> list[float]:
+    """The first frame, and whole frames after it that show all that these attributes do, whatever is simulated.
+
+    Those beside their time samples and halfway between two; of one that varies without samples those of the range.
+    """
+    first, *frames = frames_of(stage)
+    found = set()
+    for attribute in attributes:
+        times = attribute.GetTimeSamples()
+        if not times and attribute.ValueMightBeTimeVarying():
+            found.update(frames)
+        for before, time in zip([first, *times], times, strict=False):
+            middle = float(round((before + time) / 2))
+            found.update(
+                (float(math.floor(time)), float(math.ceil(time)), *([middle] if before < middle < time else []))
+            )
+    return [first, *sorted(frame for frame in found if frame > first)]
+
+
+def place_attributes(prim: Usd.Prim) -> Iterable[Usd.Attribute]:
+    """Of the transforms that place a prim, its own and those above it."""
+    while prim and not prim.IsPseudoRoot():
+        xform = UsdGeom.Xformable(prim)
+        yield from (operation.GetAttr() for operation in (xform.GetOrderedXformOps() if xform else ()))
+        prim = None if xform and xform.GetResetXformStack() else prim.GetParent()
+
+
 def motion(prim: Usd.Prim, frame: float, start: float) -> np.ndarray:
     """(4, 4) for row vectors: where a frame puts, in world space, what is in the world at the first frame."""
     before, now = (UsdGeom.XformCache(Usd.TimeCode(time)).GetLocalToWorldTransform(prim) for time in (start, frame))
@@ -28,15 +55,11 @@ def motion(prim: Usd.Prim, frame: float, start: float) -> np.ndarray:
 
 def motion_text(prim: Usd.Prim) -> str:
     """All values of the transforms that place a prim: equal texts are equal motions, whatever frames are simulated."""
-    lines = []
-    while prim and not prim.IsPseudoRoot():
-        xform = UsdGeom.Xformable(prim)
-        for operation in xform.GetOrderedXformOps() if xform else ():
-            attribute = operation.GetAttr()
-            times = attribute.GetTimeSamples() or [Usd.TimeCode.Default()]
-            lines += [f"{attribute.GetPath()} {time} {attribute.Get(time)}" for time in times]
-        prim = None if xform and xform.GetResetXformStack() else prim.GetParent()
-    return "\n".join(lines)
+    return "\n".join(
+        f"{attribute.GetPath()} {time} {attribute.Get(time)}"
+        for attribute in place_attributes(prim)
+        for time in attribute.GetTimeSamples() or [Usd.TimeCode.Default()]
+    )
 
 
 def moves(prim: Usd.Prim) -> bool:

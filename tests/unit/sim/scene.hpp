@@ -72,10 +72,33 @@ inline sim::Params box_params(const Vec3d& size, double h = 0.02) {
   return p;
 }
 
+// The same box without fluid.
+inline sim::Params vacuum(const Vec3d& size, double h = 0.02) {
+  sim::Params p = box_params(size, h);
+  p.fluid.present = false;
+  return p;
+}
+
+// The same box without weight, with fluid or without.
+inline sim::Params still(const Vec3d& size, double h = 0.02, bool fluid = true) {
+  sim::Params p = box_params(size, h);
+  p.gravity.setZero();
+  p.fluid.present = fluid;
+  return p;
+}
+
+inline sim::Params still_vacuum(const Vec3d& size, double h = 0.02) { return still(size, h, false); }
+
+// A solid of the material that solids have by themselves.
+inline sim::SolidDesc desc_of(geometry::TriangleMesh mesh) {
+  sim::SolidDesc d;
+  d.surface = std::move(mesh);
+  return d;
+}
+
 // The authors' ball: lambda 5000 Pa, mu 10000 Pa, 1000 kg/m^3.
 inline sim::SolidDesc ball_desc(const Vec3d& center, double radius = 0.1) {
-  sim::SolidDesc d;
-  d.surface = ball_mesh(center, radius);
+  sim::SolidDesc d = desc_of(ball_mesh(center, radius));
   d.density = 1000.0;
   d.youngs_modulus = 1e4 * (3 * 5000.0 + 2e4) / 1.5e4;
   d.poissons_ratio = 1.0 / 6.0;

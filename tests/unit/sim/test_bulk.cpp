@@ -11,19 +11,6 @@ namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 
-sim::Params vacuum(const Vec3d& size, double cell) {
-  sim::Params p = box_params(size, cell);
-  p.fluid.present = false;
-  p.gravity.setZero();
-  return p;
-}
-
-sim::SolidDesc described(geometry::TriangleMesh mesh) {
-  sim::SolidDesc d;
-  d.surface = std::move(mesh);
-  return d;
-}
-
 Vec3d displacement(const sim::Simulation& s, const Vec3d& x) {
   const grid::Grid& g = s.state().solids[0].band.grid;
   const Vec3d at = (x - g.node_position(0, 0, 0)) / g.h;
@@ -41,12 +28,12 @@ TEST_CASE("A bar with free sides strains by sigma / E and contracts by nu of it"
   // Pulled by a force beta x' per volume: sigma = beta/2 ((L/2)^2 - x'^2), in the middle all but uniaxial.
   const double nu = GENERATE(0.4, 0.49);
   constexpr double kCell = 0.0125, kModulus = 1e5, kStrain = 0.01, kLong = 0.6, dt = 0.005;
-  sim::SolidDesc bar = described(geometry::shapes::box({0.1, 0.1, 0.1}, {0.7, 0.2, 0.2}));
+  sim::SolidDesc bar = desc_of(geometry::shapes::box({0.1, 0.1, 0.1}, {0.7, 0.2, 0.2}));
   bar.youngs_modulus = kModulus;
   bar.poissons_ratio = nu;
   bar.compressible = true;
   bar.rayleigh_beta = 4 * dt;
-  const auto s = make_simulation(vacuum({0.8, 0.3, 0.3}, kCell), {bar});
+  const auto s = make_simulation(still_vacuum({0.8, 0.3, 0.3}, kCell), {bar});
   const double beta = 8.0 * kStrain * kModulus / (kLong * kLong);
   load(*s, dt, 80, [&](const Vec3d& x, std::size_t a) { return a == 0 ? beta / 1000.0 * (x[0] - 0.4) : 0.0; });
   const double reach = 3 * kCell, wide = 3 * kCell;
@@ -79,7 +66,7 @@ Shrunk shrink(double nu, double across) {
   ball.poissons_ratio = nu;
   ball.compressible = true;
   ball.rayleigh_beta = dt;
-  sim::Params p = vacuum(Vec3d::Constant(0.4), 2.0 * kRadius / across);
+  sim::Params p = still_vacuum(Vec3d::Constant(0.4), 2.0 * kRadius / across);
   p.numerics.stiffness_by_pace = false;  // the load comes as a velocity, on which no stiffness may act
   const auto s = make_simulation(p, {ball});
   load(*s, dt, 60, [&](const Vec3d& x, std::size_t a) {
@@ -132,7 +119,7 @@ TEST_CASE("A compressible ball of Poisson's ratio 0.4 breathes at the frequency 
   ball.youngs_modulus = kModulus;
   ball.poissons_ratio = nu;
   ball.compressible = true;
-  const auto s = make_simulation(vacuum(Vec3d::Constant(0.4), 0.0125), {ball});
+  const auto s = make_simulation(still_vacuum(Vec3d::Constant(0.4), 0.0125), {ball});
   stretch(*s, Vec3d::Constant(0.2), Vec3d::Constant(1.01));
   const auto grown = [&] {
     const auto d = s->diagnose_solid(0);
@@ -172,7 +159,7 @@ TEST_CASE("A compressible ball of Poisson's ratio 0.49 swings at the frequency o
   ball.youngs_modulus = 2.0 * (1.0 + nu) * kShear;
   ball.poissons_ratio = nu;
   ball.compressible = true;
-  const auto s = make_simulation(vacuum(Vec3d::Constant(0.4), kRadius / 7), {ball});
+  const auto s = make_simulation(still_vacuum(Vec3d::Constant(0.4), kRadius / 7), {ball});
   stretch(*s, Vec3d::Constant(0.2), {1.05, 1.0 / std::sqrt(1.05), 1.0 / std::sqrt(1.05)});
   const double start = s->diagnose_solid(0).elastic_energy, rest = elongation(s->solids()[0].surface.points);
   const std::vector<double> crossings = sign_changes(

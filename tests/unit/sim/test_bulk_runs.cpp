@@ -21,20 +21,13 @@ sim::SolidDesc bulky_ball(const Vec3d& center, double nu, double shear = 1e4, do
   return d;
 }
 
-sim::Params still(const Vec3d& size, double h = 0.02) {
-  sim::Params p = box_params(size, h);
-  p.gravity.setZero();
-  return p;
-}
-
 }  // namespace
 
 TEST_CASE("Ledger: the work of the pressure is what the bulk stiffness gives, and all columns join", "[law]") {
   // A ball that breathes, lambda = 49 mu, for the quarter of a period in which it comes back from 1.01 of its size. A
   // part that vanishes with the step (0.15 of it in 40, 0.10 in 80 steps) backward Euler takes.
   constexpr double nu = 0.49, kShear = 1e4;
-  sim::Params p = still(Vec3d::Constant(0.4), 0.0125);
-  p.fluid.present = false;
+  sim::Params p = still_vacuum(Vec3d::Constant(0.4), 0.0125);
   p.energy_ledger = true;
   p.numerics.pressure_tolerance = 1e-3;  // the work is that of the divergence that is asked for
   const auto s = make_simulation(p, {bulky_ball(Vec3d::Constant(0.2), nu)});
@@ -153,8 +146,7 @@ TEST_CASE("A compressible ball of Poisson's ratio 0.45 that yields keeps the str
     const double e = 0.5 * (low + high);
     (2.0 * kShear * (e * e - e - 1.0 / e + 1.0 / std::sqrt(e)) > kYield ? high : low) = e;
   }
-  sim::Params p = still(Vec3d::Constant(0.6));
-  p.fluid.present = false;
+  sim::Params p = still_vacuum(Vec3d::Constant(0.6));
   sim::SolidDesc ball = bulky_ball(Vec3d::Constant(0.3), 0.45);
   ball.plastic = {kYield, 1e6, 0.0};
   ball.rayleigh_beta = 0.003;

@@ -187,8 +187,7 @@ TEST_CASE("Solids of a checkpoint start another scene of the same box") {
   for (int n = 0; n < 3; ++n) first->step(0.02);
   sim::save_checkpoint(*first, file.name());
   const auto alone = [](double density, double voxel, Vec3d center) {
-    sim::Params p = box_params({0.3, 0.3, 0.3}, voxel);
-    p.fluid.present = false;
+    sim::Params p = vacuum({0.3, 0.3, 0.3}, voxel);
     p.gravity = Vec3d::Zero();
     sim::SolidDesc d = ball_desc(center, 0.08);
     d.density = density;
@@ -227,8 +226,7 @@ TEST_CASE("Solids of a checkpoint start another scene of the same box") {
 TEST_CASE("Solids of a checkpoint leave the colliders of a scene where they are") {
   const TemporaryFile file;
   const auto with_floor = [](double height) {
-    sim::Params p = box_params({0.3, 0.3, 0.3}, 0.025);
-    p.fluid.present = false;
+    sim::Params p = vacuum({0.3, 0.3, 0.3}, 0.025);
     auto s = make_simulation(p, {ball_desc({0.15, 0.15, 0.15}, 0.08)});
     geometry::MeshReport report;
     s->add_collider(ball_desc({0.15, height, 0.15}, 0.05), report);

@@ -14,12 +14,7 @@ namespace {
 constexpr double kAcross = 10.0, kCell = 0.2 / kAcross;  // a ball is kAcross cells wide
 
 // A box without weight, large enough that nothing meets a wall.
-sim::Params space(bool fluid) {
-  sim::Params p = box_params({1.0, 0.7, 0.5}, kCell);
-  p.gravity.setZero();
-  p.fluid.present = fluid;
-  return p;
-}
+sim::Params space(bool fluid) { return still({1.0, 0.7, 0.5}, kCell, fluid); }
 
 // Balls that fly towards each other at 1 m/s, the second `off` beside the first one's way and `dense` times as dense.
 std::vector<sim::SolidDesc> two_balls(double off = 0.0, double dense = 1.0, bool compressible = false) {
@@ -101,8 +96,7 @@ std::unique_ptr<sim::Simulation> scene(sim::Params p, const std::vector<sim::Sol
 
 // A block on a slab that lies on the floor; gravity is tilted by 30 degrees. The slab sticks to the floor.
 std::unique_ptr<sim::Simulation> block_on_slab(double friction, bool compressible) {
-  sim::Params p = box_params({1.0, 0.4, 0.4}, kCell);
-  p.fluid.present = false;
+  sim::Params p = vacuum({1.0, 0.4, 0.4}, kCell);
   p.max_time_step = 1.0 / 96.0;
   p.gravity = 9.8 * Vec3d(std::sin(M_PI / 6), -std::cos(M_PI / 6), 0.0);
   std::vector<sim::SolidDesc> d(2);

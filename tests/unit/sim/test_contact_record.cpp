@@ -13,12 +13,7 @@ namespace {
 
 constexpr double kCell = 0.02, kSlope = M_PI / 6, kWeight = 9.8;
 
-sim::Params space() {
-  sim::Params p = box_params({1.0, 0.5, 0.5}, kCell);
-  p.fluid.present = false;
-  p.gravity.setZero();
-  return p;
-}
+sim::Params space() { return still_vacuum({1.0, 0.5, 0.5}, kCell); }
 
 // Three balls in a row; the first two fly towards each other.
 std::vector<sim::SolidDesc> balls(bool compressible = false) {
@@ -32,8 +27,7 @@ std::vector<sim::SolidDesc> balls(bool compressible = false) {
 
 // A block at rest on a slab on the floor, gravity tilted by kSlope.
 std::unique_ptr<sim::Simulation> block_on_slab(double friction) {
-  sim::Params p = box_params({0.8, 0.4, 0.4}, kCell);
-  p.fluid.present = false;
+  sim::Params p = vacuum({0.8, 0.4, 0.4}, kCell);
   p.max_time_step = 1.0 / 96.0;
   p.gravity = kWeight * Vec3d(std::sin(kSlope), -std::cos(kSlope), 0.0);
   std::vector<sim::SolidDesc> d(2);

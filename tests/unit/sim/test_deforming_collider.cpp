@@ -13,12 +13,6 @@ namespace {
 
 constexpr double kCell = 0.02, kFrame = 1.0 / 24.0;
 
-sim::SolidDesc desc_of(const geometry::TriangleMesh& mesh) {
-  sim::SolidDesc d;
-  d.surface = mesh;
-  return d;
-}
-
 sim::Pose pose_about(const Vec3d& center, const Vec3d& turn, const Vec3d& shift) {
   return {solid::rotation(turn), center + shift - solid::rotation(turn) * center};
 }
@@ -51,8 +45,7 @@ enum class Share { kNone, kTurn, kAll };
 
 // A ball in a fluid that goes and turns, with one that is free at a distance ahead of it.
 Moved move_ball(sim::Preset preset, Share share, double distance) {
-  sim::Params p = box_params({0.7, 0.4, 0.4}, kCell);
-  p.gravity.setZero();
+  sim::Params p = still({0.7, 0.4, 0.4}, kCell);
   p.fluid.density = 100.0;
   p.numerics = sim::numerics_of(preset);
   sim::SolidDesc free = ball_desc({0.42 + distance, 0.2, 0.2}, 0.08);
@@ -121,8 +114,7 @@ TEST_CASE("A ball whose points move is one whose transform does", "[law]") {
 
 TEST_CASE("A ball that grows pushes its volume out of an open side", "[law]") {
   for (const sim::Preset preset : {sim::Preset::kProduction, sim::Preset::kPaper2016}) {
-    sim::Params p = box_params({0.6, 0.4, 0.4}, kCell);
-    p.gravity.setZero();
+    sim::Params p = still({0.6, 0.4, 0.4}, kCell);
     p.numerics = sim::numerics_of(preset);
     p.walls.face[1] = grid::Wall::kOpen;
     const auto s = make_simulation(p);
@@ -202,8 +194,7 @@ double depth(const std::vector<Vec3d>& points, const geometry::TriangleMesh& mes
 
 TEST_CASE("A plate that bulges under a block lifts it, and counts what it gives it", "[law]") {
   for (const sim::Preset preset : {sim::Preset::kProduction, sim::Preset::kPaper2016}) {
-    sim::Params p = box_params({0.6, 0.6, 0.6}, kCell);
-    p.fluid.present = false;
+    sim::Params p = vacuum({0.6, 0.6, 0.6}, kCell);
     p.numerics = sim::numerics_of(preset);
     const auto s = make_simulation(p);
     geometry::MeshReport report;
@@ -258,8 +249,7 @@ struct Carried {
   std::size_t pin = 0;
 
   Carried(const geometry::TriangleMesh& collider, double left) {
-    sim::Params p = box_params({0.9, 0.5, 0.4}, kCell);
-    p.fluid.present = false;
+    sim::Params p = vacuum({0.9, 0.5, 0.4}, kCell);
     s = make_simulation(p);
     geometry::MeshReport report;
     sim::SolidDesc below = desc_of(collider),
@@ -434,8 +424,7 @@ TEST_CASE("A collider whose points bound no volume ends the step, and the state 
 }
 
 TEST_CASE("A disc whose points grow in a slab pushes its area out of an open side", "[law]") {
-  sim::Params p = box_params({0.6, 0.4, kCell}, kCell);
-  p.gravity.setZero();
+  sim::Params p = still({0.6, 0.4, kCell}, kCell);
   p.walls.face[1] = grid::Wall::kOpen;
   const auto s = make_simulation(p);
   geometry::MeshReport report;

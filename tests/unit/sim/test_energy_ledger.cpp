@@ -12,9 +12,8 @@ using sim::EnergyStage;
 
 namespace {
 
-sim::Params vacuum(const Vec3d& size) {
-  sim::Params p = box_params(size);
-  p.fluid.present = false;
+sim::Params recorded(const Vec3d& size) {
+  sim::Params p = vacuum(size);
   p.energy_ledger = true;
   return p;
 }
@@ -35,7 +34,7 @@ sim::Energy start_of(const sim::EnergyRecord& record) {
 }  // namespace
 
 TEST_CASE("Ledger: a ball that flies and turns in vacuum has M v^2 / 2 + I w^2 / 2", "[law]") {
-  sim::Params p = vacuum({0.6, 0.6, 0.6});
+  sim::Params p = recorded({0.6, 0.6, 0.6});
   p.gravity = Vec3d::Zero();
   auto d = ball_desc({0.3, 0.3, 0.3});
   d.velocity = {0.5, 0.2, -0.1};
@@ -51,7 +50,7 @@ TEST_CASE("Ledger: a ball that flies and turns in vacuum has M v^2 / 2 + I w^2 /
 }
 
 TEST_CASE("Ledger: what a falling body loses in potential energy it gains in kinetic energy", "[law]") {
-  auto s = make_simulation(vacuum({0.4, 0.8, 0.4}), {ball_desc({0.2, 0.6, 0.2})});
+  auto s = make_simulation(recorded({0.4, 0.8, 0.4}), {ball_desc({0.2, 0.6, 0.2})});
   s->step(0.01);
   const double first = start_of(energy(*s)).sum();
   double last = energy(*s).end.sum(), gravity = 0.0, kinetic = 0.0;
@@ -70,7 +69,7 @@ TEST_CASE("Ledger: what a falling body loses in potential energy it gains in kin
 
 TEST_CASE("Ledger: u and v of one time make an oscillation's energy steady", "[law]") {
   // A ball in vacuum, squeezed along x by its velocity: 40 steps a period of its quadrupole mode.
-  sim::Params p = vacuum({0.4, 0.4, 0.4});
+  sim::Params p = recorded({0.4, 0.4, 0.4});
   p.gravity = Vec3d::Zero();
   auto s = make_simulation(p, {ball_desc({0.2, 0.2, 0.2})});
   const grid::Grid& g = s->state().solids[0].band.grid;
@@ -99,7 +98,7 @@ TEST_CASE("Ledger: u and v of one time make an oscillation's energy steady", "[l
 }
 
 TEST_CASE("Ledger: the velocity of a rigid motion is that of the ends of a step", "[law]") {
-  auto s = make_simulation(vacuum({0.4, 0.8, 0.4}), {ball_desc({0.2, 0.6, 0.2})});
+  auto s = make_simulation(recorded({0.4, 0.8, 0.4}), {ball_desc({0.2, 0.6, 0.2})});
   double first = 0.0;
   for (int n = 0; n < 6; ++n) {
     s->step(0.02);
@@ -180,7 +179,7 @@ TEST_CASE("Ledger: nodes of a periodic face count once") {
 }
 
 TEST_CASE("Transport: what it changes is told before it is given back", "[law]") {
-  sim::Params p = vacuum({0.6, 0.6, 0.6});
+  sim::Params p = recorded({0.6, 0.6, 0.6});
   p.gravity = Vec3d::Zero();
   auto d = ball_desc({0.3, 0.3, 0.3});
   d.velocity = {1.0, 0.0, 0.0};
@@ -224,7 +223,7 @@ TEST_CASE("Transport: changes of momentum and volume of a solid that is pushed a
 }
 
 TEST_CASE("Repairs: none while a ball flies; det F is told before and after") {
-  auto s = make_simulation(vacuum({0.4, 0.4, 0.4}), {ball_desc({0.2, 0.2, 0.2})});
+  auto s = make_simulation(recorded({0.4, 0.4, 0.4}), {ball_desc({0.2, 0.2, 0.2})});
   s->step(0.01);
   const sim::Repairs& r = s->last_step().repairs;
   CHECK(r.clamped + r.rejected + r.broken + r.put_back == 0);

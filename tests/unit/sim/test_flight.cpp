@@ -99,8 +99,7 @@ TEST_CASE("Long steps end near walls and other solids, and where a step turns or
     sim::Preset preset = sim::Preset::kProduction;
   };
   const auto cells = [](const Choice& c) {
-    sim::Params p = box_params({1.2, 1.2, 0.4});
-    p.gravity.setZero();
+    sim::Params p = still({1.2, 1.2, 0.4});
     p.fluid.present = c.fluid > 0.0;
     p.fluid.density = std::max(c.fluid, 1.0);
     p.cfl_solid = c.cfl;
@@ -130,9 +129,7 @@ TEST_CASE("Long steps end near walls and other solids, and where a step turns or
 TEST_CASE("A step ends before a wall, however long a step may be") {
   // Cells that a ball falls in its first step, from so many above the floor; it may go 3.6.
   const auto cells = [](double above) {
-    sim::Params p = box_params({0.4, 0.6, 0.4});
-    p.gravity.setZero();
-    p.fluid.present = false;
+    sim::Params p = still_vacuum({0.4, 0.6, 0.4});
     p.cfl_solid = 3.6;
     sim::SolidDesc d = ball_desc({0.2, 0.1 + above * p.voxel_size, 0.2});
     d.velocity = {0.0, -20.0, 0.0};
@@ -166,9 +163,7 @@ TEST_CASE("A body that slides down a floor is where Galilei says, and not in the
 
 TEST_CASE("A free body of three different moments tumbles for ten turns as Euler's equations say", "[law]") {
   const Vec3d half(0.1, 0.07, 0.045), center = Vec3d::Constant(0.16), spin(4.0, 9.0, 2.0);
-  sim::Params p = box_params(2.0 * center, 0.2 / 15.0);
-  p.gravity.setZero();
-  p.fluid.present = false;
+  sim::Params p = still_vacuum(2.0 * center, 0.2 / 15.0);
   sim::SolidDesc d = ball_desc(center);
   d.surface = geometry::shapes::box(center - half, center + half);
   d.youngs_modulus = 2e6;

@@ -24,8 +24,7 @@ enum class Around { kVacuum, kAir, kLiquid };
 
 // A U in the middle of a box without weight; its legs, seven cells from each other, are thrown at each other.
 std::unique_ptr<sim::Simulation> closing_legs(Around around, double speed, int threads = 1) {
-  sim::Params p = box_params({1.0, 0.8, 0.8}, kCell);
-  p.gravity.setZero();
+  sim::Params p = still({1.0, 0.8, 0.8}, kCell);
   p.energy_ledger = true;
   p.threads = threads;
   p.fluid.present = around != Around::kVacuum;
@@ -33,8 +32,7 @@ std::unique_ptr<sim::Simulation> closing_legs(Around around, double speed, int t
   Hairpin pin;
   pin.gap = 7;
   pin.low = {17, 18, 6};
-  sim::SolidDesc d;
-  d.surface = pin.surface();
+  sim::SolidDesc d = desc_of(pin.surface());
   d.density = 1000.0;
   d.youngs_modulus = 1e4;
   d.poissons_ratio = 0.3;
@@ -175,9 +173,7 @@ TEST_CASE("Points near in space and far in the material are all found, and each 
 }
 
 TEST_CASE("A solid in its shape at rest, however it folds, has no row, limits no step and stores nothing", "[law]") {
-  sim::Params p = box_params({0.8, 0.8, 0.8}, kCell);
-  p.gravity.setZero();
-  p.fluid.present = false;
+  sim::Params p = still_vacuum({0.8, 0.8, 0.8}, kCell);
   sim::SolidDesc d;
   SECTION("a U") {
     Hairpin pin;

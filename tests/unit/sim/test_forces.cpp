@@ -28,12 +28,7 @@ ForceField force_at(ForceField::Kind kind, const Vec3d& middle, const Vec3d& siz
 
 ForceField everywhere(ForceField::Kind kind) { return force_at(kind, kMiddle, Vec3d::Constant(2.0)); }
 
-sim::Params still(bool fluid = false) {
-  sim::Params p = box_params(Vec3d::Constant(0.6), 0.025);
-  p.gravity.setZero();
-  p.fluid.present = fluid;
-  return p;
-}
+sim::Params box(bool fluid = false) { return still(Vec3d::Constant(0.6), 0.025, fluid); }
 
 std::unique_ptr<sim::Simulation> pushed_ball(const sim::Params& p, const ForceField& force) {
   auto s = make_simulation(p, {ball_desc(kMiddle, 0.1)});
@@ -52,7 +47,7 @@ TEST_CASE("A constant force on a free solid gives m a", "[law]") {
   const Vec3d acceleration(3.0, -1.0, 0.5);
   ForceField force = everywhere(ForceField::Kind::kConstant);
   force.acceleration = acceleration;
-  auto s = pushed_ball(still(), force);
+  auto s = pushed_ball(box(), force);
   const double time = 0.2;
   run(*s, time, 0.01);
   const sim::SolidDiagnostics d = s->diagnose_solid(0);
@@ -67,7 +62,7 @@ TEST_CASE("A force acts while it is on, to the part of a step, and on what it na
   force.end_time = 0.047;
   const auto momentum = [&](ForceField::ActsOn on) {
     force.acts_on = on;
-    auto s = pushed_ball(still(), force);
+    auto s = pushed_ball(box(), force);
     run(*s, 0.08, 0.01);
     const sim::SolidDiagnostics d = s->diagnose_solid(0);
     return d.momentum[0] / d.mass;
@@ -80,7 +75,7 @@ TEST_CASE("A force acts while it is on, to the part of a step, and on what it na
 TEST_CASE("A force acts in its region only") {
   ForceField force = force_at(ForceField::Kind::kConstant, {0.9, 0.3, 0.3}, Vec3d::Constant(0.2));
   force.acceleration = {2.0, 0, 0};
-  auto s = pushed_ball(still(), force);
+  auto s = pushed_ball(box(), force);
   run(*s, 0.05, 0.01);
   CHECK(s->diagnose_solid(0).momentum.norm() == 0.0);
 }
@@ -89,7 +84,7 @@ TEST_CASE("A radial force leads to and from the middle of its region") {
   for (const double strength : {-2.0, 2.0}) {
     ForceField force = force_at(ForceField::Kind::kRadial, {0.1, 0.3, 0.3}, Vec3d::Constant(1.0));
     force.radial_acceleration = strength;
-    auto s = pushed_ball(still(), force);
+    auto s = pushed_ball(box(), force);
     run(*s, 0.02, 0.01);
     const sim::SolidDiagnostics d = s->diagnose_solid(0);
     // The mean of x / |x| over a ball of half the distance: 1 - (R/d)^2 / 5.
@@ -106,7 +101,7 @@ TEST_CASE("What a radial force presses together strains as elasticity says, what
   force.radial_acceleration = -kAcceleration;
   double last = 0.0;
   for (const double dt : {0.005, 0.0025}) {
-    sim::Params p = still();
+    sim::Params p = box();
     p.voxel_size = 0.02;
     sim::SolidDesc ball = ball_desc(kMiddle, kRadius);
     ball.youngs_modulus = 2.5 * kShear;
@@ -127,7 +122,7 @@ TEST_CASE("What a radial force presses together strains as elasticity says, what
 }
 
 TEST_CASE("Wind takes a fluid along at its rate, whatever the steps", "[law]") {
-  sim::Params p = still(true);
+  sim::Params p = box(true);
   p.walls.face.fill(grid::Wall::kPeriodic);
   const double drag = 4.0, time = 0.25;
   const Vec3d wind(0.3, 0.0, -0.1);
@@ -149,7 +144,7 @@ TEST_CASE("What acts on solids alone leaves the fluid beside them in place at fi
   ForceField force = everywhere(ForceField::Kind::kConstant);
   force.acceleration = {5.0, 0, 0};
   force.acts_on = ForceField::ActsOn::kSolids;
-  sim::Params p = still(true);
+  sim::Params p = box(true);
   p.energy_ledger = true;
   auto s = pushed_ball(p, force);
   const sim::StepInfo info = s->step(0.001);
@@ -189,14 +184,14 @@ TEST_CASE("A force that ends before it starts is refused; forces tell scenes apa
   force.noise_speed = 0.5;
   force.noise_frequency = 3.0;
   const auto hash = [&](int threads) {
-    sim::Params p = still(true);
+    sim::Params p = box(true);
     p.threads = threads;
     auto s = pushed_ball(p, force);
     run(*s, 0.02, 0.01);
     return sim::state_hash(s->state());
   };
   CHECK(hash(1) == hash(3));
-  auto with = pushed_ball(still(), force), without = make_simulation(still(), {ball_desc(kMiddle, 0.1)});
+  auto with = pushed_ball(box(), force), without = make_simulation(box(), {ball_desc(kMiddle, 0.1)});
   CHECK(with->scene_hash() != without->scene_hash());
   force.start_time = 2.0;
   force.end_time = 1.0;

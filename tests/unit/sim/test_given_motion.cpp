@@ -25,18 +25,6 @@ geometry::TriangleMesh box_mesh(const Vec3d& low, const Vec3d& high) {
   return mesh;
 }
 
-sim::SolidDesc desc_of(const geometry::TriangleMesh& mesh) {
-  sim::SolidDesc d;
-  d.surface = mesh;
-  return d;
-}
-
-sim::Params vacuum(const Vec3d& size) {
-  sim::Params p = box_params(size, kCell);
-  p.fluid.present = false;
-  return p;
-}
-
 // A bar that hangs from its upper end, which is held.
 struct HangingBar {
   std::unique_ptr<sim::Simulation> s;
@@ -93,8 +81,7 @@ constexpr double kClampedIncompressible = 0.939, kClamped = 0.980;  // Poisson's
 
 TEST_CASE("A cantilever sags as a clamped bar does", "[law]") {
   constexpr double kHigh = 0.1, kLong = 0.4, kShear = 1e6 / 2.6, kDensity = 1000.0;
-  sim::Params p = box_params({0.7, 0.4, 0.3}, kHigh / 8.0);
-  p.fluid.present = false;
+  sim::Params p = vacuum({0.7, 0.4, 0.3}, kHigh / 8.0);
   sim::SolidDesc bar = desc_of(box_mesh({0.05, 0.2, 0.1}, {0.15 + kLong, 0.3, 0.2}));
   bar.youngs_modulus = 2.6 * kShear;
   bar.poissons_ratio = 0.3;
@@ -117,8 +104,7 @@ TEST_CASE("A cantilever sags as a clamped bar does", "[law]") {
 }
 
 TEST_CASE("A compressible bar that is pinned comes to rest in steps of a frame", "[law]") {
-  sim::Params p = box_params({0.7, 0.4, 0.3}, 0.0125);
-  p.fluid.present = false;
+  sim::Params p = vacuum({0.7, 0.4, 0.3}, 0.0125);
   sim::SolidDesc bar = desc_of(box_mesh({0.05, 0.2, 0.1}, {0.55, 0.3, 0.2}));
   bar.youngs_modulus = 1e6;
   bar.poissons_ratio = 0.3;
@@ -147,7 +133,7 @@ TEST_CASE("A compressible bar that is pinned comes to rest in steps of a frame",
 }
 
 TEST_CASE("What turns as given takes its angular momentum and twice its energy from what holds it", "[law]") {
-  sim::Params p = vacuum({0.6, 0.6, 0.6});
+  sim::Params p = vacuum({0.6, 0.6, 0.6}, kCell);
   p.gravity.setZero();
   const auto s = make_simulation(p, {desc_of(box_mesh({0.2, 0.22, 0.24}, {0.4, 0.38, 0.36}))});
   const geometry::TriangleMesh around = box_mesh({0.1, 0.1, 0.1}, {0.5, 0.5, 0.5});
@@ -172,7 +158,7 @@ TEST_CASE("A bar gives way by as much as is free of it, wherever between nodes t
     bar.poissons_ratio = 0.0;
     bar.compressible = true;
     bar.rayleigh_alpha = 10.0;
-    const auto s = make_simulation(vacuum({0.4, 0.6, 0.4}), {bar});
+    const auto s = make_simulation(vacuum({0.4, 0.6, 0.4}, kCell), {bar});
     const double border = (20.0 + into) * kCell, length = border - kLow;
     const geometry::TriangleMesh clamp = box_mesh({0.0, border, 0.0}, {0.4, kHigh + 0.1, 0.4});
     s->add_pin(0, geometry::examine(clamp, sim::kRestSpacing * kCell)->distance);
@@ -186,7 +172,7 @@ TEST_CASE("A bar gives way by as much as is free of it, wherever between nodes t
 }
 
 TEST_CASE("A pin that turns and goes takes its end where the pose says") {
-  HangingBar bar(vacuum({0.6, 0.7, 0.6}));
+  HangingBar bar(vacuum({0.6, 0.7, 0.6}, kCell));
   const Vec3d turn(0.0, 0.9, 0.3), shift(0.1, 0.0, 0.12);
   const auto part = [&](double s) { return pose(s * turn, s * shift); };
   for (int frame = 0; frame < 12; ++frame) {
@@ -228,8 +214,7 @@ TEST_CASE("A collider is where its pose says and leaves the fluid without source
 }
 
 TEST_CASE("A ball that is set in motion takes half its volume of fluid along", "[law]") {
-  sim::Params p = box_params({0.6, 0.6, 0.6}, 0.0125);
-  p.gravity.setZero();
+  sim::Params p = still({0.6, 0.6, 0.6}, 0.0125);
   const auto s = make_simulation(p);
   geometry::MeshReport report;
   const std::size_t pin = s->add_collider(desc_of(ball_mesh({0.3, 0.3, 0.3}, 0.1)), report);
@@ -244,7 +229,7 @@ TEST_CASE("A ball that is set in motion takes half its volume of fluid along", "
 }
 
 TEST_CASE("Nothing falls through a collider, and it gives a ball the momentum that it counts", "[law]") {
-  const auto s = make_simulation(vacuum({0.6, 0.7, 0.6}), {ball_desc({0.3, 0.35, 0.3}, 0.08)});
+  const auto s = make_simulation(vacuum({0.6, 0.7, 0.6}, kCell), {ball_desc({0.3, 0.35, 0.3}, 0.08)});
   geometry::MeshReport report;
   // It reaches through three walls and comes up to meet the ball.
   const std::size_t pin = s->add_collider(desc_of(box_mesh({0.05, -0.1, -0.1}, {0.7, 0.16, 0.5})), report);
@@ -270,7 +255,7 @@ TEST_CASE("Nothing falls through a collider, and it gives a ball the momentum th
 
 TEST_CASE("A body slides down a tilted collider as Coulomb says", "[law]") {
   const double tilt = 0.35, mu = 0.2;
-  sim::Params p = vacuum({0.9, 0.6, 0.4});
+  sim::Params p = vacuum({0.9, 0.6, 0.4}, kCell);
   const Mat3d turn = solid::rotation({0.0, 0.0, -tilt});  // downhill along x
   const Vec3d pivot(0.45, 0.1, 0.2);
   const auto tilted = [&](geometry::TriangleMesh mesh) {
@@ -326,7 +311,7 @@ TEST_CASE("Given motion: the same bits with any number of threads, and after a r
 }
 
 TEST_CASE("A region that holds nothing, and a collider that is pinned, are refused") {
-  HangingBar bar(vacuum({0.6, 0.7, 0.6}));
+  HangingBar bar(vacuum({0.6, 0.7, 0.6}, kCell));
   std::vector<std::uint8_t> none(bar.held.size(), 0);
   CHECK_THROWS_WITH(bar.s->add_pin(0, none),
                     Catch::Contains("pin 2 of solid 1: the region holds 0 nodes of the solid"));

@@ -20,9 +20,7 @@ solid::Momenta moving(const Vec3d& velocity) {
 }  // namespace
 
 TEST_CASE("Solids that push each other are a cluster, held altogether; one alone by the walls that it touches") {
-  sim::Params p = box_params({1.0, 0.5, 0.5}, 0.025);
-  p.fluid.present = false;
-  p.gravity.setZero();
+  sim::Params p = still_vacuum({1.0, 0.5, 0.5}, 0.025);
   // The first and the third touch the fourth; the second meets the floor, the fifth is free.
   std::vector<sim::SolidDesc> balls = {ball_desc({0.205, 0.25, 0.25}, 0.08), ball_desc({0.75, 0.08, 0.15}, 0.08),
                                        ball_desc({0.495, 0.25, 0.25}, 0.08), ball_desc({0.35, 0.25, 0.25}, 0.075),

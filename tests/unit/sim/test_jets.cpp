@@ -27,8 +27,7 @@ Emitter jet(Emitter::Shape shape, const Vec3d& middle, const Vec3d& size, const 
 
 // A box of 0.6 x 0.4 x 0.4 m without gravity, open at its high x.
 sim::Params channel(double h = 0.02) {
-  sim::Params p = box_params({0.6, 0.4, 0.4}, h);
-  p.gravity.setZero();
+  sim::Params p = still({0.6, 0.4, 0.4}, h);
   p.walls.face[1] = grid::Wall::kOpen;
   return p;
 }

@@ -43,8 +43,7 @@ TEST_CASE("A ball released from rest carries the added mass of the fluid around 
 
 TEST_CASE("Solid and fluid in a periodic box keep their momentum", "[law]") {
   const double ratio = GENERATE(1000.0, 1.3);
-  sim::Params p = box_params(Vec3d::Ones());
-  p.gravity.setZero();
+  sim::Params p = still(Vec3d::Ones());
   p.walls.face.fill(grid::Wall::kPeriodic);
   p.fluid.density = 1000.0 / ratio;
   p.domain_size = Vec3d::Constant(0.4);
@@ -65,9 +64,7 @@ TEST_CASE("Solid and fluid in a periodic box keep their momentum", "[law]") {
 
 TEST_CASE("Noise in the map of a ball that flies through vacuum dies away at every speed", "[law]") {
   // Elastic waves travel with the ball, whatever part of a cell it moves in a step.
-  sim::Params p = box_params({0.4, 1.6, 0.4});
-  p.gravity.setZero();
-  p.fluid.present = false;
+  sim::Params p = still_vacuum({0.4, 1.6, 0.4});
   p.cfl_solid = 2.0;
   for (const double cells : {0.1, 0.5, 1.0, 1.3}) {
     sim::SolidDesc d = ball_desc({0.2, 0.14, 0.2}, kRadius);
@@ -149,8 +146,7 @@ TEST_CASE("An impact is as calm at any Poisson's ratio of a solid that keeps its
 }
 
 TEST_CASE("A spinning ball keeps its spin, and its energy does not grow", "[law]") {
-  sim::Params p = box_params(Vec3d::Ones());
-  p.gravity.setZero();
+  sim::Params p = still(Vec3d::Ones());
   p.domain_size = Vec3d::Constant(0.4);
   p.voxel_size = 0.02;
   sim::SolidDesc d = ball_desc(Vec3d::Constant(0.2), kRadius);
@@ -172,9 +168,7 @@ TEST_CASE("A stretched ball in vacuum swings at the frequency of Lamb's spheroid
   // their energies wavers.
   constexpr double kRoot = 2.665622, kPi = 3.14159265358979323846;
   const double period = 2.0 * kPi * kRadius / (kRoot * std::sqrt(kShearModulus / 1000.0));
-  sim::Params p = box_params(Vec3d::Ones());
-  p.gravity.setZero();
-  p.fluid.present = false;
+  sim::Params p = still_vacuum(Vec3d::Ones());
   auto s = ball_in_cube(p, 2.0 * kRadius, 14);
   const double e = 1.05;
   stretch(*s, Vec3d::Constant(0.2), {e, 1.0 / std::sqrt(e), 1.0 / std::sqrt(e)});
@@ -198,9 +192,7 @@ TEST_CASE("A ball under a lasting load towards its centre is not compressed", "[
   // f = -beta (x - c) is the gradient of a pressure. Without the constraint the mean pressure beta R^2 / 5 would take
   // 10 % of the volume. The load is given as the velocity that it adds in a step.
   const double bulk = 5000.0 + 2.0 / 3.0 * kShearModulus, beta = 0.5 * bulk / (kRadius * kRadius), dt = 0.005;
-  sim::Params p = box_params(Vec3d::Ones());
-  p.gravity.setZero();
-  p.fluid.present = false;
+  sim::Params p = still_vacuum(Vec3d::Ones());
   auto s = ball_in_cube(p, 2.0 * kRadius, 10, 1000.0, dt);  // damped: comes to rest
   load(*s, dt, 60,
        [&](const Vec3d& x, std::size_t a) { return -beta / 1000.0 * (x[static_cast<Eigen::Index>(a)] - 0.2); });
@@ -214,9 +206,7 @@ TEST_CASE("A ball under a lasting load towards its centre is not compressed", "[
 TEST_CASE("A compressible ball under a load towards its centre shrinks by the mean pressure over K", "[law]") {
   const double bulk = 5000.0 + 2.0 / 3.0 * kShearModulus, dt = 0.005, strain = 0.01;
   const double beta = 5.0 * strain * bulk / (kRadius * kRadius);  // mean pressure beta R^2 / 5 = strain K
-  sim::Params p = box_params(Vec3d::Ones());
-  p.gravity.setZero();
-  p.fluid.present = false;
+  sim::Params p = still_vacuum(Vec3d::Ones());
   p.domain_size = Vec3d::Constant(0.4);
   p.voxel_size = 0.0125;  // 16 cells across
   sim::SolidDesc d = ball_desc(Vec3d::Constant(0.2), kRadius);
@@ -235,9 +225,7 @@ TEST_CASE("A compressible ball under a load towards its centre shrinks by the me
 }
 
 TEST_CASE("A compressible ball of Poisson's ratio 0.49 does not ring up after an impact", "[law]") {
-  sim::Params p = box_params({1.2, 1.14, 1.2}, 0.06);
-  p.fluid.present = false;
-  p.gravity.setZero();
+  sim::Params p = still_vacuum({1.2, 1.14, 1.2}, 0.06);
   sim::SolidDesc d = ball_desc({0.6, 0.55, 0.57}, 0.31);
   d.density = 378.0;
   d.youngs_modulus = 2.7e5;
@@ -260,8 +248,7 @@ TEST_CASE("A compressible ball of Poisson's ratio 0.49 does not ring up after an
 
 TEST_CASE("A compressible ball of half its size grows back in steps of a frame", "[law]") {
   const bool fluid = GENERATE(false, true);
-  sim::Params p = box_params(Vec3d::Ones());
-  p.gravity.setZero();
+  sim::Params p = still(Vec3d::Ones());
   p.fluid.present = fluid;
   p.fluid.density = 1.0;
   p.walls.face[3] = grid::Wall::kOpen;
@@ -281,8 +268,7 @@ TEST_CASE("A compressible ball of half its size grows back in steps of a frame",
 }
 
 TEST_CASE("A ball squashed to half its height grows back in steps of a frame where a side is open", "[law]") {
-  sim::Params p = box_params(Vec3d::Ones());
-  p.gravity.setZero();
+  sim::Params p = still(Vec3d::Ones());
   p.walls.face[3] = grid::Wall::kOpen;
   p.cfl_solid = 4.0;
   auto s = ball_in_cube(p, 2.0 * kRadius, 10);
@@ -303,9 +289,7 @@ TEST_CASE("A ball squashed to half its height grows back in steps of a frame whe
 }
 
 TEST_CASE("A ball that swings freely keeps its volume", "[law]") {
-  sim::Params p = box_params(Vec3d::Ones());
-  p.gravity.setZero();
-  p.fluid.present = false;
+  sim::Params p = still_vacuum(Vec3d::Ones());
   auto s = ball_in_cube(p, 2.0 * kRadius, 10);
   const double along = 1.3, across = 1.0 / std::sqrt(along);
   stretch(*s, Vec3d::Constant(0.2), {along, across, across});
@@ -371,8 +355,7 @@ TEST_CASE("A heavy box that tumbles onto a no-slip floor leaves no divergence, i
 }
 
 TEST_CASE("A ball that slides over the floor keeps its momentum along it and its turn about the vertical", "[law]") {
-  sim::Params p = box_params({0.6, 0.3, 0.5});
-  p.fluid.present = false;
+  sim::Params p = vacuum({0.6, 0.3, 0.5});
   sim::SolidDesc d = ball_desc({0.2, 0.1, 0.2}, kRadius);
   d.velocity = {0.5, 0.0, 0.2};
   d.angular_velocity = {0.0, 4.0, 0.0};

@@ -15,9 +15,7 @@ namespace {
 constexpr double kCell = 0.02;
 
 sim::Params paper_params(const Vec3d& size, bool fluid, int threads = 1) {
-  sim::Params p = box_params(size, kCell);
-  p.gravity.setZero();
-  p.fluid.present = fluid;
+  sim::Params p = still(size, kCell, fluid);
   p.threads = threads;
   p.numerics = sim::numerics_of(sim::Preset::kPaper2016);
   return p;
@@ -157,8 +155,7 @@ TEST_CASE("A ball that falls is held up by the floor's repulsion, and is thrown 
 TEST_CASE("Friction of Eq. 15 brakes a block on the floor, and a no-slip wall holds what lies in its cells") {
   sim::Params p = paper_params({0.8, 0.3, 0.4}, false);
   p.gravity = {0.0, -9.8, 0.0};
-  sim::SolidDesc desc;
-  desc.surface = block({0.2, 0.092, 0.2}, {0.1, 0.08, 0.1});  // 0.6 cells above the floor
+  sim::SolidDesc desc = desc_of(block({0.2, 0.092, 0.2}, {0.1, 0.08, 0.1}));  // 0.6 cells above the floor
   desc.youngs_modulus = 1e5;
   desc.rayleigh_alpha = 0.0;
   desc.velocity = {1.0, 0.0, 0.0};
@@ -191,8 +188,7 @@ TEST_CASE("A collider pushes the particles of a solid, and has none") {
   sim::Params p = paper_params({0.6, 0.4, 0.4}, false);
   auto s = make_simulation(p, {});
   geometry::MeshReport report;
-  sim::SolidDesc wall;
-  wall.surface = block({0.1, 0.2, 0.2}, {0.06, 0.15, 0.15});
+  sim::SolidDesc wall = desc_of(block({0.1, 0.2, 0.2}, {0.06, 0.15, 0.15}));
   s->add_collider(wall, report);
   sim::SolidDesc ball = ball_desc({0.3, 0.2, 0.2}, 0.1);
   ball.velocity = {-1.0, 0.0, 0.0};

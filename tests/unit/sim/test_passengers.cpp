@@ -6,8 +6,8 @@
 
 using namespace efsi;
 using test::ball_desc;
-using test::box_params;
 using test::make_simulation;
+using test::still_vacuum;
 
 namespace {
 
@@ -23,12 +23,7 @@ std::vector<Vec3d> points_around(double radius) {
   return points;
 }
 
-sim::Params still_box() {
-  sim::Params p = box_params({0.6, 0.6, 0.6}, kCell);
-  p.gravity.setZero();
-  p.fluid.present = false;
-  return p;
-}
+sim::Params still_box() { return still_vacuum({0.6, 0.6, 0.6}, kCell); }
 
 // x = c + A (X - c) as the displacement field of solid 0.
 void deform(sim::Simulation& s, const Mat3d& a) {

@@ -14,10 +14,8 @@ namespace {
 constexpr double kRadius = 0.1;
 const Vec3d kMiddle(0.3, 0.3, 0.3);
 
-sim::Params vacuum(double h, int threads = 1) {
-  sim::Params p = box_params({0.6, 0.6, 0.6}, h);
-  p.gravity.setZero();
-  p.fluid.present = false;
+sim::Params box(double h, int threads = 1) {
+  sim::Params p = still_vacuum({0.6, 0.6, 0.6}, h);
   p.threads = threads;
   return p;
 }
@@ -69,7 +67,7 @@ double yield_stretch(double mu, double yield_stress) {
 
 TEST_CASE("A ball that is pulled beyond its yield stress keeps the stretch that is not elastic", "[law]") {
   const double yield_stress = 3000.0, stretch = 1.4;
-  auto s = make_simulation(vacuum(0.02), {plastic_ball(kMiddle, yield_stress)});
+  auto s = make_simulation(box(0.02), {plastic_ball(kMiddle, yield_stress)});
   pull(*s, stretch);
   run(*s, 1.0, 0.01);
   const double expected = stretch / yield_stretch(1e4, yield_stress);
@@ -82,7 +80,7 @@ TEST_CASE("A ball that is pulled beyond its yield stress keeps the stretch that 
   run(*s, 1.0, 0.01);
   CHECK(length_along_x(*s) == Approx(before).epsilon(1e-3));
 
-  auto elastic = make_simulation(vacuum(0.02), {plastic_ball(kMiddle, 0.0)});
+  auto elastic = make_simulation(box(0.02), {plastic_ball(kMiddle, 0.0)});
   pull(*elastic, stretch);
   run(*elastic, 1.0, 0.01);
   CHECK(length_along_x(*elastic) == Approx(1.0).epsilon(0.01));
@@ -91,7 +89,7 @@ TEST_CASE("A ball that is pulled beyond its yield stress keeps the stretch that 
 TEST_CASE("Half the time step changes what a ball keeps by less than a hundredth", "[law]") {
   const double rate = GENERATE(1e3, 1e6);
   const auto kept = [&](double dt) {
-    auto s = make_simulation(vacuum(0.02), {plastic_ball(kMiddle, 2000.0, rate)});
+    auto s = make_simulation(box(0.02), {plastic_ball(kMiddle, 2000.0, rate)});
     pull(*s, 1.4);
     run(*s, 0.5, dt);
     return length_along_x(*s) - 1.0;
@@ -102,7 +100,7 @@ TEST_CASE("Half the time step changes what a ball keeps by less than a hundredth
 }
 
 TEST_CASE("A ball that yields on the floor keeps a dent, an elastic one does not; flow only takes energy") {
-  sim::Params p = vacuum(0.02);
+  sim::Params p = box(0.02);
   p.gravity = {0, -9.8, 0};
   p.energy_ledger = true;
   const auto height_after = [&](double yield_stress, double& dissipated) {
@@ -132,7 +130,7 @@ TEST_CASE("A ball that yields on the floor keeps a dent, an elastic one does not
 TEST_CASE(
     "Plastic strain is state: a resumed run, a repeated step and any number of threads go on with the same bits") {
   const auto start = [](int threads) {
-    auto s = make_simulation(vacuum(0.025, threads), {plastic_ball(kMiddle, 1000.0, 50.0)});
+    auto s = make_simulation(box(0.025, threads), {plastic_ball(kMiddle, 1000.0, 50.0)});
     pull(*s, 1.3);
     return s;
   };
@@ -155,9 +153,9 @@ TEST_CASE(
 }
 
 TEST_CASE("A solid that cannot yield carries nothing; one that can is told apart") {
-  auto elastic = make_simulation(vacuum(0.025), {plastic_ball(kMiddle, 0.0)});
-  auto plastic = make_simulation(vacuum(0.025), {plastic_ball(kMiddle, 1000.0)});
-  auto other = make_simulation(vacuum(0.025), {plastic_ball(kMiddle, 1001.0)});
+  auto elastic = make_simulation(box(0.025), {plastic_ball(kMiddle, 0.0)});
+  auto plastic = make_simulation(box(0.025), {plastic_ball(kMiddle, 1000.0)});
+  auto other = make_simulation(box(0.025), {plastic_ball(kMiddle, 1001.0)});
   elastic->step(0.001);
   plastic->step(0.001);
   CHECK(elastic->state().solids[0].plastic.capacity() == 0);
@@ -170,6 +168,6 @@ TEST_CASE("A solid that cannot yield carries nothing; one that can is told apart
   sim::SolidDesc bad = plastic_ball(kMiddle, 1000.0);
   bad.plastic.hardening = -1.0;
   geometry::MeshReport report;
-  CHECK_THROWS_WITH(make_simulation(vacuum(0.025))->add_solid(bad, report),
+  CHECK_THROWS_WITH(make_simulation(box(0.025))->add_solid(bad, report),
                     Catch::Contains("EfsiSolidDef.plastic_hardening = -1: must be a finite number >= 0"));
 }

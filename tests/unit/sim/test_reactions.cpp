@@ -11,8 +11,7 @@ constexpr double kCell = 0.02, kFrame = 1.0 / 24.0;
 constexpr int kRises = 6, kRisen = 12;  // frames between which the plate moves
 
 sim::SolidDesc block_desc(const Vec3d& low, const Vec3d& high) {
-  sim::SolidDesc d;
-  d.surface = block(0.5 * (low + high), 0.5 * (high - low));
+  sim::SolidDesc d = desc_of(block(0.5 * (low + high), 0.5 * (high - low)));
   d.youngs_modulus = 1e5;
   d.poissons_ratio = 0.3;
   return d;
@@ -59,8 +58,7 @@ TEST_CASE("A collider holds the weight of a block that rests on it in every fram
 }
 
 TEST_CASE("What pins a body holds the weight of a block that rests on it, too", "[law]") {
-  sim::Params p = box_params({0.6, 0.6, 0.6}, kCell);
-  p.fluid.present = false;
+  sim::Params p = vacuum({0.6, 0.6, 0.6}, kCell);
   const auto s = make_simulation(
       p, {block_desc({0.22, 0.21, 0.22}, {0.38, 0.33, 0.38}), block_desc({0.15, 0.06, 0.15}, {0.45, 0.2, 0.45})});
   const geometry::TriangleMesh around = block({0.3, 0.06, 0.3}, {0.2, 0.05, 0.2});

@@ -14,9 +14,7 @@ constexpr double kH = 0.02;
 sim::Params slab_params(int axis, double edge = 0.5) {
   Vec3d size = Vec3d::Constant(edge);
   size[axis] = kH;
-  sim::Params p = box_params(size, kH);
-  p.gravity = Vec3d::Zero();
-  return p;
+  return still(size, kH);
 }
 
 sim::SolidDesc disc(int axis, const Vec3d& center, double radius, double length, double along_x = 1.0) {

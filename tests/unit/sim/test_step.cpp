@@ -142,9 +142,7 @@ TEST_CASE("A bouncing ball keeps its volume in every step, by its mesh", "[law]"
 
 TEST_CASE("At a wall steps resolve shear waves while a solid is strained fast, and at rest they do not") {
   const auto step = [](double height, double speed, sim::Preset preset) {  // layers of a ball slide to and fro
-    sim::Params p = box_params({0.4, 0.6, 0.4});
-    p.gravity.setZero();
-    p.fluid.present = false;
+    sim::Params p = still_vacuum({0.4, 0.6, 0.4});
     p.numerics = sim::numerics_of(preset);
     auto s = make_simulation(p, {ball_desc({0.2, height, 0.2})});
     const grid::Grid& g = s->state().solids[0].band.grid;
@@ -163,8 +161,7 @@ TEST_CASE("At a wall steps resolve shear waves while a solid is strained fast, a
 }
 
 TEST_CASE("A squashed ball returns to its rest shape", "[law]") {
-  sim::Params p = box_params({0.4, 0.4, 0.4});
-  p.gravity.setZero();
+  sim::Params p = still({0.4, 0.4, 0.4});
   sim::SolidDesc d = ball_desc({0.2, 0.2, 0.2});
   d.rayleigh_beta = 0.01;
   auto s = make_simulation(p, {d});
@@ -193,8 +190,7 @@ TEST_CASE("A squashed ball returns to its rest shape", "[law]") {
 }
 
 TEST_CASE("Momentum of solid and fluid together is constant in a periodic box", "[law]") {
-  sim::Params p = box_params({0.4, 0.4, 0.4});
-  p.gravity.setZero();
+  sim::Params p = still({0.4, 0.4, 0.4});
   p.walls.face.fill(grid::Wall::kPeriodic);
   p.fluid.density = 200.0;
   sim::SolidDesc d = ball_desc({0.18, 0.2, 0.2});
@@ -215,8 +211,7 @@ TEST_CASE("Momentum of solid and fluid together is constant in a periodic box", 
 }
 
 TEST_CASE("Without ambient fluid a solid falls at g", "[law]") {
-  sim::Params p = box_params({0.4, 0.6, 0.4});
-  p.fluid.present = false;
+  sim::Params p = vacuum({0.4, 0.6, 0.4});
   auto s = make_simulation(p, {ball_desc({0.2, 0.42, 0.2})});
   const double start = s->diagnose_solid(0).center[1];
   s->advance(0.1, {});
@@ -232,8 +227,7 @@ TEST_CASE("Without ambient fluid a solid falls at g", "[law]") {
 
 TEST_CASE("A spinning ball in still air keeps its angular momentum and turns rigidly", "[law]") {
   // Transport of the velocity over a step loses spin in proportion to the angle per step: 0.03 here, 1.2 in all.
-  sim::Params p = box_params({0.4, 0.4, 0.4});
-  p.gravity.setZero();
+  sim::Params p = still({0.4, 0.4, 0.4});
   p.max_time_step = 0.005;
   sim::SolidDesc d = ball_desc({0.2, 0.2, 0.2});
   d.youngs_modulus = 2e5;
@@ -275,8 +269,7 @@ TEST_CASE("A scene of fluid alone reports no tiles for what it does not have") {
 }
 
 TEST_CASE("An empty scene advances and costs nothing") {
-  sim::Params p = box_params({0.2, 0.2, 0.2});
-  p.fluid.present = false;
+  sim::Params p = vacuum({0.2, 0.2, 0.2});
   auto s = make_simulation(p);
   s->advance(0.1, {});
   CHECK(s->state().time == 0.1);

@@ -8,20 +8,15 @@
 using namespace efsi;
 using Catch::Matchers::Contains;
 using test::ball_desc;
-using test::box_params;
 using test::make_simulation;
+using test::still_vacuum;
 
 namespace {
 
 const Vec3d kCenter(0.31, 0.29, 0.3);
 constexpr double kCell = 0.02, kRadius = 0.1;
 
-sim::Params still_box() {
-  sim::Params p = box_params({0.6, 0.6, 0.6}, kCell);
-  p.gravity.setZero();
-  p.fluid.present = false;
-  return p;
-}
+sim::Params still_box() { return still_vacuum({0.6, 0.6, 0.6}, kCell); }
 
 sim::SolidDesc stretched_ball(const Vec3d& stretch, bool compressible = false) {
   sim::SolidDesc d = ball_desc(kCenter, kRadius);

@@ -29,12 +29,10 @@ geometry::TriangleMesh block(const Vec3d& center) {
 
 // Gravity is tilted by 30 degrees against the floor.
 std::unique_ptr<sim::Simulation> block_on_slope(double friction, bool compressible) {
-  sim::Params p = box_params({1.0, 0.2, 0.4});
-  p.fluid.present = false;
+  sim::Params p = vacuum({1.0, 0.2, 0.4});
   p.max_time_step = 1.0 / 96.0;
   p.gravity = kGravity * Vec3d(std::sin(M_PI / 6), -std::cos(M_PI / 6), 0.0);
-  sim::SolidDesc d;
-  d.surface = block({0.2, 0.05, 0.2});
+  sim::SolidDesc d = desc_of(block({0.2, 0.05, 0.2}));
   d.youngs_modulus = 2e5;
   d.poissons_ratio = 0.2;
   d.rayleigh_beta = 2e-3;
@@ -126,8 +124,7 @@ TEST_CASE("A ball that turns just above a floor is not disturbed by it", "[law]"
 }
 
 TEST_CASE("A ball at rest stays there whatever steps it is taken in", "[law]") {
-  sim::Params p = box_params({0.4, 0.36, 0.4});
-  p.fluid.present = false;
+  sim::Params p = vacuum({0.4, 0.36, 0.4});
   auto s = make_simulation(p, {ball_desc({0.2, 0.1, 0.2})});
   while (s->state().time < 4.0) s->step(1.0 / 96.0);
   const auto before = s->diagnose_solid(0);
@@ -146,8 +143,7 @@ TEST_CASE("A ball at rest stays there whatever steps it is taken in", "[law]") {
 }
 
 TEST_CASE("What a wall has pulled it lets go in the next step", "[law]") {
-  sim::Params p = box_params({0.4, 0.4, 0.4});
-  p.fluid.present = false;
+  sim::Params p = vacuum({0.4, 0.4, 0.4});
   sim::SolidDesc d = ball_desc({0.2, 0.12, 0.2});
   d.velocity = {0.0, -2.0, 0.0};
   auto s = make_simulation(p, {d});
@@ -189,11 +185,9 @@ TEST_CASE("A block slides down a slope as Coulomb's law says, or stays", "[law]"
 }
 
 TEST_CASE("A block that slides on flat ground stops where Coulomb's law says", "[law]") {
-  sim::Params p = box_params({1.0, 0.2, 0.4});
-  p.fluid.present = false;
+  sim::Params p = vacuum({1.0, 0.2, 0.4});
   p.max_time_step = 1.0 / 96.0;
-  sim::SolidDesc d;
-  d.surface = block({0.2, 0.05, 0.2});
+  sim::SolidDesc d = desc_of(block({0.2, 0.05, 0.2}));
   d.youngs_modulus = 2e5;
   d.rayleigh_beta = 2e-3;
   d.friction = 0.4;

@@ -38,8 +38,7 @@ struct Elements {
 };
 
 std::unique_ptr<sim::Simulation> thrown_ball(int threads, sim::Preset preset = sim::Preset::kProduction) {
-  sim::Params p = box_params({0.6, 0.7, 0.5}, 0.025);
-  p.fluid.present = false;
+  sim::Params p = vacuum({0.6, 0.7, 0.5}, 0.025);
   p.threads = threads;
   p.numerics = sim::numerics_of(preset);
   sim::SolidDesc d = ball_desc({0.2, 0.5, 0.25});
@@ -126,8 +125,7 @@ TEST_CASE("Cells keep their values from one window to another; new ones and ghos
 TEST_CASE("Without fluid the size of the box changes neither the motion nor the work", "[law]") {
   std::unique_ptr<sim::Simulation> runs[2];
   for (int large = 0; large < 2; ++large) {
-    sim::Params p = box_params(large ? Vec3d(1.5, 1.0, 1.25) : Vec3d(0.75, 0.5, 0.625), 0.015625);
-    p.fluid.present = false;
+    sim::Params p = vacuum(large ? Vec3d(1.5, 1.0, 1.25) : Vec3d(0.75, 0.5, 0.625), 0.015625);
     if (large) p.domain_min = {-0.25, 0.0, -0.4375};  // the floor stays where it is
     sim::SolidDesc d = ball_desc({0.3, 0.18, 0.3});
     d.velocity = {0.8, -2.0, 0.2};
@@ -147,8 +145,7 @@ TEST_CASE("A step on the window leaves what a step on the whole box does", "[law
   // follows a rough estimate, which depends on how the preconditioner coarsens the grid.
   std::unique_ptr<sim::Simulation> runs[2];
   for (int whole = 0; whole < 2; ++whole) {
-    sim::Params p = box_params({0.5, 0.5, 0.5}, 0.025);
-    p.fluid.present = false;
+    sim::Params p = vacuum({0.5, 0.5, 0.5}, 0.025);
     p.numerics.coupling_step = false;
     p.numerics.velocity_tolerance = 1e-6;
     p.numerics.pressure_tolerance = 1e-5;
@@ -195,8 +192,7 @@ TEST_CASE("While the window moves, any number of threads and a checkpoint give t
 
 TEST_CASE("A step that is repeated smaller starts from the window that it started from", "[determinism]") {
   const auto make = [](int threads) {
-    sim::Params p = box_params({0.5, 0.5, 0.5}, 0.025);
-    p.fluid.present = false;
+    sim::Params p = vacuum({0.5, 0.5, 0.5}, 0.025);
     p.cfl_solid = 4.0;
     p.threads = threads;
     sim::SolidDesc d = ball_desc({0.25, 0.25, 0.25});
