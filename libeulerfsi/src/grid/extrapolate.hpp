@@ -22,9 +22,9 @@ struct DataWeights {
 };
 
 // layer: in 0 at nodes that hold data and kNoLayer elsewhere; out k at the nodes of layer k = 1..layers (reached
-// through the 26 neighbours). fields: node arrays, extended in place; finite everywhere. What has been
-// extended weighs 1.
+// through the 26 neighbours). fields: node arrays, extended in place; finite everywhere. What has been extended
+// weighs 1.
 void extend_linear(const Parallel& parallel, const Grid& g, int layers, std::vector<std::uint8_t>& layer,
-                   std::span<Real* const> fields, const DataWeights& weights = {});
+                   std::span<Real* const> fields, const DataWeights& data = {});
 
 }  // namespace efsi::grid

@@ -31,7 +31,8 @@ void compute_compliance(const StepContext& step, const SolidStates& states, cons
   linalg::fill(step.parallel, compliance, g.padded_count(), Real(0));
   for_bulk_cells(step, states, solids, g, [&](std::size_t l, std::size_t c, std::size_t cell) {
     const solid::SolidWork& work = solids[l];
-    const double kappa = step.scene.solids[l].bulk * solid::bulk_weight(step.scene.solids[l], work, c);
+    const solid::SolidRest& rest = step.scene.solids[l];
+    const double kappa = rest.bulk * solid::bulk_weight(rest, work, static_cast<std::size_t>(work.element[c]));
     const double J = static_cast<double>(work.volume_ratio[c]);
     compliance[cell] = static_cast<Real>(g.h * g.h * g.h / (step.dt * step.dt * kappa * J));
   });

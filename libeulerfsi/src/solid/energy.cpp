@@ -42,8 +42,7 @@ double elastic_energy(const Parallel& parallel, const SolidRest& rest, const Sol
       for (std::size_t a = 0; a < 8; ++a) u[a] = state.u.at(n + corner[a]).cast<double>();
       const Vec3i place = g.node_place(n);
       sum += cell_energy(rest, plastic, u, g.node_position(place[0], place[1], place[2]), g.h, work.middle(index),
-                         points_per_element, work.element_weight * work.factor(index),
-                         bulk_weight(rest, work, static_cast<std::size_t>(work.element_cell[index])));
+                         points_per_element, work.element_weight * work.factor(index), bulk_weight(rest, work, index));
     }
     return sum;
   });

@@ -321,9 +321,9 @@ void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidSt
   stiffen_beside_pins(parallel, rest, state, work);
 }
 
-double bulk_weight(const SolidRest& rest, const SolidWork& work, std::size_t cell) {
+double bulk_weight(const SolidRest& rest, const SolidWork& work, std::size_t e) {
   if (rest.wet && rest.stiff_by_part) return work.whole_weight;
-  return work.element_weight * work.factor(static_cast<std::size_t>(work.element[cell]));
+  return work.element_weight * work.factor(e);
 }
 
 void remember_elements(const SolidWork& work, SolidState& state) {

@@ -22,9 +22,9 @@ inline constexpr Threshold kElementPartInFluid = {Real(0.6), Real(0.1)};
 // solid that is whole keeps what it weighed at first (state.rest_volume_cells, once that is known).
 void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work);
 
-// Of the stiffness against change of volume that the pressure has in a cell, over the material's. In vacuum the empty
-// part of a cut cell gives way; in a fluid it does not, and the elements stand for the whole body alike.
-double bulk_weight(const SolidRest& rest, const SolidWork& work, std::size_t cell);
+// Of the stiffness against change of volume that the pressure has in an element, over the material's. In vacuum the
+// empty part of a cut cell gives way; in a fluid it does not, and the elements stand for the whole body alike.
+double bulk_weight(const SolidRest& rest, const SolidWork& work, std::size_t e);
 
 // Keeps which cells carry stiffness for the next compute_mass: state.stiff.
 void remember_elements(const SolidWork& work, SolidState& state);

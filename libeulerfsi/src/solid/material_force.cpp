@@ -138,7 +138,7 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
       material::Elastic elastic = rest.elastic;
       elastic.mu *= work.element_weight * work.factor(e);
       elastic.lambda *= work.element_weight * work.factor(e);
-      const double bulk = rest.bulk * bulk_weight(rest, work, static_cast<std::size_t>(work.element_cell[e]));
+      const double bulk = rest.bulk * bulk_weight(rest, work, e);
       for (std::size_t q = 0; q < points; ++q) {
         const Vec3d local = work.local_point(e, q);
         const ElasticPoint p = elastic_point(plastic, u, x0, g.h, local);
