@@ -22,8 +22,7 @@ class Binding:
     """Points (n, 3) bound to a surface: rest (k, 3) and triangles (m, 3), of which at least one has an area."""
 
     def __init__(self, rest: np.ndarray, triangles: np.ndarray, points: np.ndarray) -> None:
-        normals = cross(rest[triangles[:, 1]] - rest[triangles[:, 0]], rest[triangles[:, 2]] - rest[triangles[:, 0]])
-        triangles = triangles[dot(normals, normals) > 0.0]
+        triangles = triangles[_frame(rest, triangles)[3] > 0.0]
         nearest, self._weights = nearest_on_triangles(rest[triangles], points)
         held, self._corners = np.unique(triangles[nearest], return_inverse=True)
         self._corners = self._corners.reshape(-1, 3)

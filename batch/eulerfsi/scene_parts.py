@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import hashlib
 import json
 import math
@@ -82,20 +83,18 @@ class Deformation:
     space: SimulationSpace
     first: int
     stretched: bool
-    _recent: dict[float, np.ndarray] = dataclasses.field(default_factory=dict, repr=False)  # one asks more than once
+
+    def __post_init__(self) -> None:
+        self.points = functools.lru_cache(_RECENT)(self.points)  # one asks more than once
 
     def points(self, frame: float) -> np.ndarray:
         """(n, 3) in simulation space: the motion of the collider places them in a frame. Raises PoseError."""
-        if frame not in self._recent:
-            prim = self.stage.GetPrimAtPath(self.path)
-            time = Usd.TimeCode(frame if self.stretched else self.first)
-            matrix = UsdGeom.XformCache(time).GetLocalToWorldTransform(prim)
-            points = transform_points(deform.points_at(prim, frame), self.space.from_local(np.array(matrix)))
-            points.flags.writeable = False
-            while len(self._recent) >= _RECENT:
-                del self._recent[next(iter(self._recent))]
-            self._recent[frame] = points
-        return self._recent[frame]
+        prim = self.stage.GetPrimAtPath(self.path)
+        time = Usd.TimeCode(frame if self.stretched else self.first)
+        matrix = UsdGeom.XformCache(time).GetLocalToWorldTransform(prim)
+        points = transform_points(deform.points_at(prim, frame), self.space.from_local(np.array(matrix)))
+        points.flags.writeable = False
+        return points
 
 
 @dataclasses.dataclass
@@ -133,16 +132,14 @@ class Collider:
         return self.surface.report
 
 
-@dataclasses.dataclass
-class Passenger:
-    """What rides along with a solid, at rest. mesh, local: as of Solid; curves and points have no faces."""
+@dataclasses.dataclass(kw_only=True)
+class Carried:
+    """What a body carries, drawn only. local: as of Solid; curves and points have no faces."""
 
     path: str
-    solid: str  # path of the solid
-    mesh: solver.Mesh
     local: solver.Mesh
     subdivision: str  # "" where there are no faces
-    left_handed: bool = False
+    left_handed: bool
     surface_file: str = ""
 
     @property
@@ -151,23 +148,24 @@ class Passenger:
         return self.path
 
 
-@dataclasses.dataclass
-class Rider:
-    """What follows the surface of a collider. place: where that surface is; local: as of Solid, at the first frame."""
+@dataclasses.dataclass(kw_only=True)
+class Passenger(Carried):
+    """What rides along with a solid. mesh: as of Solid, at rest."""
 
-    path: str
+    solid: str  # path of the solid
+    mesh: solver.Mesh
+
+
+@dataclasses.dataclass(kw_only=True)
+class Rider(Carried):
+    """What follows the surface of a collider. place: where that surface is; local: at the first frame."""
+
     collider: str  # path of the collider
     place: Deformation
     binding: Binding
-    local: solver.Mesh
-    subdivision: str  # "" where there are no faces
-    left_handed: bool = False
-    surface_file: str = ""
 
-    @property
-    def output_path(self) -> str:
-        """The prim that receives the points."""
-        return self.path
+    def __post_init__(self) -> None:
+        self._own_points = functools.lru_cache(_RECENT)(self._own_points)  # each frame asks for those beside it, too
 
     @property
     def mesh(self) -> solver.Mesh:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from eulerfsi_usd.passengers import find_riders
 from pxr import Usd, UsdGeom
@@ -17,9 +19,10 @@ from .space import SimulationSpace, determinant, transform_points
 
 def read_passenger(reader: Reader, space: SimulationSpace, solid: Usd.Prim, prim: Usd.Prim) -> Passenger:
     """Where a prim is while the solid is in its rest shape: both as posed at the start."""
-    points, local, subdivision, left_handed = _shape(reader, prim)
+    points, shape = _shape(reader, prim)
+    local = shape["local"]
     placed = solver.Mesh(_place(reader, space, solid, prim, points), local.counts, local.indices)
-    return Passenger(str(prim.GetPath()), str(solid.GetPath()), placed, local, subdivision, left_handed)
+    return Passenger(**shape, solid=str(solid.GetPath()), mesh=placed)
 
 
 def read_riders(reader: Reader, space: SimulationSpace, collider: Collider, stage: Usd.Stage) -> list[Rider]:
@@ -27,15 +30,15 @@ def read_riders(reader: Reader, space: SimulationSpace, collider: Collider, stag
     body, first, riders = stage.GetPrimAtPath(collider.path), collider.motion.first, []
     place = Deformation(collider.path, stage, space, first, stretched=True)
     for prim in find_riders(body):
-        points, local, subdivision, left_handed = _shape(reader, prim)
+        points, shape = _shape(reader, prim)
         placed = _place(reader, space, body, prim, points)
         binding = Binding(place.points(first), collider.mesh.triangles(), placed)
-        riders.append(Rider(str(prim.GetPath()), collider.path, place, binding, local, subdivision, left_handed))
+        riders.append(Rider(**shape, collider=collider.path, place=place, binding=binding))
     return riders
 
 
-def _shape(reader: Reader, prim: Usd.Prim) -> tuple[np.ndarray, solver.Mesh, str, bool]:
-    """Points (n, 3) in its own space as posed, the same with its faces, their subdivision ('' for none), handedness."""
+def _shape(reader: Reader, prim: Usd.Prim) -> tuple[np.ndarray, dict[str, Any]]:
+    """Points (n, 3) in its own space as posed, and the fields of Carried."""
     is_mesh, counts, indices, subdivision = prim.IsA(UsdGeom.Mesh), None, None, ""
     if is_mesh:
         _, points, counts, indices = posed_mesh(reader, prim)
@@ -46,7 +49,7 @@ def _shape(reader: Reader, prim: Usd.Prim) -> tuple[np.ndarray, solver.Mesh, str
     if is_mesh and (local.counts.sum() != len(local.indices) or (local.indices >= len(local.points)).any()):
         raise SceneError(f"{prim.GetPath()}: faceVertexCounts, faceVertexIndices and points of the mesh do not fit")
     left_handed = is_mesh and reader.authored(prim, "orientation") == UsdGeom.Tokens.leftHanded
-    return points, local, subdivision, left_handed
+    return points, dict(path=str(prim.GetPath()), local=local, subdivision=subdivision, left_handed=left_handed)
 
 
 def _place(reader: Reader, space: SimulationSpace, carrier: Usd.Prim, prim: Usd.Prim, points: np.ndarray) -> np.ndarray:
