@@ -365,6 +365,18 @@ Vec3 VelocitySystem::sliding_momentum(std::size_t u, const std::vector<Real>& x)
   return sliding_[u] * (v - normal_[u].dot(v) * normal_[u]);
 }
 
+void VelocitySystem::follow_ties(std::vector<Real>& x) const {
+  for (const Tie& t : ties_) x[t.from] = x[t.to];
+}
+
+void VelocitySystem::fold(const Parallel& parallel, std::vector<Real>& y) const {
+  linalg::multiply(parallel, y, moves_, y);
+  for (const Tie& t : ties_) {
+    y[t.to] += y[t.from];
+    y[t.from] = 0;
+  }
+}
+
 void VelocitySystem::multiply_mass(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y) const {
   y.resize(x.size());
   parallel.for_each(unknowns(), [&](std::int64_t node) {
@@ -459,8 +471,7 @@ solid::RigidMotion VelocitySystem::missing_motion(const Parallel& parallel, std:
       for (std::size_t a = 0; a < 3; ++a)
         missing[static_cast<Eigen::Index>(a)] =
             static_cast<double>(b[3 * u + a]) - m * static_cast<double>(x[3 * u + a]);
-      const double mass = m - 2.0 / 3.0 * static_cast<double>(sliding_[u]);
-      sums[c].add(mass, place(u) - origin, (missing + slides) / mass);
+      sums[c].add(inertia(u), place(u) - origin, (missing + slides) / inertia(u));
     }
   });
   for (std::size_t c = 1; c < chunks; ++c) sums[0].add(sums[c]);

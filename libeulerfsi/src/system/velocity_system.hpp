@@ -67,6 +67,17 @@ class VelocitySystem {
   // Of a solid at a node that it carries.
   std::size_t unknown_of(std::size_t solid, std::size_t node) const;
 
+  std::size_t solids() const { return solids_.size(); }
+  // The unknowns of solid l are those from begin_of(l) to begin_of(l + 1); one that solids share is the first one's.
+  std::size_t begin_of(std::size_t solid) const { return unknown_begin_[solid]; }
+  std::size_t solid_of(std::size_t unknown) const;
+  Vec3d place(std::size_t unknown) const;  // of its node [m]
+  double cell() const { return h_; }       // [m]
+  // Mass of an unknown, with damping by it [kg]; of what slips the mean of all directions.
+  double inertia(std::size_t unknown) const {
+    return static_cast<double>(inertia_[unknown]) - 2.0 / 3.0 * static_cast<double>(sliding_[unknown]);
+  }
+
   // After assemble(): from now on a component of an unknown is that of another one, until a wall fixes it.
   void tie(std::size_t unknown, std::size_t to, int axis);
   // Prescribes a component of an unknown from now on: a wall does.
@@ -110,6 +121,12 @@ class VelocitySystem {
   const std::vector<Real>& free() const { return free_; }
   // The same, but one where it is tied: what acts on it moves the other.
   const std::vector<Real>& moves() const { return moves_; }
+  // Jacobi preconditioner: one over the diagonal of G, with penalties [1/kg].
+  const std::vector<Real>& inverse_diagonal() const { return inverse_diagonal_; }
+  // x becomes that of the component which it is tied to.
+  void follow_ties(std::vector<Real>& x) const;
+  // y of what does not move becomes 0, that of what is tied goes to the other.
+  void fold(const Parallel& parallel, std::vector<Real>& y) const;
   // y = M x
   void multiply_mass(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y) const;
   // x = M^-1 b
@@ -124,11 +141,9 @@ class VelocitySystem {
   std::size_t bytes() const;
 
  private:
-  std::size_t solid_of(std::size_t unknown) const;                  // the first one that has it
   std::size_t entry_of(std::size_t solid, std::size_t node) const;  // of a shared node, in slip
   // What the mass of the fluid that slips along unknown u would add to the momentum.
   Vec3 sliding_momentum(std::size_t u, const std::vector<Real>& x) const;
-  Vec3d place(std::size_t u) const;  // of an unknown's node [m]
   solid::RigidMotion missing_motion(const Parallel& parallel, std::size_t solid, const std::vector<Real>& b,
                                     const std::vector<Real>& x) const;
   // Each calls finish(unknown, sum over its elements) for the values of `out`.

@@ -235,3 +235,30 @@ TEST_CASE("In the gap between two solids the fluid slips, however thin it is") {
   CHECK(facing[0] == 64);
   CHECK(facing[1] == 64);
 }
+
+TEST_CASE("probe", "[.probe]") {
+  for (const bool compressible : {true, false})
+    for (const double mu : {0.3, 0.5, 0.65}) {
+      auto s = block_on_slab(mu, compressible);
+      advance_to(*s, 0.2);
+      const double early = speed(*s, 1);
+      std::uint64_t its = 0, steps = 0, un = 0;
+      double unres = 0;
+      while (s->state().time < 0.35 - 1e-9) {
+        const auto info = s->step(0.35 - s->state().time);
+        its += info.velocity_iterations;
+        un += info.unconverged;
+        ++steps;
+      }
+      const auto& rows = s->workspace().elasticity.contacts.rows;
+      std::size_t push = 0, stick = 0;
+      for (const auto& row : rows) {
+        push += row.push > 0;
+        stick += row.push > 0 && row.sticks;
+      }
+      std::printf("compressible %d mu %.2f: %.1f iterations, %d steps, unconverged %d, a %.4f speed %.2g vertical %.2g, rows %zu push %zu stick %zu %g\n", compressible, mu,
+                  double(its) / double(steps), int(steps), int(un), (speed(*s, 1) - early) / 0.15, speed(*s, 1),
+                  speed(*s, 0), rows.size(), push, stick, unres);
+      std::fflush(stdout);
+    }
+}

@@ -1,0 +1,160 @@
+#include "system/contact_descent.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "linalg/reduce.hpp"
+#include "system/rigid_modes.hpp"
+
+namespace efsi::system {
+namespace {
+
+constexpr int kMostIterations = 1000;
+constexpr int kMostTrials = 20;      // of a line search
+constexpr double kDescended = 1e-2;  // the force along the way that may be left at its end, over that at its start
+
+// The inverse diagonal of G with the penalties of what is closed.
+std::vector<Real> preconditioner(const Parallel& parallel, const std::vector<ContactRow>& rows,
+                                 const std::vector<RowAct>& acts, const VelocitySystem& system) {
+  std::vector<Real> diagonal = system.inverse_diagonal();
+  for (std::size_t r = 0; r < rows.size(); ++r) {
+    if (!acts[r].closed()) continue;
+    const ContactRow& row = rows[r];
+    for (const RowPart& part : row.parts)
+      for (std::size_t a = 0; a < 3; ++a) {
+        Real& d = diagonal[3 * part.unknown + a];
+        const double n = row.normal[static_cast<Eigen::Index>(a)];
+        const double stiffness = row.penalty * (n * n + acts[r].share * (1.0 - n * n));
+        d = 1 / (1 / d + part.weight * part.weight * static_cast<Real>(stiffness));
+      }
+  }
+  linalg::multiply(parallel, diagonal, system.free(), diagonal);
+  return diagonal;
+}
+
+// The rows along x + t d.
+class Ray {
+ public:
+  Ray(const std::vector<ContactRow>& rows, const std::vector<Real>& x)
+      : rows_(rows), change_(rows.size(), Vec3d::Zero()) {
+    for (const ContactRow& row : rows) velocity_.push_back(row_velocity(row, x));
+    move(0.0);
+  }
+  void point(const std::vector<Real>& d) {
+    for (std::size_t r = 0; r < rows_.size(); ++r) change_[r] = row_velocity(rows_[r], d);
+  }
+  // d.B^T r there.
+  double force(double t) const {
+    double sum = 0.0;
+    for (std::size_t r = 0; r < rows_.size(); ++r) {
+      const RowAct a = act(rows_[r], velocity_[r] + t * change_[r]);
+      sum += change_[r].dot(a.push * rows_[r].normal + a.pull);
+    }
+    return sum;
+  }
+  // What that falls by with t while no row opens, closes or slips.
+  double stiffness() const {
+    double sum = 0.0;
+    for (std::size_t r = 0; r < rows_.size(); ++r) {
+      if (!acts_[r].closed()) continue;
+      const double along = rows_[r].normal.dot(change_[r]);
+      sum += rows_[r].penalty * (along * along + acts_[r].share * (change_[r].squaredNorm() - along * along));
+    }
+    return sum;
+  }
+  void move(double t) {
+    acts_.clear();
+    for (std::size_t r = 0; r < rows_.size(); ++r) {
+      velocity_[r] += t * change_[r];
+      acts_.push_back(act(rows_[r], velocity_[r]));
+    }
+  }
+  const std::vector<RowAct>& acts() const { return acts_; }
+
+ private:
+  const std::vector<ContactRow>& rows_;
+  std::vector<Vec3d> velocity_, change_;
+  std::vector<RowAct> acts_;
+};
+
+// The way along d at whose end no force along d is left: that of the rest falls from `start` by `slope` t.
+double way(const Ray& ray, double start, double slope) {
+  const auto force = [&](double t) { return start - t * slope + ray.force(t); };
+  const double first = force(0.0);
+  double low = 0.0, high = first / (slope + ray.stiffness()), at_low = first, at_high = force(high);
+  for (int i = 0; i < kMostTrials && at_high > kDescended * first; ++i) {  // rows have opened on the way
+    low = high;
+    at_low = at_high;
+    high *= 2.0;
+    at_high = force(high);
+  }
+  // Regula falsi; an end that stays counts half.
+  for (int i = 0; i < kMostTrials && at_high < -kDescended * first; ++i) {
+    const double t = low + (high - low) * at_low / (at_low - at_high), at = force(t);
+    if (at < 0.0) {
+      high = t;
+      at_high = at;
+      at_low *= 0.5;
+    } else {
+      if (at <= kDescended * first) return t;
+      low = t;
+      at_low = at;
+      at_high *= 0.5;
+    }
+  }
+  return high;
+}
+
+}  // namespace
+
+linalg::SolveStats descend(const Parallel& parallel, const std::vector<Real>& f, double target,
+                           const std::vector<ContactRow>& rows, VelocitySystem& system, std::vector<Real>& x) {
+  linalg::SolveStats stats;
+  system.follow_ties(x);
+  Ray ray(rows, x);
+  const std::vector<Real> jacobi = preconditioner(parallel, rows, ray.acts(), system);
+  const RigidModes rigid(parallel, rows, ray.acts(), system);
+  std::vector<Real> rest = f, left, before, z(x.size()), d, whole, q;  // rest: f - G x; left: the residual
+  system.multiply(parallel, x, q);
+  linalg::add_scaled(parallel, rest, -1.0, q);
+  system.fold(parallel, rest);
+  double residual = 0.0;
+  const auto find_left = [&] {
+    left = rest;
+    for (std::size_t r = 0; r < rows.size(); ++r) {
+      const RowAct& a = ray.acts()[r];
+      if (a.closed()) add_impulse(rows[r], a.push * rows[r].normal + a.pull, left);
+    }
+    system.fold(parallel, left);
+    residual = linalg::norm(parallel, left);
+  };
+  find_left();
+  double rz = 0.0;
+  while (residual > target && stats.iterations < kMostIterations) {
+    linalg::multiply(parallel, z, jacobi, left);
+    rigid.add(parallel, left, z);
+    const double next = linalg::dot(parallel, left, z);
+    const double beta = rz > 0.0 ? std::max(0.0, (next - linalg::dot(parallel, before, z)) / rz) : 0.0;
+    if (beta > 0.0)
+      linalg::scale_add(parallel, d, beta, z);
+    else
+      d = z;
+    rz = next;
+    system.apply(parallel, d, q);
+    whole = d;
+    system.follow_ties(whole);
+    ray.point(whole);
+    const double t = way(ray, linalg::dot(parallel, d, rest), linalg::dot(parallel, d, q));
+    linalg::add_scaled(parallel, x, t, whole);
+    linalg::add_scaled(parallel, rest, -t, q);
+    ray.move(t);
+    before = left;
+    find_left();
+    ++stats.iterations;
+  }
+  stats.converged = residual <= target;
+  stats.residual = target > 0.0 ? residual / target : 0.0;
+  return stats;
+}
+
+}  // namespace efsi::system

@@ -1,0 +1,38 @@
+#include "system/contact_row.hpp"
+
+#include <algorithm>
+
+namespace efsi::system {
+
+RowAct act(const ContactRow& row, const Vec3d& w) {
+  RowAct out;
+  out.push = std::max(0.0, row.push - row.penalty * (row.normal.dot(w) - row.least));
+  const double limit = row.friction * out.push;
+  if (!(limit > 0.0)) return out;
+  out.pull = row.pull - row.penalty * (w - row.normal.dot(w) * row.normal);
+  const double length = out.pull.norm();
+  out.share = length > limit ? limit / length : 1.0;
+  out.pull *= out.share;
+  return out;
+}
+
+Vec3d row_velocity(const ContactRow& row, const std::vector<Real>& v) {
+  Vec3d sum = Vec3d::Zero();
+  for (const RowPart& part : row.parts)
+    for (std::size_t a = 0; a < 3; ++a)
+      sum[static_cast<Eigen::Index>(a)] +=
+          static_cast<double>(part.weight) * static_cast<double>(v[3 * part.unknown + a]);
+  return sum;
+}
+
+void add_impulse(const ContactRow& row, const Vec3d& impulse, std::vector<Real>& f) {
+  for (const RowPart& part : row.parts)
+    for (std::size_t a = 0; a < 3; ++a)
+      f[3 * part.unknown + a] += part.weight * static_cast<Real>(impulse[static_cast<Eigen::Index>(a)]);
+}
+
+void add_impulses(const std::vector<ContactRow>& rows, std::vector<Real>& f) {
+  for (const ContactRow& row : rows) add_impulse(row, row.impulse(), f);
+}
+
+}  // namespace efsi::system

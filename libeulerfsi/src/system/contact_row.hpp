@@ -1,0 +1,43 @@
+// Purpose: a row of contact. It is a point where two solids may touch. B v = sum of weight v over its parts is the
+// velocity of the second solid's surface against the first's, r the impulse on the second, n out of the first:
+//   n.Bv >= tau,  n.r >= 0,  one of both an equality,   |r_t| <= mu n.r,  (B v)_t against r_t where |r_t| = mu n.r,
+//   else 0
+#pragma once
+
+#include <vector>
+
+#include "system/velocity_system.hpp"
+
+namespace efsi::system {
+
+struct ContactRow {
+  std::vector<RowPart> parts;    // weights of the second solid add up to 1, of the first to -1
+  Vec3d normal = Vec3d::Zero();  // from the first solid to the second
+  double least = 0.0;            // tau [m/s]
+  double friction = 0.0;         // mu
+  double push = 0.0;             // n.r, in and out [kg m/s]
+  Vec3d pull = Vec3d::Zero();    // r_t, in and out [kg m/s]
+  double penalty = 0.0;          // kappa [kg]; 0: nothing of the row can move
+  bool sticks = false;           // out
+
+  Vec3d impulse() const { return push * normal + pull; }
+};
+
+// What a row does while its velocity is w: the multipliers r - kappa (w - tau n), brought back to what they may be.
+struct RowAct {
+  double push = 0.0;           // n.r >= 0 [kg m/s]; 0: open
+  Vec3d pull = Vec3d::Zero();  // r_t, |r_t| <= mu n.r [kg m/s]
+  double share = 0.0;          // of what would make it stick: 1 where it does
+
+  bool closed() const { return push > 0.0; }
+};
+
+RowAct act(const ContactRow& row, const Vec3d& w);
+// B v of a row.
+Vec3d row_velocity(const ContactRow& row, const std::vector<Real>& v);
+// f += B^T r of a row.
+void add_impulse(const ContactRow& row, const Vec3d& impulse, std::vector<Real>& f);
+// f += B^T r with the impulses of all rows.
+void add_impulses(const std::vector<ContactRow>& rows, std::vector<Real>& f);
+
+}  // namespace efsi::system
