@@ -4,33 +4,14 @@
 #include <cmath>
 
 #include "linalg/reduce.hpp"
-#include "system/rigid_modes.hpp"
 
 namespace efsi::system {
 namespace {
 
 constexpr int kMostIterations = 1000;
+constexpr int kRenew = 8;            // iterations after which the preconditioner is that of what is closed then
 constexpr int kMostTrials = 20;      // of a line search
 constexpr double kDescended = 1e-2;  // the force along the way that may be left at its end, over that at its start
-
-// The inverse diagonal of G with the penalties of what is closed.
-std::vector<Real> preconditioner(const Parallel& parallel, const std::vector<ContactRow>& rows,
-                                 const std::vector<RowAct>& acts, const VelocitySystem& system) {
-  std::vector<Real> diagonal = system.inverse_diagonal();
-  for (std::size_t r = 0; r < rows.size(); ++r) {
-    if (!acts[r].closed()) continue;
-    const ContactRow& row = rows[r];
-    for (const RowPart& part : row.parts)
-      for (std::size_t a = 0; a < 3; ++a) {
-        Real& d = diagonal[3 * part.unknown + a];
-        const double n = row.normal[static_cast<Eigen::Index>(a)];
-        const double stiffness = row.penalty * (n * n + acts[r].share * (1.0 - n * n));
-        d = 1 / (1 / d + part.weight * part.weight * static_cast<Real>(stiffness));
-      }
-  }
-  linalg::multiply(parallel, diagonal, system.free(), diagonal);
-  return diagonal;
-}
 
 // The rows along x + t d.
 class Ray {
@@ -48,7 +29,7 @@ class Ray {
     double sum = 0.0;
     for (std::size_t r = 0; r < rows_.size(); ++r) {
       const RowAct a = act(rows_[r], velocity_[r] + t * change_[r]);
-      sum += change_[r].dot(a.push * rows_[r].normal + a.pull);
+      sum += change_[r].dot(a.impulse(rows_[r]));
     }
     return sum;
   }
@@ -112,9 +93,7 @@ linalg::SolveStats descend(const Parallel& parallel, const std::vector<Real>& f,
   linalg::SolveStats stats;
   system.follow_ties(x);
   Ray ray(rows, x);
-  const std::vector<Real> jacobi = preconditioner(parallel, rows, ray.acts(), system);
-  const RigidModes rigid(parallel, rows, ray.acts(), system);
-  std::vector<Real> rest = f, left, before, z(x.size()), d, whole, q;  // rest: f - G x; left: the residual
+  std::vector<Real> rest = f, left, before, z, d, whole, q;  // rest: f - G x; left: the residual
   system.multiply(parallel, x, q);
   linalg::add_scaled(parallel, rest, -1.0, q);
   system.fold(parallel, rest);
@@ -123,7 +102,7 @@ linalg::SolveStats descend(const Parallel& parallel, const std::vector<Real>& f,
     left = rest;
     for (std::size_t r = 0; r < rows.size(); ++r) {
       const RowAct& a = ray.acts()[r];
-      if (a.closed()) add_impulse(rows[r], a.push * rows[r].normal + a.pull, left);
+      if (a.closed()) add_impulse(rows[r], a.impulse(rows[r]), left);
     }
     system.fold(parallel, left);
     residual = linalg::norm(parallel, left);
@@ -131,16 +110,14 @@ linalg::SolveStats descend(const Parallel& parallel, const std::vector<Real>& f,
   find_left();
   double rz = 0.0;
   while (residual > target && stats.iterations < kMostIterations) {
-    linalg::multiply(parallel, z, jacobi, left);
-    rigid.add(parallel, left, z);
+    if (stats.iterations % kRenew == 0) close_rows(parallel, rows, ray.acts(), system);
+    system.precondition(parallel, left, z);
     const double next = linalg::dot(parallel, left, z);
     const double beta = rz > 0.0 ? std::max(0.0, (next - linalg::dot(parallel, before, z)) / rz) : 0.0;
-    if (beta > 0.0)
-      linalg::scale_add(parallel, d, beta, z);
-    else
-      d = z;
+    if (beta > 0.0) linalg::scale_add(parallel, d, beta, z);
+    if (!(beta > 0.0) || !(linalg::dot(parallel, d, left) > 0.0)) d = z;
     rz = next;
-    system.apply(parallel, d, q);
+    system.apply_bare(parallel, d, q);
     whole = d;
     system.follow_ties(whole);
     ray.point(whole);

@@ -1,8 +1,8 @@
 // Purpose: one nonlinear conjugate gradient descent for Eq. 8 with rows of contact whose multipliers are given: rows
 // open, stick and slide in every iteration, none of which costs more than one product with G.
 // The residual f + B^T r(x) - G x, r(x) what the rows do at x (system/contact_row.hpp), is the slope of a convex
-// function as long as the limits of friction stay; Polak-Ribiere, Jacobi with the penalties of the rows that are closed
-// at the start (docs/numerics/solid-contact.md).
+// function as long as the limits of friction stay. Polak-Ribiere, preconditioned with the penalties of the rows that
+// are closed (docs/numerics/solid-contact.md).
 #pragma once
 
 #include <vector>
@@ -12,8 +12,8 @@
 
 namespace efsi::system {
 
-// Until the residual is `target` at most [kg m/s]. x, in: start; what is prescribed is left alone. The system has no
-// penalties. stats.residual: over `target`.
+// Until the residual is `target` at most [kg m/s]. x, in: start; what is prescribed is left alone. Penalties
+// stay in the system. stats.residual: over `target`.
 linalg::SolveStats descend(const Parallel& parallel, const std::vector<Real>& f, double target,
                            const std::vector<ContactRow>& rows, VelocitySystem& system, std::vector<Real>& x);
 

@@ -1,6 +1,7 @@
 #include "system/contact_row.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace efsi::system {
 
@@ -23,6 +24,24 @@ Vec3d row_velocity(const ContactRow& row, const std::vector<Real>& v) {
       sum[static_cast<Eigen::Index>(a)] +=
           static_cast<double>(part.weight) * static_cast<double>(v[3 * part.unknown + a]);
   return sum;
+}
+
+std::vector<RowAct> acts(const std::vector<ContactRow>& rows, const std::vector<Real>& v) {
+  std::vector<RowAct> all;
+  for (const ContactRow& row : rows) all.push_back(act(row, row_velocity(row, v)));
+  return all;
+}
+
+void close_rows(const Parallel& parallel, const std::vector<ContactRow>& rows, const std::vector<RowAct>& acts,
+                VelocitySystem& system) {
+  std::vector<Penalty> penalties;
+  for (std::size_t r = 0; r < rows.size(); ++r) {
+    if (!acts[r].closed()) continue;
+    const ContactRow& row = rows[r];
+    const Mat3d along = row.normal * row.normal.transpose(), beside = Mat3d::Identity() - along;
+    penalties.push_back({row.parts, (row.penalty * (along + acts[r].share * beside)).cast<Real>()});
+  }
+  system.set_penalties(parallel, std::move(penalties));
 }
 
 void add_impulse(const ContactRow& row, const Vec3d& impulse, std::vector<Real>& f) {

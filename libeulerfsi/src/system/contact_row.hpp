@@ -30,11 +30,16 @@ struct RowAct {
   double share = 0.0;          // of what would make it stick: 1 where it does
 
   bool closed() const { return push > 0.0; }
+  Vec3d impulse(const ContactRow& row) const { return push * row.normal + pull; }
 };
 
 RowAct act(const ContactRow& row, const Vec3d& w);
 // B v of a row.
 Vec3d row_velocity(const ContactRow& row, const std::vector<Real>& v);
+std::vector<RowAct> acts(const std::vector<ContactRow>& rows, const std::vector<Real>& v);
+// The rows that are closed stand in G as penalties from now on, friction with its share.
+void close_rows(const Parallel& parallel, const std::vector<ContactRow>& rows, const std::vector<RowAct>& acts,
+                VelocitySystem& system);
 // f += B^T r of a row.
 void add_impulse(const ContactRow& row, const Vec3d& impulse, std::vector<Real>& f);
 // f += B^T r with the impulses of all rows.

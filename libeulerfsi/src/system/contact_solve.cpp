@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "linalg/reduce.hpp"
 #include "system/contact_descent.hpp"
@@ -12,7 +11,7 @@ namespace {
 
 constexpr double kStiff = 3.0;     // of a penalty, over the inverse of the mobility of its row by the diagonal of G
 constexpr int kMostUpdates = 20;   // of the impulses
-constexpr double kOfPush = 0.1;    // of what rows push: less of a first residual says nothing of what is at rest
+constexpr double kOfPush = 0.1;    // of what the rows push: the least reference of the tolerance
 constexpr double kSettled = 1e-3;  // change of the impulses in an update, over the largest
 
 // What the rows start with: penalties, and impulses that they may have.
@@ -48,30 +47,16 @@ bool update(const std::vector<Real>& x, double negligible, std::vector<ContactRo
   return fastest <= negligible || change <= kSettled * largest;
 }
 
-// What the tolerance is relative to: |f + B^T r - G x| of what moves, r the impulses that the rows have at x, or |B^T
-// r| where that is more: what lies still starts with next to no residual, of which a part would be asking for nothing.
+// What the tolerance is relative to: |f + B^T r - G x| of what moves, r the impulses that the rows have at x, but at
+// least a part of |B^T r|: what lies still has next to no residual at its start.
 double reference(const Parallel& parallel, const std::vector<Real>& f, const std::vector<Real>& x,
                  const std::vector<ContactRow>& rows, VelocitySystem& system) {
   std::vector<Real> pushed(f.size(), 0);
-  for (const ContactRow& row : rows) {
-    const RowAct a = act(row, row_velocity(row, x));
-    add_impulse(row, a.push * row.normal + a.pull, pushed);
-  }
+  const std::vector<RowAct> now = acts(rows, x);
+  for (std::size_t r = 0; r < rows.size(); ++r) add_impulse(rows[r], now[r].impulse(rows[r]), pushed);
   const double push = linalg::norm(parallel, pushed);
   linalg::add_scaled(parallel, pushed, 1.0, f);
   return std::max(system.residual(parallel, pushed, x), kOfPush * push);
-}
-
-// The rows that are closed become part of G.
-void leave_penalties(const std::vector<Real>& x, const std::vector<ContactRow>& rows, VelocitySystem& system) {
-  std::vector<Penalty> penalties;
-  for (const ContactRow& row : rows) {
-    const RowAct a = act(row, row_velocity(row, x));
-    if (!a.closed()) continue;
-    const Mat3d along = row.normal * row.normal.transpose(), beside = Mat3d::Identity() - along;
-    penalties.push_back({row.parts, (row.penalty * (along + a.share * beside)).cast<Real>()});
-  }
-  system.set_penalties(std::move(penalties));
 }
 
 }  // namespace
@@ -80,7 +65,7 @@ linalg::SolveStats solve_contact(const Parallel& parallel, VelocitySolver solver
                                  double tolerance, double negligible, VelocitySystem& system,
                                  std::vector<ContactRow>& rows, std::vector<Real>& x) {
   if (rows.empty()) return system.solve(parallel, solver, f, x, tolerance);
-  system.set_penalties({});
+  system.set_penalties(parallel, {});
   prepare(system, rows);
   system.follow_ties(x);
   const double target = std::max(tolerance * reference(parallel, f, x, rows, system), system.rounding(parallel, x));
@@ -94,7 +79,7 @@ linalg::SolveStats solve_contact(const Parallel& parallel, VelocitySolver solver
     settled = update(x, negligible, rows);
   }
   stats.converged = stats.converged && settled;
-  leave_penalties(x, rows, system);
+  close_rows(parallel, rows, acts(rows, x), system);
   return stats;
 }
 

@@ -2,11 +2,17 @@
 
 #include <algorithm>
 
+#include "system/velocity_system.hpp"
+
 namespace efsi::system {
 namespace {
 
-constexpr std::size_t kChunk = 1024;    // unknowns that are summed at a time
-constexpr double kLeastInertia = 1e-3;  // of the mass times h^2: thin bodies may turn without any
+using Vec6d = Eigen::Matrix<double, 6, 1>;
+using Mat6d = Eigen::Matrix<double, 6, 6>;
+using Modes = Eigen::Matrix<double, 3, 6>;
+
+constexpr std::size_t kChunk = 1024;  // unknowns that are summed at a time
+constexpr double kLeast = 1e-3;       // of the mass, and times h^2 of the inertia: what is thin or held keeps some
 
 // sum of add(sum, unknown) in a fixed order.
 template <class Sum, class Add>
@@ -25,8 +31,8 @@ Sum ordered_sum(const Parallel& parallel, std::size_t begin, std::size_t end, co
 }  // namespace
 
 // Entries that walls hold move nothing.
-RigidModes::Modes RigidModes::modes(const Body& body, std::size_t unknown) const {
-  const Vec3d x = system_.place(unknown) - body.center;
+Modes RigidModes::modes(const VelocitySystem& system, const Body& body, std::size_t unknown) {
+  const Vec3d x = system.place(unknown) - body.center;
   Modes m;
   m << Mat3d::Identity(), Mat3d::Zero();
   if (body.held == 0) m.rightCols<3>() << 0, x[2], -x[1], -x[2], 0, x[0], x[1], -x[0], 0;
@@ -35,56 +41,50 @@ RigidModes::Modes RigidModes::modes(const Body& body, std::size_t unknown) const
   return m;
 }
 
-RigidModes::RigidModes(const Parallel& parallel, const std::vector<ContactRow>& rows, const std::vector<RowAct>& acts,
-                       const VelocitySystem& system)
-    : system_(system) {
-  std::vector<std::int64_t> body_of(system.solids(), -1);
-  for (const ContactRow& row : rows)
-    for (const RowPart& part : row.parts) body_of[system.solid_of(part.unknown)] = 0;
+RigidModes::RigidModes(const Parallel& parallel, const VelocitySystem& system, const std::vector<Penalty>& penalties) {
   std::vector<Eigen::Triplet<double>> entries;
-  const auto add = [&](Eigen::Index row, Eigen::Index column, const Eigen::Matrix<double, 6, 6>& block) {
+  const auto add = [&](Eigen::Index row, Eigen::Index column, const Mat6d& block) {
     for (Eigen::Index j = 0; j < 6; ++j)
       for (Eigen::Index i = 0; i < 6; ++i) entries.emplace_back(row + i, column + j, block(i, j));
   };
-  for (std::size_t l = 0; l < body_of.size(); ++l) {
-    if (body_of[l] < 0) continue;
-    body_of[l] = static_cast<std::int64_t>(bodies_.size());
-    Body body;
-    body.begin = system.begin_of(l);
-    body.end = system.begin_of(l + 1);
-    body.held = system.held_axes(l);
-    body.first = 6 * static_cast<Eigen::Index>(bodies_.size());
-    using Vec4d = Eigen::Vector4d;
-    const Vec4d moments =
-        ordered_sum<Vec4d>(parallel, body.begin, body.end, Vec4d::Zero(), [&](Vec4d& sum, std::size_t u) {
-          const Vec3d x = system.place(u);
-          sum += system.inertia(u) * Vec4d(1.0, x[0], x[1], x[2]);
-        });
-    body.center = moments.tail<3>() / moments[0];
-    using Mat6d = Eigen::Matrix<double, 6, 6>;
-    Mat6d mass = ordered_sum<Mat6d>(parallel, body.begin, body.end, Mat6d::Zero(), [&](Mat6d& sum, std::size_t u) {
-      const Modes m = modes(body, u);
-      sum += system.inertia(u) * m.transpose() * m;
-    });
-    const double h = system.cell();
-    for (Eigen::Index a = 0; a < 6; ++a) mass(a, a) += (a < 3 ? 1e-9 : kLeastInertia * h * h) * moments[0];
-    add(body.first, body.first, mass);
-    bodies_.push_back(body);
-  }
-  for (std::size_t r = 0; r < rows.size(); ++r) {
-    if (!acts[r].closed()) continue;
-    const ContactRow& row = rows[r];
-    const Mat3d along = row.normal * row.normal.transpose();
-    const Mat3d stiffness = row.penalty * (along + acts[r].share * (Mat3d::Identity() - along));
-    std::vector<std::pair<std::int64_t, Modes>> parts;  // what a row sees of each body
-    for (const RowPart& part : row.parts) {
-      const std::int64_t b = body_of[system.solid_of(part.unknown)];
-      auto at = std::find_if(parts.begin(), parts.end(), [&](const auto& p) { return p.first == b; });
-      if (at == parts.end()) at = parts.insert(at, {b, Modes::Zero()});
-      at->second += static_cast<double>(part.weight) * modes(bodies_[static_cast<std::size_t>(b)], part.unknown);
+  // The bodies, and their masses.
+  constexpr std::size_t kNone = static_cast<std::size_t>(-1);
+  std::vector<std::size_t> body_of(system.solids(), kNone);
+  for (const Penalty& p : penalties)
+    for (const RowPart& part : p.parts) {
+      const std::size_t solid = system.solid_of(part.unknown);
+      if (body_of[solid] != kNone) continue;
+      body_of[solid] = bodies_.size();
+      Body body;
+      body.begin = system.begin_of(solid);
+      body.end = system.begin_of(solid + 1);
+      body.held = system.held_axes(solid);
+      body.first = 6 * static_cast<Eigen::Index>(bodies_.size());
+      const Eigen::Vector4d moments = ordered_sum<Eigen::Vector4d>(
+          parallel, body.begin, body.end, Eigen::Vector4d::Zero(),
+          [&](Eigen::Vector4d& sum, std::size_t u) { sum += system.inertia(u) * system.place(u).homogeneous(); });
+      body.center = moments.head<3>() / moments[3];
+      Mat6d mass = ordered_sum<Mat6d>(parallel, body.begin, body.end, Mat6d::Zero(), [&](Mat6d& sum, std::size_t u) {
+        const Modes m = modes(system, body, u);
+        sum += system.inertia(u) * m.transpose() * m;
+      });
+      const double least = kLeast * moments[3], turns = least * system.cell() * system.cell();
+      for (Eigen::Index a = 0; a < 6; ++a) mass(a, a) += a < 3 ? least : turns;
+      add(body.first, body.first, mass);
+      bodies_.push_back(body);
     }
-    for (const auto& [b, m] : parts)
-      for (const auto& [c, n] : parts) add(6 * b, 6 * c, m.transpose() * stiffness * n);
+  // What the penalties see of them.
+  for (const Penalty& p : penalties) {
+    std::vector<std::pair<std::size_t, Modes>> seen;
+    for (const RowPart& part : p.parts) {
+      const std::size_t b = body_of[system.solid_of(part.unknown)];
+      auto at = std::find_if(seen.begin(), seen.end(), [&](const auto& s) { return s.first == b; });
+      if (at == seen.end()) at = seen.insert(at, {b, Modes::Zero()});
+      at->second += static_cast<double>(part.weight) * modes(system, bodies_[b], part.unknown);
+    }
+    const Mat3d stiffness = p.stiffness.cast<double>();
+    for (const auto& [b, m] : seen)
+      for (const auto& [c, n] : seen) add(bodies_[b].first, bodies_[c].first, m.transpose() * stiffness * n);
   }
   const auto size = 6 * static_cast<Eigen::Index>(bodies_.size());
   Eigen::SparseMatrix<double> matrix(size, size);
@@ -92,22 +92,22 @@ RigidModes::RigidModes(const Parallel& parallel, const std::vector<ContactRow>& 
   factors_.compute(matrix);
 }
 
-void RigidModes::add(const Parallel& parallel, const std::vector<Real>& r, std::vector<Real>& z) const {
-  Eigen::VectorXd load = Eigen::VectorXd::Zero(6 * static_cast<Eigen::Index>(bodies_.size()));
-  using Vec6d = Eigen::Matrix<double, 6, 1>;
+void RigidModes::add(const Parallel& parallel, const VelocitySystem& system, const std::vector<Real>& r,
+                     std::vector<Real>& z) const {
+  Eigen::VectorXd load(6 * static_cast<Eigen::Index>(bodies_.size()));
   for (const Body& body : bodies_)
     load.segment<6>(body.first) =
         ordered_sum<Vec6d>(parallel, body.begin, body.end, Vec6d::Zero(), [&](Vec6d& sum, std::size_t u) {
-          sum += modes(body, u).transpose() * Vec3(r[3 * u], r[3 * u + 1], r[3 * u + 2]).cast<double>();
+          sum += modes(system, body, u).transpose() * Vec3(r[3 * u], r[3 * u + 1], r[3 * u + 2]).cast<double>();
         });
   const Eigen::VectorXd motion = factors_.solve(load);
   for (const Body& body : bodies_) {
     const Vec6d m = motion.segment<6>(body.first);
     parallel.for_each(static_cast<std::int64_t>(body.end - body.begin), [&](std::int64_t i) {
       const std::size_t u = body.begin + static_cast<std::size_t>(i);
-      const Vec3d v = modes(body, u) * m;
+      const Vec3d v = modes(system, body, u) * m;
       for (std::size_t a = 0; a < 3; ++a)
-        z[3 * u + a] += system_.free()[3 * u + a] * static_cast<Real>(v[static_cast<Eigen::Index>(a)]);
+        z[3 * u + a] += system.free()[3 * u + a] * static_cast<Real>(v[static_cast<Eigen::Index>(a)]);
     });
   }
 }

@@ -115,6 +115,7 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
   moves_ = free_;
   ties_.clear();
   penalties_.clear();
+  rigid_.reset();
   bare_.clear();
 
   // Elements in blocks, and the lists by which unknowns gather from them.
@@ -270,6 +271,15 @@ void VelocitySystem::multiply(const Parallel& parallel, const std::vector<Real>&
 }
 
 void VelocitySystem::apply(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y) {
+  apply(parallel, x, !penalties_.empty(), y);
+}
+
+void VelocitySystem::apply_bare(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y) {
+  apply(parallel, x, false, y);
+}
+
+void VelocitySystem::apply(const Parallel& parallel, const std::vector<Real>& x, bool with_penalties,
+                           std::vector<Real>& y) {
   masked_.resize(x.size());
   linalg::multiply(parallel, masked_, free_, x);
   for (const Tie& t : ties_) masked_[t.from] = x[t.to];
@@ -286,14 +296,20 @@ void VelocitySystem::apply(const Parallel& parallel, const std::vector<Real>& x,
         return out;
       },
       y);
-  if (!penalties_.empty()) add_penalty_impulses(1, penalty_impulses(masked_), y);
+  if (with_penalties) add_penalty_impulses(1, penalty_impulses(masked_), y);
   for (const Tie& t : ties_) {
     y[t.to] += y[t.from];
     y[t.from] = x[t.from];
   }
 }
 
-void VelocitySystem::set_penalties(std::vector<Penalty> penalties) {
+void VelocitySystem::precondition(const Parallel& parallel, const std::vector<Real>& r, std::vector<Real>& z) const {
+  z.resize(r.size());
+  linalg::multiply(parallel, z, inverse_diagonal_, r);
+  if (rigid_) rigid_->add(parallel, *this, r, z);
+}
+
+void VelocitySystem::set_penalties(const Parallel& parallel, std::vector<Penalty> penalties) {
   for (auto entry = bare_.rbegin(); entry != bare_.rend(); ++entry) inverse_diagonal_[entry->first] = entry->second;
   bare_.clear();
   penalties_ = std::move(penalties);
@@ -306,6 +322,7 @@ void VelocitySystem::set_penalties(std::vector<Penalty> penalties) {
         bare_.emplace_back(i, inverse_diagonal_[i]);
         inverse_diagonal_[i] = 1 / (1 / inverse_diagonal_[i] + part.weight * part.weight * p.stiffness(e, e));
       }
+  rigid_ = penalties_.empty() ? nullptr : std::make_shared<RigidModes>(parallel, *this, penalties_);
 }
 
 std::vector<Vec3> VelocitySystem::penalty_impulses(const std::vector<Real>& x) const {
@@ -412,7 +429,9 @@ linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolve
   const linalg::Operator g = [&](const std::vector<Real>& in, std::vector<Real>& out) { apply(parallel, in, out); };
   linalg::SolveOptions options;
   options.tolerance = tolerance;
-  const linalg::Operator jacobi = linalg::jacobi(parallel, inverse_diagonal_);
+  const linalg::Operator inverse = [&](const std::vector<Real>& in, std::vector<Real>& out) {
+    precondition(parallel, in, out);
+  };
   // What is prescribed stands on the right; the rest is solved for.
   load_.resize(b.size());
   for (const Tie& t : ties_)
@@ -435,11 +454,11 @@ linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolve
   }
   linalg::SolveStats stats;
   if (solver == VelocitySolver::kPcr) {
-    stats = linalg::pcr(parallel, g, jacobi, load_, x, options, pcr_);
+    stats = linalg::pcr(parallel, g, inverse, load_, x, options, pcr_);
   } else {
     options.against_start = !(reference > 0.0);
     options.reference = reference;
-    stats = linalg::pcg(parallel, g, jacobi, load_, x, options, pcg_);
+    stats = linalg::pcg(parallel, g, inverse, load_, x, options, pcg_);
   }
   if (any)
     for (std::size_t i = 0; i < b.size(); ++i) x[i] += given[i];

@@ -3,6 +3,7 @@
 // K. For nodes that carry no solid G is the diagonal mass matrix and v* is known at once.
 #pragma once
 
+#include <memory>
 #include <set>
 #include <span>
 #include <utility>
@@ -14,6 +15,7 @@
 #include "linalg/pcr.hpp"
 #include "solid/momentum.hpp"
 #include "solid/solid.hpp"
+#include "system/rigid_modes.hpp"
 #include "system/slip.hpp"
 
 namespace efsi::system {
@@ -82,8 +84,8 @@ class VelocitySystem {
   void tie(std::size_t unknown, std::size_t to, int axis);
   // Prescribes a component of an unknown from now on: a wall does.
   void fix(std::size_t unknown, int axis);
-  // From now on apply() and solve() have these in G; the last ones go. After assemble() there are none.
-  void set_penalties(std::vector<Penalty> penalties);
+  // From now on apply(), solve() and precondition() have these in G; the last ones go. After assemble() there are none.
+  void set_penalties(const Parallel& parallel, std::vector<Penalty> penalties);
   const std::vector<Penalty>& penalties() const { return penalties_; }
   // S B x of each.
   std::vector<Vec3> penalty_impulses(const std::vector<Real>& x) const;
@@ -98,6 +100,10 @@ class VelocitySystem {
   void multiply(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y);
   // y = G x; 3 values per unknown node, components that walls fix are identity rows.
   void apply(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y);
+  // The same without penalties.
+  void apply_bare(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y);
+  // z = about G^-1 r: the diagonal and, with penalties, the solids as a whole.
+  void precondition(const Parallel& parallel, const std::vector<Real>& r, std::vector<Real>& z) const;
   // f += what the shares behind add to the right-hand side: behind dt^2 K v.
   void add_past_stiffness(const Parallel& parallel, const std::vector<Real>& v, std::vector<Real>& f);
   // sum of the elements' forces on each unknown [N].
@@ -121,8 +127,6 @@ class VelocitySystem {
   const std::vector<Real>& free() const { return free_; }
   // The same, but one where it is tied: what acts on it moves the other.
   const std::vector<Real>& moves() const { return moves_; }
-  // Jacobi preconditioner: one over the diagonal of G, with penalties [1/kg].
-  const std::vector<Real>& inverse_diagonal() const { return inverse_diagonal_; }
   // x becomes that of the component which it is tied to.
   void follow_ties(std::vector<Real>& x) const;
   // y of what does not move becomes 0, that of what is tied goes to the other.
@@ -142,6 +146,7 @@ class VelocitySystem {
 
  private:
   std::size_t entry_of(std::size_t solid, std::size_t node) const;  // of a shared node, in slip
+  void apply(const Parallel& parallel, const std::vector<Real>& x, bool with_penalties, std::vector<Real>& y);
   // What the mass of the fluid that slips along unknown u would add to the momentum.
   Vec3 sliding_momentum(std::size_t u, const std::vector<Real>& x) const;
   solid::RigidMotion missing_motion(const Parallel& parallel, std::size_t solid, const std::vector<Real>& b,
@@ -182,6 +187,7 @@ class VelocitySystem {
   std::vector<Real> past_factor_;       // behind dt^2 per solid
   std::vector<Real> inverse_diagonal_;
   std::vector<Penalty> penalties_;
+  std::shared_ptr<const RigidModes> rigid_;         // none without penalties
   std::vector<std::pair<std::size_t, Real>> bare_;  // entries of inverse_diagonal_ that penalties have changed
   std::vector<Real> element_out_;                   // block, 24 values, lane
   std::vector<Real> masked_, load_;

@@ -1,4 +1,5 @@
 // Purpose: solids push each other and never pull, and rub each other by Coulomb's law.
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstdio>
@@ -95,7 +96,8 @@ std::unique_ptr<sim::Simulation> scene(sim::Params p, const std::vector<sim::Sol
 }
 
 // A block on a slab that lies on the floor; gravity is tilted by 30 degrees. The slab sticks to the floor.
-std::unique_ptr<sim::Simulation> block_on_slab(double friction, bool compressible) {
+std::unique_ptr<sim::Simulation> block_on_slab(double friction, bool compressible,
+                                               double cells_above = sim::kContactSkin) {
   sim::Params p = vacuum({1.0, 0.4, 0.4}, kCell);
   p.max_time_step = 1.0 / 96.0;
   p.gravity = 9.8 * Vec3d(std::sin(M_PI / 6), -std::cos(M_PI / 6), 0.0);
@@ -103,7 +105,7 @@ std::unique_ptr<sim::Simulation> block_on_slab(double friction, bool compressibl
   d[0].surface = block({0.5, 0.045, 0.2}, {0.44, 0.045, 0.15});
   d[0].youngs_modulus = 5e5;
   d[0].friction = 0.6;
-  d[1].surface = block({0.25, 0.14 + sim::kContactSkin * kCell, 0.2}, {0.1, 0.05, 0.1});
+  d[1].surface = block({0.25, 0.14 + cells_above * kCell, 0.2}, {0.1, 0.05, 0.1});
   d[1].youngs_modulus = 2e5;
   d[1].friction = 2.0 * friction - d[0].friction;
   for (sim::SolidDesc& solid : d) {
@@ -177,6 +179,58 @@ TEST_CASE("A block slides down a solid as Coulomb's law says, or stays", "[law]"
   CHECK(std::abs(speed(*stuck, 1)) < 2e-3);
 }
 
+// Two boxes on the floor in a fluid, or none: one on the other, or beside it.
+std::unique_ptr<sim::Simulation> two_boxes(double fluid, bool stacked) {
+  sim::Params p = vacuum({0.7, 0.4, 0.3}, kCell);
+  p.fluid.present = fluid > 0.0;
+  if (p.fluid.present) p.fluid.density = fluid;
+  p.max_time_step = 1.0 / 96.0;
+  std::vector<sim::SolidDesc> d(2);
+  d[0].surface = block({0.2, 0.05, 0.15}, {0.1, 0.05, 0.1});
+  const Vec3d other = stacked ? Vec3d(0.2, 0.15 + sim::kContactSkin * kCell, 0.15) : Vec3d(0.5, 0.05, 0.15);
+  d[1].surface = block(other, {0.1, 0.05, 0.1});
+  for (sim::SolidDesc& solid : d) {
+    solid.youngs_modulus = 2e5;
+    solid.poissons_ratio = 0.2;
+    solid.rayleigh_beta = 2e-3;
+    solid.friction = 0.5;
+  }
+  return make_simulation(p, d);
+}
+
+struct Effort {
+  double iterations = 0.0;  // of a step
+  bool pushes = false;      // in the end
+};
+
+Effort effort(sim::Simulation& s, double end) {
+  Effort out;
+  int steps = 0;
+  for (; s.state().time < end - 1e-9; ++steps)
+    out.iterations += static_cast<double>(s.step(end - s.state().time).velocity_iterations);
+  out.iterations /= steps;
+  out.pushes = !sim::pushing_pairs(s.workspace().elasticity.contacts).empty();
+  return out;
+}
+
+TEST_CASE("Contact takes at most twice the iterations of what does not touch", "[law]") {
+  const auto compare = [](sim::Simulation& with, sim::Simulation& without, double end) {
+    const Effort touching = effort(with, end), apart = effort(without, end);
+    INFO(touching.iterations << " iterations a step, apart " << apart.iterations);
+    CHECK(touching.pushes);
+    CHECK_FALSE(apart.pushes);
+    CHECK(touching.iterations < 2.0 * apart.iterations);
+  };
+  for (const double fluid : {0.0, 1.0, 769.0}) {
+    INFO("boxes in a fluid of " << fluid << " kg/m^3");
+    compare(*two_boxes(fluid, true), *two_boxes(fluid, false), 0.15);
+  }
+  for (const bool compressible : {true, false}) {
+    INFO("a block slides, compressible " << compressible);
+    compare(*block_on_slab(0.3, compressible), *block_on_slab(0.3, compressible, 4.0), 0.12);
+  }
+}
+
 TEST_CASE("Contact is the same to the bit with two threads, and after a restart", "[determinism]") {
   std::vector<sim::SolidDesc> balls = two_balls(0.05);
   for (sim::SolidDesc& ball : balls) ball.friction = 0.3;
@@ -234,31 +288,4 @@ TEST_CASE("In the gap between two solids the fluid slips, however thin it is") {
     if ((n.i == 20 || n.i == 21) && n.j > 13 && n.j < 22 && n.k > 8 && n.k < 17) ++facing[n.i - 20];
   CHECK(facing[0] == 64);
   CHECK(facing[1] == 64);
-}
-
-TEST_CASE("probe", "[.probe]") {
-  for (const bool compressible : {true, false})
-    for (const double mu : {0.3, 0.5, 0.65}) {
-      auto s = block_on_slab(mu, compressible);
-      advance_to(*s, 0.2);
-      const double early = speed(*s, 1);
-      std::uint64_t its = 0, steps = 0, un = 0;
-      double unres = 0;
-      while (s->state().time < 0.35 - 1e-9) {
-        const auto info = s->step(0.35 - s->state().time);
-        its += info.velocity_iterations;
-        un += info.unconverged;
-        ++steps;
-      }
-      const auto& rows = s->workspace().elasticity.contacts.rows;
-      std::size_t push = 0, stick = 0;
-      for (const auto& row : rows) {
-        push += row.push > 0;
-        stick += row.push > 0 && row.sticks;
-      }
-      std::printf("compressible %d mu %.2f: %.1f iterations, %d steps, unconverged %d, a %.4f speed %.2g vertical %.2g, rows %zu push %zu stick %zu %g\n", compressible, mu,
-                  double(its) / double(steps), int(steps), int(un), (speed(*s, 1) - early) / 0.15, speed(*s, 1),
-                  speed(*s, 0), rows.size(), push, stick, unres);
-      std::fflush(stdout);
-    }
 }

@@ -141,17 +141,17 @@ TEST_CASE("Penalties are symmetric, and leave nothing behind when they go") {
   scene.system.apply(Parallel(1), scene.start, before);
   Mat3 stiffness = Mat3::Identity();
   stiffness(0, 1) = stiffness(1, 0) = Real(0.5);
-  scene.system.set_penalties({{scene.rows[0].parts, stiffness}, {scene.rows[1].parts, stiffness}});
+  scene.system.set_penalties(Parallel(1), {{scene.rows[0].parts, stiffness}, {scene.rows[1].parts, stiffness}});
   scene.system.apply(Parallel(1), scene.start, with);
   CHECK(with != before);
   const double mobility = scene.system.mobility(scene.rows[0].parts[0].unknown);
-  scene.system.set_penalties({});
+  scene.system.set_penalties(Parallel(1), {});
   scene.system.apply(Parallel(1), scene.start, after);
   CHECK(after == before);
   CHECK(scene.system.mobility(scene.rows[0].parts[0].unknown) > mobility);
   // B^T S B moves nothing that both sides share.
   std::vector<Real> even(scene.start.size(), 1), none(scene.start.size(), 0);
-  scene.system.set_penalties({{scene.rows[0].parts, stiffness}});
+  scene.system.set_penalties(Parallel(1), {{scene.rows[0].parts, stiffness}});
   scene.system.add_penalty_impulses(1, scene.system.penalty_impulses(even), none);
   for (const Real v : none) CHECK(std::abs(static_cast<double>(v)) < 1e-6);
 }
