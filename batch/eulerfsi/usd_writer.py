@@ -15,6 +15,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 
 from . import files
+from .frames import file_number
 from .scene_parts import Passenger, Rider, Scene, Solid
 from .space import transform_points, transform_vectors
 
@@ -74,11 +75,11 @@ class UsdWriter:
 
     def frame_name(self, frame: int) -> str:
         """Relative path of a frame layer."""
-        return f"frames/{self.scene.name}.{frame:04d}.usdc"
+        return f"frames/{self.scene.name}.{file_number(frame)}.usdc"
 
     def vdb_name(self, frame: int) -> str:
         """Relative path of a frame's volume file."""
-        return f"vdb/{self.scene.name}.{frame:04d}.vdb"
+        return f"vdb/{self.scene.name}.{file_number(frame)}.vdb"
 
     def write_frame(self, frame: int, surfaces: list[tuple[np.ndarray, np.ndarray]]) -> str:
         """Writes one frame layer. surfaces: of scene.simulated, positions [m] and velocities [m/s] in simulation space.

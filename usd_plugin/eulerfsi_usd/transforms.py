@@ -17,7 +17,8 @@ def frames_of(stage: Usd.Stage) -> list[float]:
     """Whole frames of the stage's range; its first time alone where it has none."""
     if not stage.HasAuthoredTimeCodeRange():
         return [1.0]
-    return [float(frame) for frame in range(math.ceil(stage.GetStartTimeCode()), int(stage.GetEndTimeCode()) + 1)]
+    first, last = math.ceil(stage.GetStartTimeCode()), math.floor(stage.GetEndTimeCode())
+    return [float(frame) for frame in range(first, last + 1)]
 
 
 def key_frames(stage: Usd.Stage, attributes: Iterable[Usd.Attribute]) -> list[float]:
