@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from eulerfsi_usd.transforms import places
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 
 from . import files
@@ -248,7 +249,7 @@ class UsdWriter:
         parent = self.scene.stage.GetPrimAtPath(volume.path.GetParentPath())
         if not parent:
             return
-        matrices = {f: self._local_to_world(parent, f) for f in self.scene.frames}
+        matrices = dict(zip(self.scene.frames, map(np.array, places(parent, self.scene.frames)), strict=True))
         first = matrices[self.scene.frames.first]
         animated = any((matrix != first).any() for matrix in matrices.values())
         if not animated and (first == np.eye(4)).all():
