@@ -60,7 +60,7 @@ def motions(prim: Usd.Prim, frames: Iterable[float], start: float) -> np.ndarray
     """(frames, 4, 4) for row vectors: where each puts, in world space, what is in the world at the first frame."""
     before, *after = places(prim, [start, *frames])
     back = before.GetInverse()
-    return np.array([np.array(back * now) for now in after]).reshape(-1, 4, 4)
+    return np.array([np.array(back * place) for place in after]).reshape(-1, 4, 4)
 
 
 def motion_text(prim: Usd.Prim) -> str:
