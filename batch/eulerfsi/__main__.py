@@ -7,6 +7,7 @@ Exit codes: 0 ok, 1 internal, 2 usage (unknown option, frame range, --set name),
 from __future__ import annotations
 
 import argparse
+import re
 import runpy
 import subprocess
 import sys
@@ -98,9 +99,20 @@ def _positive(text: str) -> int:
     return int(text)
 
 
+def _join_frames(arguments: Sequence[str]) -> list[str]:
+    """`--frames -24-48` as one word: argparse takes a range that begins before frame 0 for an option."""
+    joined: list[str] = []
+    for argument in arguments:
+        if joined and joined[-1] == "--frames" and re.match(r"-\d", argument):
+            joined[-1] += f"={argument}"
+        else:
+            joined.append(argument)
+    return joined
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs one command; returns the exit code. A wrong option leaves through SystemExit(2), as argparse does."""
-    options = build_parser().parse_args(arguments)
+    options = build_parser().parse_args(_join_frames(sys.argv[1:] if arguments is None else arguments))
     run = {
         "simulate": _simulate,
         "validate": _validate,

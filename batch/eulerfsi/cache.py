@@ -15,6 +15,7 @@ import numpy as np
 
 from . import __version__, binding, files, stats_file
 from .errors import CacheIOError, UsageError
+from .frames import file_number
 from .localize import localize_scene
 from .manifest import FILE_NAME, Manifest
 from .scene_parts import Scene
@@ -145,7 +146,7 @@ class Cache:
 
     def save_checkpoint(self, frame: int, simulation: Simulation) -> None:
         """Writes the state after frame `frame` (and maybe some steps) and keeps the last two checkpoints."""
-        name = f"checkpoints/{frame:04d}.{simulation.steps}.efsi"
+        name = f"checkpoints/{file_number(frame)}.{simulation.steps}.efsi"
         with files.replacing(self.folder / name) as temporary:
             simulation.save_checkpoint(temporary)
         self._flush_stats()

@@ -55,7 +55,7 @@ def raise_errors(issues: Iterable[Issue]) -> list[str]:
 
 def check_scene(scene: Scene) -> list[Issue]:
     """Issues that need the library's view of the meshes: repairs, thin features, size."""
-    issues = _check_walls(scene)
+    issues = _check_walls(scene) + _check_numbers(scene)
     for solid in scene.solids:
         issues += _check_flat(scene, solid)
         issues += _check_mesh(scene, solid)
@@ -105,6 +105,16 @@ def _check_walls(scene: Scene) -> list[Issue]:
         message = f"{scene.domain_path}: {first}: {value} (volume per second): must be {limit}"
         issues.append(Issue(scene.domain_path, first, value, limit, message, "error", "TrappedInflow"))
     return issues
+
+
+def _check_numbers(scene: Scene) -> list[Issue]:
+    """Volumes can be read by every client that reads those of other frames."""
+    first = scene.frames.first
+    if first >= 0 or not scene.has_smoke:
+        return []
+    limit = ">= 0 for smoke in Blender, whose volume sequences know no sign in names of files"
+    message = f"stage: first frame {first}: must be {limit}"
+    return [Issue("/", "startTimeCode", str(first), limit, message, "warning", "NegativeFrames")]
 
 
 def _check_flat(scene: Scene, solid: Solid) -> list[Issue]:

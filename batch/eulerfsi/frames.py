@@ -1,4 +1,4 @@
-"""Frame ranges: what `--frames` accepts."""
+"""Frame ranges: what `--frames` accepts, and how files are numbered."""
 
 from __future__ import annotations
 
@@ -24,6 +24,11 @@ class FrameRange:
 
     def __str__(self) -> str:
         return f"{self.first}-{self.last}"
+
+
+def file_number(frame: int) -> str:
+    """The frame in names of files, as USD's value clips (C's %04d) expand ####: 0012, -003."""
+    return f"{frame:04d}"
 
 
 def parse_frames(text: str) -> FrameRange:
@@ -70,10 +75,7 @@ def demand_start(wanted: FrameRange, first: int, checkpoint: int | None) -> None
 
 
 def check_frames(frames: FrameRange, where: str) -> FrameRange:
-    """Limits of every range: not negative (cache readers take the number from file names), two frames at least."""
-    if frames.first < 0:
-        way_out = "shift the scene's range and keys, or start later with --start-frame"
-        raise UsageError(f"{where}: first frame {frames.first} must be >= 0, as files are named by it; {way_out}")
+    """Limits of every range: forwards, two frames at least."""
     if frames.last < frames.first:
         raise UsageError(f"{where}: the last frame {frames.last} comes before the first, {frames.first}")
     if len(frames) < 2:

@@ -117,7 +117,7 @@ def read_collider(reader: Reader, space: SimulationSpace, prim: Usd.Prim, first:
     path, stage, shape = str(prim.GetPath()), prim.GetStage(), None
     stretched = deform.stretches(prim)
     try:
-        if deform.deforms(prim):
+        if stretched or deform.points_move(prim):
             shape = Deformation(path, stage, space, first, stretched)
     except PoseError as error:
         raise SceneError(f"{path}: {error}") from error

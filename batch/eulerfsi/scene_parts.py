@@ -65,7 +65,7 @@ class Motion:
         """(4, 4) for column vectors in simulation space: where a frame puts what lies there at the first frame."""
         if not self.moves:
             return np.eye(4)
-        world = transforms.motion(self.stage.GetPrimAtPath(self.driver), frame, self.first)
+        world = transforms.motions(self.stage.GetPrimAtPath(self.driver), [frame], self.first)[0]
         corners = self.space.point_to_world(np.concatenate([np.zeros((1, 3)), np.eye(3)]))
         origin, *ends = transform_points(corners, self.space.from_local(world))
         pose = np.eye(4)

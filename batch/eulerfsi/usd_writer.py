@@ -12,9 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from eulerfsi_usd.transforms import places
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 
 from . import files
+from .frames import file_number
 from .scene_parts import Passenger, Rider, Scene, Solid
 from .space import transform_points, transform_vectors
 
@@ -74,11 +76,11 @@ class UsdWriter:
 
     def frame_name(self, frame: int) -> str:
         """Relative path of a frame layer."""
-        return f"frames/{self.scene.name}.{frame:04d}.usdc"
+        return f"frames/{self.scene.name}.{file_number(frame)}.usdc"
 
     def vdb_name(self, frame: int) -> str:
         """Relative path of a frame's volume file."""
-        return f"vdb/{self.scene.name}.{frame:04d}.vdb"
+        return f"vdb/{self.scene.name}.{file_number(frame)}.vdb"
 
     def write_frame(self, frame: int, surfaces: list[tuple[np.ndarray, np.ndarray]]) -> str:
         """Writes one frame layer. surfaces: of scene.simulated, positions [m] and velocities [m/s] in simulation space.
@@ -247,7 +249,7 @@ class UsdWriter:
         parent = self.scene.stage.GetPrimAtPath(volume.path.GetParentPath())
         if not parent:
             return
-        matrices = {f: self._local_to_world(parent, f) for f in self.scene.frames}
+        matrices = dict(zip(self.scene.frames, map(np.array, places(parent, self.scene.frames)), strict=True))
         first = matrices[self.scene.frames.first]
         animated = any((matrix != first).any() for matrix in matrices.values())
         if not animated and (first == np.eye(4)).all():

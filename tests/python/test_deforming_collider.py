@@ -10,7 +10,8 @@ import pytest
 from conftest import content_hashes, make_scene, sphere, world_points
 from eulerfsi.scene import open_stage, read_scene
 from eulerfsi.simulate import Options, simulate
-from eulerfsi_usd import checks
+from eulerfsi_usd import checks, transforms
+from eulerfsi_usd.pose import Pose
 from figures import BODY, make_figure
 from pxr import Gf, Usd, UsdGeom
 
@@ -191,3 +192,74 @@ def test_a_run_that_ends_before_the_points_move_can_go_on(rising: Path, tmp_path
     parts = simulate(rising, Options(output=tmp_path / "parts", progress="none", resume=True))
     assert parts.resumed
     assert content_hashes(whole.folder) == content_hashes(parts.folder)
+
+
+def test_places_over_time_are_those_of_each_frame() -> None:
+    """One cache for all frames says what a new one for each does, also below what does not move and above a reset."""
+    stage = Usd.Stage.CreateInMemory()
+    above = UsdGeom.Xform.Define(stage, "/Above")
+    move, turn = above.AddTranslateOp(), above.AddRotateYOp()
+    UsdGeom.Xform.Define(stage, "/Above/Still").AddScaleOp().Set(Gf.Vec3f(2, 3, 4))
+    rock = UsdGeom.Xform.Define(stage, "/Above/Still/Rock")
+    sway = rock.AddRotateXOp()
+    apart = UsdGeom.Xform.Define(stage, "/Above/Apart")
+    apart.AddTranslateOp().Set(Gf.Vec3d(1, 2, 3))
+    apart.SetResetXformStack(True)
+    for frame in range(-2, 9):
+        move.Set(Gf.Vec3d(0.1 * frame, 0, 0.02 * frame * frame), frame)
+        turn.Set(7.0 * frame, frame)
+        sway.Set(3.0 * frame, frame + 0.5)
+    frames = [-2.0, 0.0, 3.0, 7.25, 1.0]
+    for prim in (above.GetPrim(), rock.GetPrim(), apart.GetPrim()):
+        alone = [UsdGeom.XformCache(Usd.TimeCode(frame)).GetLocalToWorldTransform(prim) for frame in frames]
+        assert list(transforms.places(prim, frames)) == alone
+        wanted = [np.array(alone[0].GetInverse() * place) for place in alone]
+        np.testing.assert_array_equal(transforms.motions(prim, frames, frames[0]), wanted)
+    assert transforms.motions(rock.GetPrim(), [], 0.0).shape == (0, 4, 4)
+
+
+def test_checks_of_a_long_scene_look_up_its_transforms_once_a_prim(rising: Path, monkeypatch) -> None:
+    """What is found once of a prim, its transforms and its skinning, is not found again in each frame."""
+    made = {"XformCache": 0, "Pose": 0}
+    new_cache, new_pose = UsdGeom.XformCache, Pose.__init__
+
+    def cache(*arguments):
+        made["XformCache"] += 1
+        return new_cache(*arguments)
+
+    def pose(self, *arguments, **options):
+        made["Pose"] += 1
+        new_pose(self, *arguments, **options)
+
+    def count(last: int) -> dict[str, int]:
+        made.update(dict.fromkeys(made, 0))
+        stage = Usd.Stage.Open(str(rising))
+        stage.SetEndTimeCode(last)
+        assert not faults(stage)
+        read_scene(stage, rising)
+        return dict(made)
+
+    monkeypatch.setattr(UsdGeom, "XformCache", cache)
+    monkeypatch.setattr(Pose, "__init__", pose)
+    few = count(7)
+    assert few == count(300) and few["XformCache"] > 0 and few["Pose"] > 0
+
+
+def test_a_face_of_many_corners_counts_with_all_of_its_fan(rising: Path) -> None:
+    """A prism of one hexagon above, one below and six walls that turns inside out."""
+    stage = Usd.Stage.Open(str(rising))
+    angles = np.radians(60.0 * np.arange(6))
+    ring = np.stack([np.cos(angles), np.zeros(6), -np.sin(angles)], axis=1) * 0.1
+    points = np.concatenate([ring - (0, 0.05, 0), ring + (0, 0.05, 0)])
+    walls = [[i, (i + 1) % 6, (i + 1) % 6 + 6, i + 6] for i in range(6)]
+    rock = UsdGeom.Mesh(stage.GetPrimAtPath(ROCK))
+    rock.GetFaceVertexCountsAttr().Set([6, 6, *[4] * 6])
+    rock.GetFaceVertexIndicesAttr().Set([5, 4, 3, 2, 1, 0, 6, 7, 8, 9, 10, 11, *sum(walls, [])])
+    for frame in range(1, 8):
+        rock.GetPointsAttr().Set(points * (1.0 if frame < 5 else 0.5), frame)
+    assert not faults(stage)
+    rock.GetPointsAttr().Set(points * (1, -1, 1), 5)
+    volume = 1.5 * np.sqrt(3.0) * 0.1**2 * 0.1
+    [(code, message)] = faults(stage)
+    assert code == "InvertedCollider"
+    assert f"a volume of {-volume:.4g} at frame 5, {volume:.4g} at frame 1: must be a volume of the same" in message

@@ -17,6 +17,7 @@ from eulerfsi.overrides import apply_overrides
 from eulerfsi.parameters import StageUnits, table
 from eulerfsi.scene import read_scene
 from eulerfsi.space import domain_space, orthonormal_rows
+from eulerfsi_usd.transforms import frames_of
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, UsdUtils
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -316,7 +317,17 @@ def test_set_with_an_ambiguous_name_lists_the_paths(tmp_path):
         apply_overrides(stage, ["Carpet.smokeDensity=1"])
 
 
-@pytest.mark.parametrize(("text", "expected"), [("1-48", (1, 48)), ("0-1", (0, 1)), ("1-5,6-10", (1, 10))])
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("1-48", (1, 48)),
+        ("0-1", (0, 1)),
+        ("1-5,6-10", (1, 10)),
+        ("-24-48", (-24, 48)),
+        ("-24--1", (-24, -1)),
+        ("-3--1,0-4", (-3, 4)),
+    ],
+)
 def test_contiguous_frame_ranges(text, expected):
     frames = parse_frames(text)
     assert (frames.first, frames.last) == expected
@@ -331,7 +342,9 @@ def test_contiguous_frame_ranges(text, expected):
         ("1-5,8-10", "frame 6 is missing"),
         ("10-1", "backwards"),
         ("5", "at least 2"),
-        ("-3-4", "must be >= 0"),
+        ("-5", "at least 2"),
+        ("-1--3", "backwards"),
+        ("-3..4", "not a frame range"),
         ("1.5-3", "whole numbers"),
         ("one", "not a frame range"),
         ("", "not a frame range"),
@@ -396,10 +409,12 @@ def test_a_range_of_parts_of_frames_says_how_to_start(cli, tmp_path):
     stage.SetEndTimeCode(float("inf"))
     stage.GetRootLayer().Save()
     assert "endTimeCode inf: must be whole numbers" in cli("validate", "a.usda").stderr
-    stage.SetStartTimeCode(-2)
-    stage.SetEndTimeCode(3)
+    stage.SetStartTimeCode(-5.5)
+    stage.SetEndTimeCode(-2.5)
     stage.GetRootLayer().Save()
-    assert "first frame -2 must be >= 0, as files are named by it; shift the" in cli("validate", "a.usda").stderr
+    assert "must be whole numbers; --start-frame -5 simulates" in cli("validate", "a.usda").stderr
+    assert "frames -5--3 at 24 per second" in cli("validate", "a.usda", "--start-frame", "-5").stdout
+    assert frames_of(stage) == [-5.0, -4.0, -3.0]
 
 
 def test_no_two_files_of_a_scene_have_one_copy(tmp_path):

@@ -10,14 +10,9 @@ from pxr import Usd, UsdGeom, UsdSkel
 from .gprims import surface_of
 from .issues import Issue, make_issue
 from .pose import Pose, PoseError
-from .transforms import first_change, frames_of, key_frames, motion, motion_text, moves, place_attributes, stretch
+from .transforms import first_change, frames_of, key_frames, motion_text, motions, moves, place_attributes, stretched
 
 SAME = 1e-6  # of the extent of a mesh: points that move less stay where they are
-
-
-def deforms(prim: Usd.Prim) -> bool:
-    """Whether its points move in a way that its transform, as far as that is rigid, does not explain."""
-    return stretches(prim) or points_move(prim)
 
 
 def points_move(prim: Usd.Prim) -> bool:
@@ -25,13 +20,14 @@ def points_move(prim: Usd.Prim) -> bool:
     if not _may_deform(prim):
         return False
     first, *frames = _key_frames(prim)
-    start = Pose(prim, True).points(Usd.TimeCode(first))
+    pose = Pose(prim, True)
+    start = pose.points(Usd.TimeCode(first))
     least = SAME * np.ptp(start, axis=0).max()
 
     def moved(frame: float) -> bool:
         """What cannot be posed is looked at where it is simulated."""
         try:
-            points = Pose(prim, True).points(Usd.TimeCode(frame))
+            points = pose.points(Usd.TimeCode(frame))
         except PoseError:
             return False
         return len(points) == len(start) and bool(np.abs(points - start).max() > least)
@@ -42,7 +38,7 @@ def points_move(prim: Usd.Prim) -> bool:
 def stretches(prim: Usd.Prim) -> bool:
     """Whether its transform is not rigid from the first frame on."""
     first, *frames = key_frames(prim.GetStage(), place_attributes(prim))
-    return moves(prim) and any(stretch(motion(prim, frame, first)) is not None for frame in frames)
+    return moves(prim) and bool(stretched(motions(prim, frames, first)).any())
 
 
 def points_at(prim: Usd.Prim, frame: float) -> np.ndarray:
@@ -99,36 +95,40 @@ def check_shape_over_time(prim: Usd.Prim) -> list[Issue]:
         return [_named(prim, *changed, limit, "ChangingCollider")]
     if not _may_deform(prim):
         return []
-    start = Pose(prim, True).points(Usd.TimeCode(first))
-    faces = surface_of(prim, Usd.TimeCode(first))[1:]
+    pose = Pose(prim, True)
+    start, counts, indices = surface_of(prim, Usd.TimeCode(first))
+    triangles = _fans(counts, indices)
+    volume = _volume(start, triangles)
     for frame in frames:
-        issue = _check_frame(prim, frame, first, start, faces)
+        issue = _check_frame(pose, frame, first, len(start), triangles, volume)
         if issue:
             return [issue]
     return []
 
 
 def _check_frame(
-    prim: Usd.Prim, frame: float, first: float, start: np.ndarray, faces: tuple[np.ndarray, np.ndarray]
+    pose: Pose, frame: float, first: float, count: int, triangles: np.ndarray, volume: float
 ) -> Issue | None:
+    """count, volume: points and volume at the first frame."""
+    prim = pose.prim
     authored = UsdGeom.Mesh(prim).GetPointsAttr().Get(frame)
-    if len(authored or ()) != len(start):  # looked at first: no skinning fits another number
-        value = f"{len(authored or ())} points at frame {frame:g}, {len(start)} at frame {first:g}"
+    if len(authored or ()) != count:  # looked at first: no skinning fits another number
+        value = f"{len(authored or ())} points at frame {frame:g}, {count} at frame {first:g}"
         limit = "as many in all frames: the points of a collider may move, their number may not change"
         return _named(prim, "points", value, limit, "ChangingCollider")
     try:
-        points = points_at(prim, frame)
+        points = pose.points(Usd.TimeCode(frame))
     except PoseError as error:
         limit = f"a skinning that UsdSkel can compute at frame {frame:g}"
-        return _named(prim, "skel:skeleton", Pose(prim, True).skeleton, limit, "BadSkinning", str(error))
+        return _named(prim, "skel:skeleton", pose.skeleton, limit, "BadSkinning", str(error))
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if len(bad):
         value = tuple(float(x) for x in points[bad[0]])
         limit = f"finite at frame {frame:g} ({len(bad)} of {len(points)} points are not)"
         return _named(prim, f"points[{bad[0]}]", value, limit, "NonFinitePoints")
-    volumes = [_volume(shape, *faces) for shape in (points, start)]
-    if not volumes[0] * volumes[1] > 0.0:
-        value = f"a volume of {volumes[0]:.4g} at frame {frame:g}, {volumes[1]:.4g} at frame {first:g}"
+    now = _volume(points, triangles)
+    if not now * volume > 0.0:
+        value = f"a volume of {now:.4g} at frame {frame:g}, {volume:.4g} at frame {first:g}"
         limit = "a volume of the same sign in all frames: a collider cannot vanish or turn inside out"
         return _named(prim, "points", value, limit, "InvertedCollider")
     return None
@@ -137,13 +137,13 @@ def _check_frame(
 def check_stretch(prim: Usd.Prim) -> list[Issue]:
     """The transform of a collider may stretch it, but not mirror or flatten it."""
     first, *frames = frames_of(prim.GetStage())
-    for frame in frames if moves(prim) else ():
-        determinant = float(np.linalg.det(motion(prim, frame, first)[:3, :3]))
-        if not determinant > 0.0:
-            value = f"a volume of {determinant:.4g} at frame {frame:g} over that at frame {first:g}"
-            limit = "> 0: a collider cannot vanish or turn inside out"
-            return [_named(prim, "xformOpOrder", value, limit, "InvertedCollider")]
-    return []
+    determinants = np.linalg.det(motions(prim, frames if moves(prim) else (), first)[:, :3, :3])
+    bad = np.flatnonzero(~(determinants > 0.0))
+    if not len(bad):
+        return []
+    value = f"a volume of {determinants[bad[0]]:.4g} at frame {frames[bad[0]]:g} over that at frame {first:g}"
+    limit = "> 0: a collider cannot vanish or turn inside out"
+    return [_named(prim, "xformOpOrder", value, limit, "InvertedCollider")]
 
 
 def _named(prim: Usd.Prim, field: str, value: object, limit: str, code: str, hint: str = "") -> Issue:
@@ -154,9 +154,14 @@ def _named(prim: Usd.Prim, field: str, value: object, limit: str, code: str, hin
     return make_issue(prim, field, value, limit, code, f"{hint}; in {file}" if hint else f"in {file}")
 
 
-def _volume(points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -> float:
-    """Signed, of the fans of the faces."""
-    first = np.repeat(np.cumsum(counts) - counts, counts - 2)
-    step = np.concatenate([np.arange(1, count - 1) for count in counts]) if len(counts) else np.zeros(0, int)
-    a, b, c = (points[indices[first + offset]] for offset in (0 * step, step, step + 1))
+def _fans(counts: np.ndarray, indices: np.ndarray) -> np.ndarray:
+    """(m, 3) triangles of the faces, each a fan around its first corner."""
+    first, before = (np.repeat(np.cumsum(sizes) - sizes, counts - 2) for sizes in (counts, counts - 2))
+    step = np.arange(1, len(before) + 1) - before
+    return indices[np.stack([first, first + step, first + step + 1], axis=1)]
+
+
+def _volume(points: np.ndarray, triangles: np.ndarray) -> float:
+    """Signed."""
+    a, b, c = (points[triangles[:, corner]] for corner in range(3))
     return float(np.einsum("ij,ij->", a - points[0], np.cross(b - points[0], c - points[0]))) / 6.0

@@ -12,7 +12,7 @@ from .gprims import SHAPES, dimensions
 from .issues import Issue, first_time, make_issue, read
 from .pose import Pose
 from .surface import check_surface
-from .transforms import first_change, frames_of, motion, moves, stretch
+from .transforms import first_change, frames_of, motions, moves, stretched
 
 PINS, PIN_TO, PIN_PRIMVAR = "eulerfsi:pins", "eulerfsi:pinTo", "primvars:eulerfsi:pin"
 
@@ -70,14 +70,15 @@ def _check_motion(prim: Usd.Prim) -> list[Issue]:
     """Rigid in all frames."""
     if not moves(prim):
         return []
-    frames = frames_of(prim.GetStage())
-    for frame in frames[1:]:
-        sizes = stretch(motion(prim, frame, frames[0]))
-        if sizes is not None:
-            value = f"a stretch by {', '.join(f'{size:.4g}' for size in sizes)} from frame {frames[0]:g} to {frame:g}"
-            limit = "rigid: rotations and translations, with one scale in all frames"
-            return [make_issue(prim, "xformOpOrder", value, limit, "StretchingMotion")]
-    return []
+    first, *frames = frames_of(prim.GetStage())
+    found = motions(prim, frames, first)
+    bad = np.flatnonzero(stretched(found))
+    if not len(bad):
+        return []
+    sizes = np.sqrt((found[bad[0], :3, :3] ** 2).sum(axis=1))  # along the axes of the world
+    value = f"a stretch by {', '.join(f'{size:.4g}' for size in sizes)} from frame {first:g} to {frames[bad[0]]:g}"
+    limit = "rigid: rotations and translations, with one scale in all frames"
+    return [make_issue(prim, "xformOpOrder", value, limit, "StretchingMotion")]
 
 
 def check_pins(solid: Usd.Prim) -> list[Issue]:

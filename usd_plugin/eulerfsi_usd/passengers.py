@@ -9,7 +9,7 @@ from .deform import points_move
 from .given import PINS, targets
 from .issues import Issue, first_time, instance_above, is_enabled, make_issue, scopes_of
 from .pose import Pose, PoseError, transform_drivers
-from .transforms import frames_of, moves
+from .transforms import frames_of, moves, places
 
 CARRIED = "eulerfsi:carried"
 
@@ -138,8 +138,9 @@ def _check_points(prim: Usd.Prim) -> list[Issue]:
 def check_scale(prim: Usd.Prim) -> list[Issue]:
     """What is given points in each frame has a space in each, which they are written in."""
     first, *frames = frames_of(prim.GetStage())
-    for frame in frames if moves(prim) else ():
-        matrix = np.array(UsdGeom.XformCache(Usd.TimeCode(frame)).GetLocalToWorldTransform(prim))[:3, :3]
+    frames = frames if moves(prim) else []
+    for frame, place in zip(frames, places(prim, frames), strict=True):
+        matrix = np.array(place)[:3, :3]
         sizes = np.sqrt((matrix * matrix).sum(axis=1))
         if abs(np.linalg.det(matrix)) <= 1e-12 * sizes.max() ** 3:
             value = f"a scale of 0 at frame {frame:g}"

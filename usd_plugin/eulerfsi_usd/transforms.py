@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 
 import numpy as np
-from pxr import Usd, UsdGeom
+from pxr import Gf, Usd, UsdGeom
 
 from .pose import transform_drivers
 
@@ -17,7 +17,8 @@ def frames_of(stage: Usd.Stage) -> list[float]:
     """Whole frames of the stage's range; its first time alone where it has none."""
     if not stage.HasAuthoredTimeCodeRange():
         return [1.0]
-    return [float(frame) for frame in range(math.ceil(stage.GetStartTimeCode()), int(stage.GetEndTimeCode()) + 1)]
+    first, last = math.ceil(stage.GetStartTimeCode()), math.floor(stage.GetEndTimeCode())
+    return [float(frame) for frame in range(first, last + 1)]
 
 
 def key_frames(stage: Usd.Stage, attributes: Iterable[Usd.Attribute]) -> list[float]:
@@ -47,10 +48,19 @@ def place_attributes(prim: Usd.Prim) -> Iterable[Usd.Attribute]:
         prim = None if xform and xform.GetResetXformStack() else prim.GetParent()
 
 
-def motion(prim: Usd.Prim, frame: float, start: float) -> np.ndarray:
-    """(4, 4) for row vectors: where a frame puts, in world space, what is in the world at the first frame."""
-    before, now = (UsdGeom.XformCache(Usd.TimeCode(time)).GetLocalToWorldTransform(prim) for time in (start, frame))
-    return np.array(before.GetInverse() * now)
+def places(prim: Usd.Prim, frames: Iterable[float]) -> Iterable[Gf.Matrix4d]:
+    """Frame by frame from the prim's space into the world."""
+    cache = UsdGeom.XformCache()  # one for all frames: what it finds once of each transform takes longer than its value
+    for frame in frames:
+        cache.SetTime(Usd.TimeCode(frame))
+        yield cache.GetLocalToWorldTransform(prim)
+
+
+def motions(prim: Usd.Prim, frames: Iterable[float], start: float) -> np.ndarray:
+    """(frames, 4, 4) for row vectors: where each puts, in world space, what is in the world at the first frame."""
+    before, *after = places(prim, [start, *frames])
+    back = before.GetInverse()
+    return np.array([np.array(back * place) for place in after]).reshape(-1, 4, 4)
 
 
 def motion_text(prim: Usd.Prim) -> str:
@@ -81,10 +91,8 @@ def first_change(prim: Usd.Prim, attributes: Iterable[Usd.Attribute]) -> tuple[s
     return None
 
 
-def stretch(motion: np.ndarray) -> list[float] | None:
-    """By what a motion stretches along the axes of the world; None where it is rigid."""
-    linear = motion[:3, :3]
-    off = float(np.abs(linear @ linear.T - np.eye(3)).max())
-    if off <= RIGID and np.linalg.det(linear) > 0:
-        return None
-    return [float(np.sqrt((row * row).sum())) for row in linear]
+def stretched(motions: np.ndarray) -> np.ndarray:
+    """(n,) bool: which of the motions (n, 4, 4) are not rigid."""
+    linear = motions[:, :3, :3]
+    off = np.abs(linear @ linear.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2))
+    return ~((off <= RIGID) & (np.linalg.det(linear) > 0.0))

@@ -8,7 +8,8 @@
 namespace efsi::geometry {
 namespace {
 
-constexpr double kRounding = 1.0 + 1e-9;
+constexpr double kSlack = 1e-9;  // for rounding
+constexpr double kRounding = 1.0 + kSlack;
 constexpr std::int32_t kLeaf = 4;  // triangles that are not divided further
 
 double squared_distance(const Vec3d& min, const Vec3d& max, const Vec3d& x) {
@@ -49,9 +50,12 @@ NearestTriangle::NearestTriangle(const TriangleMesh& mesh) {
     Leaf leaf{{mesh.points[static_cast<std::size_t>(t[0])], mesh.points[static_cast<std::size_t>(t[1])],
                mesh.points[static_cast<std::size_t>(t[2])]},
               Vec3d::Zero(),
+              Vec3d::Zero(),
               0.0,
               static_cast<std::int32_t>(leaves_.size())};
     leaf.middle = (leaf.corner[0] + leaf.corner[1] + leaf.corner[2]) / 3.0;
+    const Vec3d area = (leaf.corner[1] - leaf.corner[0]).cross(leaf.corner[2] - leaf.corner[0]);
+    if (area.squaredNorm() > 0.0) leaf.normal = area / area.norm();
     for (const Vec3d& x : leaf.corner) leaf.radius = std::max(leaf.radius, kRounding * (x - leaf.middle).norm());
     leaves_.push_back(leaf);
   }
@@ -85,8 +89,13 @@ NearestTriangle::Found NearestTriangle::find(const Vec3d& x, std::int32_t guess)
   double best = std::numeric_limits<double>::infinity(), reach = best;  // the square and, a little more, its root
   const auto look_at = [&](std::int32_t l) {
     const Leaf& leaf = leaves_[static_cast<std::size_t>(l)];
-    const double most = reach + leaf.radius;
-    if ((leaf.middle - x).squaredNorm() > most * most) return;
+    // Whether the disc around the triangle, in its plane, is within reach.
+    const Vec3d off = x - leaf.middle;
+    const double height = std::max(std::abs(off.dot(leaf.normal)) - kSlack * leaf.radius, 0.0);
+    const double left = reach * reach - height * height;
+    if (left < 0.0) return;
+    const double most = std::sqrt(left) + leaf.radius;
+    if (off.squaredNorm() - height * height > most * most) return;
     const double square = (closest_point(leaf.corner[0], leaf.corner[1], leaf.corner[2], x) - x).squaredNorm();
     if (!(square < best || (square == best && leaf.triangle < found.triangle))) return;
     best = square;
@@ -116,8 +125,9 @@ NearestTriangle::Found NearestTriangle::find(const Vec3d& x, std::int32_t guess)
     // The nearer child is looked at first.
     const Open left{next.box + 1, square_of(next.box + 1)}, right{box.right, square_of(box.right)};
     const bool left_first = left.square <= right.square;
-    open[count++] = left_first ? right : left;
-    open[count++] = left_first ? left : right;
+    const Open &near = left_first ? left : right, &far = left_first ? right : left;
+    if (far.square <= best) open[count++] = far;
+    if (near.square <= best) open[count++] = near;
   }
   found.distance = std::sqrt(best);
   return found;

@@ -34,6 +34,7 @@ class NearestTriangle {
   struct Leaf {
     std::array<Vec3d, 3> corner;
     Vec3d middle;   // of the corners
+    Vec3d normal;   // unit; zero without an area
     double radius;  // around the middle, a little more than to the corners
     std::int32_t triangle;
   };
