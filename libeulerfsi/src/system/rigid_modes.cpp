@@ -28,63 +28,70 @@ Sum ordered_sum(const Parallel& parallel, std::size_t begin, std::size_t end, co
   return all;
 }
 
+void add_block(Eigen::Index row, Eigen::Index column, const Mat6d& block,
+               std::vector<Eigen::Triplet<double>>& entries) {
+  for (Eigen::Index j = 0; j < 6; ++j)
+    for (Eigen::Index i = 0; i < 6; ++i) entries.emplace_back(row + i, column + j, block(i, j));
+}
+
 }  // namespace
 
 // Entries that walls hold move nothing.
-Modes RigidModes::modes(const VelocitySystem& system, const Body& body, std::size_t unknown) {
-  const Vec3d x = system.place(unknown) - body.center;
+Modes RigidModes::modes(const Body& body, std::size_t unknown) const {
+  const Vec3d& x = place_[unknown];
   Modes m;
   m << Mat3d::Identity(), Mat3d::Zero();
-  if (body.held == 0) m.rightCols<3>() << 0, x[2], -x[1], -x[2], 0, x[0], x[1], -x[0], 0;
-  for (int a = 0; a < 3; ++a)
-    if (body.held & (1u << a)) m.col(a).setZero();
-  return m;
+  m.rightCols<3>() << 0, x[2], -x[1], -x[2], 0, x[0], x[1], -x[0], 0;
+  return m * body.moves.asDiagonal();
+}
+
+void RigidModes::add_body(const Parallel& parallel, const VelocitySystem& system, std::size_t solid, Entries& entries) {
+  Body body;
+  body.begin = system.begin_of(solid);
+  body.end = system.begin_of(solid + 1);
+  body.first = 6 * static_cast<Eigen::Index>(bodies_.size());
+  const unsigned held = system.held_axes(solid);
+  for (Eigen::Index a = 0; a < 3; ++a) body.moves[a] = held & (1u << a) ? 0.0 : 1.0;
+  if (held != 0) body.moves.tail<3>().setZero();
+  const Eigen::Vector4d moments = ordered_sum<Eigen::Vector4d>(
+      parallel, body.begin, body.end, Eigen::Vector4d::Zero(),
+      [&](Eigen::Vector4d& sum, std::size_t u) { sum += system.inertia(u) * system.place(u).homogeneous(); });
+  const Vec3d center = moments.head<3>() / moments[3];
+  for (std::size_t u = body.begin; u < body.end; ++u) place_[u] = system.place(u) - center;
+  Mat6d mass = ordered_sum<Mat6d>(parallel, body.begin, body.end, Mat6d::Zero(), [&](Mat6d& sum, std::size_t u) {
+    const Modes m = modes(body, u);
+    sum += system.inertia(u) * m.transpose() * m;
+  });
+  const double least = kLeast * moments[3], turns = least * system.cell() * system.cell();
+  for (Eigen::Index a = 0; a < 6; ++a) mass(a, a) += a < 3 ? least : turns;
+  add_block(body.first, body.first, mass, entries);
+  bodies_.push_back(body);
 }
 
 RigidModes::RigidModes(const Parallel& parallel, const VelocitySystem& system, const std::vector<Penalty>& penalties) {
-  std::vector<Eigen::Triplet<double>> entries;
-  const auto add = [&](Eigen::Index row, Eigen::Index column, const Mat6d& block) {
-    for (Eigen::Index j = 0; j < 6; ++j)
-      for (Eigen::Index i = 0; i < 6; ++i) entries.emplace_back(row + i, column + j, block(i, j));
-  };
-  // The bodies, and their masses.
+  Entries entries;
   constexpr std::size_t kNone = static_cast<std::size_t>(-1);
   std::vector<std::size_t> body_of(system.solids(), kNone);
+  place_.resize(system.begin_of(system.solids()));
   for (const Penalty& p : penalties)
     for (const RowPart& part : p.parts) {
       const std::size_t solid = system.solid_of(part.unknown);
       if (body_of[solid] != kNone) continue;
       body_of[solid] = bodies_.size();
-      Body body;
-      body.begin = system.begin_of(solid);
-      body.end = system.begin_of(solid + 1);
-      body.held = system.held_axes(solid);
-      body.first = 6 * static_cast<Eigen::Index>(bodies_.size());
-      const Eigen::Vector4d moments = ordered_sum<Eigen::Vector4d>(
-          parallel, body.begin, body.end, Eigen::Vector4d::Zero(),
-          [&](Eigen::Vector4d& sum, std::size_t u) { sum += system.inertia(u) * system.place(u).homogeneous(); });
-      body.center = moments.head<3>() / moments[3];
-      Mat6d mass = ordered_sum<Mat6d>(parallel, body.begin, body.end, Mat6d::Zero(), [&](Mat6d& sum, std::size_t u) {
-        const Modes m = modes(system, body, u);
-        sum += system.inertia(u) * m.transpose() * m;
-      });
-      const double least = kLeast * moments[3], turns = least * system.cell() * system.cell();
-      for (Eigen::Index a = 0; a < 6; ++a) mass(a, a) += a < 3 ? least : turns;
-      add(body.first, body.first, mass);
-      bodies_.push_back(body);
+      add_body(parallel, system, solid, entries);
     }
-  // What the penalties see of them.
   for (const Penalty& p : penalties) {
-    std::vector<std::pair<std::size_t, Modes>> seen;
+    std::vector<std::pair<std::size_t, Modes>> seen;  // of each body that it acts on
     for (const RowPart& part : p.parts) {
       const std::size_t b = body_of[system.solid_of(part.unknown)];
       auto at = std::find_if(seen.begin(), seen.end(), [&](const auto& s) { return s.first == b; });
       if (at == seen.end()) at = seen.insert(at, {b, Modes::Zero()});
-      at->second += static_cast<double>(part.weight) * modes(system, bodies_[b], part.unknown);
+      at->second += static_cast<double>(part.weight) * modes(bodies_[b], part.unknown);
     }
     const Mat3d stiffness = p.stiffness.cast<double>();
     for (const auto& [b, m] : seen)
-      for (const auto& [c, n] : seen) add(bodies_[b].first, bodies_[c].first, m.transpose() * stiffness * n);
+      for (const auto& [c, n] : seen)
+        add_block(bodies_[b].first, bodies_[c].first, m.transpose() * stiffness * n, entries);
   }
   const auto size = 6 * static_cast<Eigen::Index>(bodies_.size());
   Eigen::SparseMatrix<double> matrix(size, size);
@@ -98,16 +105,21 @@ void RigidModes::add(const Parallel& parallel, const VelocitySystem& system, con
   for (const Body& body : bodies_)
     load.segment<6>(body.first) =
         ordered_sum<Vec6d>(parallel, body.begin, body.end, Vec6d::Zero(), [&](Vec6d& sum, std::size_t u) {
-          sum += modes(system, body, u).transpose() * Vec3(r[3 * u], r[3 * u + 1], r[3 * u + 2]).cast<double>();
-        });
+          const Vec3d impulse = Vec3(r[3 * u], r[3 * u + 1], r[3 * u + 2]).cast<double>();
+          sum.head<3>() += impulse;
+          sum.tail<3>() += place_[u].cross(impulse);
+        }).cwiseProduct(body.moves);
   const Eigen::VectorXd motion = factors_.solve(load);
   for (const Body& body : bodies_) {
-    const Vec6d m = motion.segment<6>(body.first);
-    parallel.for_each(static_cast<std::int64_t>(body.end - body.begin), [&](std::int64_t i) {
-      const std::size_t u = body.begin + static_cast<std::size_t>(i);
-      const Vec3d v = modes(system, body, u) * m;
-      for (std::size_t a = 0; a < 3; ++a)
-        z[3 * u + a] += system.free()[3 * u + a] * static_cast<Real>(v[static_cast<Eigen::Index>(a)]);
+    const Vec6d m = motion.segment<6>(body.first).cwiseProduct(body.moves);
+    const Vec3d shift = m.head<3>(), turn = m.tail<3>();
+    parallel.for_ranges(static_cast<std::int64_t>(body.end - body.begin), [&](std::int64_t begin, std::int64_t end) {
+      for (std::size_t u = body.begin + static_cast<std::size_t>(begin); u < body.begin + static_cast<std::size_t>(end);
+           ++u) {
+        const Vec3d v = shift + turn.cross(place_[u]);
+        for (std::size_t a = 0; a < 3; ++a)
+          z[3 * u + a] += system.free()[3 * u + a] * static_cast<Real>(v[static_cast<Eigen::Index>(a)]);
+      }
     });
   }
 }

@@ -23,15 +23,17 @@ class RigidModes {
 
  private:
   struct Body {
-    std::size_t begin = 0, end = 0;  // unknowns
-    Vec3d center = Vec3d::Zero();
-    unsigned held = 0;       // axes along which it cannot move
-    Eigen::Index first = 0;  // of its six entries: shift, turn
+    std::size_t begin = 0, end = 0;                                           // unknowns
+    Eigen::Index first = 0;                                                   // of its six entries: shift, turn
+    Eigen::Matrix<double, 6, 1> moves = Eigen::Matrix<double, 6, 1>::Ones();  // 0: walls hold it
   };
+  using Entries = std::vector<Eigen::Triplet<double>>;
+  void add_body(const Parallel& parallel, const VelocitySystem& system, std::size_t solid, Entries& entries);
   // The velocity of an unknown by each of the six.
-  static Eigen::Matrix<double, 3, 6> modes(const VelocitySystem& system, const Body& body, std::size_t unknown);
+  Eigen::Matrix<double, 3, 6> modes(const Body& body, std::size_t unknown) const;
 
   std::vector<Body> bodies_;
+  std::vector<Vec3d> place_;  // of the unknowns of the bodies, from their centres [m]
   Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factors_;
 };
 

@@ -121,6 +121,42 @@ TEST_CASE("Contact with and without friction is that of the dense Delassus opera
     if (row.push > 0.0) CHECK(row.sticks == (friction > 1.0));
 }
 
+TEST_CASE("The preconditioner undoes what penalties do to rigid solids") {
+  Scene scene(0.0);
+  const Parallel parallel(1);
+  std::vector<Real> v;  // two rigid motions
+  for (std::size_t u = 0; u < scene.system.nodes().size(); ++u) {
+    const Vec3d x = scene.system.place(u) - Vec3d(0.4, 0.4, 0.4);
+    const bool upper = u >= scene.system.begin_of(1);
+    const Vec3d w = upper ? Vec3d(0.3, -1.0, 0.1) + Vec3d(0.5, 1.0, -2.0).cross(x) : Vec3d(0.0, 0.5, 0.2);
+    for (Eigen::Index a = 0; a < 3; ++a) v.push_back(static_cast<Real>(w[a]));
+  }
+  std::vector<system::Penalty> penalties;
+  for (const ContactRow& row : scene.rows) penalties.push_back({row.parts, Real(1e3) * Mat3::Identity()});
+  scene.system.set_penalties(parallel, penalties);
+  std::vector<Real> r, z(v.size(), 0);
+  scene.system.multiply_mass(parallel, v, r);
+  scene.system.add_penalty_impulses(1, scene.system.penalty_impulses(v), r);
+  system::RigidModes(parallel, scene.system, penalties).add(parallel, scene.system, r, z);
+  double off = 0.0;
+  for (std::size_t i = 0; i < v.size(); ++i) off = std::max(off, std::abs(static_cast<double>(z[i] - v[i])));
+  CHECK(off < 0.01);
+  // It is symmetric, as conjugate gradients ask for.
+  std::vector<Real> one(v.size()), other(v.size()), z_one, z_other;
+  for (std::size_t i = 0; i < v.size(); ++i) {
+    one[i] = static_cast<Real>(std::sin(static_cast<double>(i)));
+    other[i] = static_cast<Real>(std::cos(3.0 * static_cast<double>(i)));
+  }
+  scene.system.precondition(parallel, one, z_one);
+  scene.system.precondition(parallel, other, z_other);
+  double forth = 0.0, back = 0.0;
+  for (std::size_t i = 0; i < v.size(); ++i) {
+    forth += static_cast<double>(z_one[i] * other[i]);
+    back += static_cast<double>(z_other[i] * one[i]);
+  }
+  CHECK(forth == Approx(back).epsilon(1e-3));
+}
+
 TEST_CASE("Rows that part push nothing, and what they start from is forgotten") {
   Scene scene(0.5);
   for (Real& v : scene.start) v = -v;
