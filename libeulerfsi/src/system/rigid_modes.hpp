@@ -20,6 +20,7 @@ class RigidModes {
   RigidModes(const Parallel& parallel, const VelocitySystem& system, const std::vector<Penalty>& penalties);
   void add(const Parallel& parallel, const VelocitySystem& system, const std::vector<Real>& r,
            std::vector<Real>& z) const;
+  std::size_t bytes() const { return bodies_.size() * sizeof(Body) + place_.size() * sizeof(Vec3d); }
 
  private:
   struct Body {

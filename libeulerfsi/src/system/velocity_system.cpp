@@ -4,9 +4,9 @@
 #include <cmath>
 #include <limits>
 
-#include "linalg/jacobi.hpp"
 #include "linalg/reduce.hpp"
 #include "solid/stiffness_block.hpp"
+#include "system/rigid_modes.hpp"
 
 namespace efsi::system {
 namespace {
@@ -542,7 +542,8 @@ std::size_t VelocitySystem::bytes() const {
          (unknown_of_node_.size() + unknown_of_entry_.size() + entry_.size() + corner_.size() + gather_begin_.size() +
           gather_.size()) *
              sizeof(std::int32_t) +
-         (node_.size() + solid_of_entry_.size()) * sizeof(std::size_t) + pcg_.bytes() + pcr_.bytes();
+         (node_.size() + solid_of_entry_.size()) * sizeof(std::size_t) + (rigid_ ? rigid_->bytes() : 0) + pcg_.bytes() +
+         pcr_.bytes();
 }
 
 }  // namespace efsi::system

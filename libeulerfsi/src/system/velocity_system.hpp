@@ -15,7 +15,6 @@
 #include "linalg/pcr.hpp"
 #include "solid/momentum.hpp"
 #include "solid/solid.hpp"
-#include "system/rigid_modes.hpp"
 #include "system/slip.hpp"
 
 namespace efsi::system {
@@ -41,6 +40,8 @@ struct SolidRef {
   solid::SolidWork* work;
   StiffnessShares loose, held;  // while nothing touches it, and while a wall or a solid does
 };
+
+class RigidModes;
 
 // What one unknown has in a row of B.
 struct RowPart {

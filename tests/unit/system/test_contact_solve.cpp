@@ -2,6 +2,7 @@
 #include <catch2/catch.hpp>
 
 #include "reference/dense_contact.hpp"
+#include "system/rigid_modes.hpp"
 #include "unit/solid/ball.hpp"
 
 using namespace efsi;
