@@ -425,7 +425,7 @@ void VelocitySystem::internal_force(const Parallel& parallel, std::vector<Real>&
 }
 
 linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolver solver, const std::vector<Real>& b,
-                                         std::vector<Real>& x, double tolerance, double reference) {
+                                         std::vector<Real>& x, double tolerance) {
   const linalg::Operator g = [&](const std::vector<Real>& in, std::vector<Real>& out) { apply(parallel, in, out); };
   linalg::SolveOptions options;
   options.tolerance = tolerance;
@@ -447,22 +447,18 @@ linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolve
     multiply(parallel, given, load_);
     add_penalty_impulses(1, penalty_impulses(given), load_);
   }
-  for (std::size_t i = 0; i < b.size(); ++i) load_[i] = moves_[i] > 0 ? (any ? b[i] - load_[i] : b[i]) : Real(0);
-  for (const Tie& t : ties_) {
-    load_[t.to] += load_[t.from];
-    load_[t.from] = 0;
-  }
+  for (std::size_t i = 0; i < b.size(); ++i) load_[i] = any ? b[i] - load_[i] : b[i];
+  fold(parallel, load_);
   linalg::SolveStats stats;
   if (solver == VelocitySolver::kPcr) {
     stats = linalg::pcr(parallel, g, inverse, load_, x, options, pcr_);
   } else {
-    options.against_start = !(reference > 0.0);
-    options.reference = reference;
+    options.against_start = true;
     stats = linalg::pcg(parallel, g, inverse, load_, x, options, pcg_);
   }
   if (any)
     for (std::size_t i = 0; i < b.size(); ++i) x[i] += given[i];
-  for (const Tie& t : ties_) x[t.from] = x[t.to];
+  follow_ties(x);
   return stats;
 }
 

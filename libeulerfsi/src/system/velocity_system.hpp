@@ -110,9 +110,9 @@ class VelocitySystem {
   // sum of the elements' forces on each unknown [N].
   void internal_force(const Parallel& parallel, std::vector<Real>& force);
   // Solves G x = b for the components that walls leave free; the others of x are given, those of b do not count.
-  // reference: what the tolerance is relative to, 0: the first residual (conjugate gradients).
+  // tolerance: of the first residual with conjugate gradients, of b with conjugate residuals.
   linalg::SolveStats solve(const Parallel& parallel, VelocitySolver solver, const std::vector<Real>& b,
-                           std::vector<Real>& x, double tolerance, double reference = 0.0);
+                           std::vector<Real>& x, double tolerance);
   // Internal forces sum to nothing and turn nothing: gives each solid the linear and angular momentum of b, as far as
   // walls leave it free; solids that touch each other are left alone. The solve does that up to its tolerance and to
   // the turning of the stress during the step.

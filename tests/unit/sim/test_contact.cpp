@@ -125,6 +125,40 @@ void advance_to(sim::Simulation& s, double time) {
   while (s.state().time < time - 1e-9) s.step(time - s.state().time);
 }
 
+// Two boxes on the floor in a fluid, or none: one on the other, or beside it.
+std::unique_ptr<sim::Simulation> two_boxes(double fluid, bool stacked) {
+  sim::Params p = vacuum({0.7, 0.4, 0.3}, kCell);
+  p.fluid.present = fluid > 0.0;
+  if (p.fluid.present) p.fluid.density = fluid;
+  p.max_time_step = 1.0 / 96.0;
+  std::vector<sim::SolidDesc> d(2);
+  d[0].surface = block({0.2, 0.05, 0.15}, {0.1, 0.05, 0.1});
+  const Vec3d other = stacked ? Vec3d(0.2, 0.15 + sim::kContactSkin * kCell, 0.15) : Vec3d(0.5, 0.05, 0.15);
+  d[1].surface = block(other, {0.1, 0.05, 0.1});
+  for (sim::SolidDesc& solid : d) {
+    solid.youngs_modulus = 2e5;
+    solid.poissons_ratio = 0.2;
+    solid.rayleigh_beta = 2e-3;
+    solid.friction = 0.5;
+  }
+  return make_simulation(p, d);
+}
+
+struct Effort {
+  double iterations = 0.0;  // of a step
+  bool pushes = false;      // in the end
+};
+
+Effort effort(sim::Simulation& s, double end) {
+  Effort out;
+  int steps = 0;
+  for (; s.state().time < end - 1e-9; ++steps)
+    out.iterations += static_cast<double>(s.step(end - s.state().time).velocity_iterations);
+  out.iterations /= steps;
+  out.pushes = !sim::pushing_pairs(s.workspace().elasticity.contacts).empty();
+  return out;
+}
+
 }  // namespace
 
 TEST_CASE("Two balls that meet leave each other and keep their momentum", "[law]") {
@@ -177,40 +211,6 @@ TEST_CASE("A block slides down a solid as Coulomb's law says, or stays", "[law]"
   advance_to(*stuck, 0.35);
   INFO("stuck: " << speed(*stuck, 1) << " m/s");
   CHECK(std::abs(speed(*stuck, 1)) < 2e-3);
-}
-
-// Two boxes on the floor in a fluid, or none: one on the other, or beside it.
-std::unique_ptr<sim::Simulation> two_boxes(double fluid, bool stacked) {
-  sim::Params p = vacuum({0.7, 0.4, 0.3}, kCell);
-  p.fluid.present = fluid > 0.0;
-  if (p.fluid.present) p.fluid.density = fluid;
-  p.max_time_step = 1.0 / 96.0;
-  std::vector<sim::SolidDesc> d(2);
-  d[0].surface = block({0.2, 0.05, 0.15}, {0.1, 0.05, 0.1});
-  const Vec3d other = stacked ? Vec3d(0.2, 0.15 + sim::kContactSkin * kCell, 0.15) : Vec3d(0.5, 0.05, 0.15);
-  d[1].surface = block(other, {0.1, 0.05, 0.1});
-  for (sim::SolidDesc& solid : d) {
-    solid.youngs_modulus = 2e5;
-    solid.poissons_ratio = 0.2;
-    solid.rayleigh_beta = 2e-3;
-    solid.friction = 0.5;
-  }
-  return make_simulation(p, d);
-}
-
-struct Effort {
-  double iterations = 0.0;  // of a step
-  bool pushes = false;      // in the end
-};
-
-Effort effort(sim::Simulation& s, double end) {
-  Effort out;
-  int steps = 0;
-  for (; s.state().time < end - 1e-9; ++steps)
-    out.iterations += static_cast<double>(s.step(end - s.state().time).velocity_iterations);
-  out.iterations /= steps;
-  out.pushes = !sim::pushing_pairs(s.workspace().elasticity.contacts).empty();
-  return out;
 }
 
 TEST_CASE("Contact takes at most twice the iterations of what does not touch", "[law]") {
