@@ -9,11 +9,11 @@ namespace {
 
 // Calls body(solid, its band cell, padded cell) for the cells that solids with a bulk stiffness own.
 template <class Body>
-void for_bulk_cells(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const grid::Grid& g,
-                    const Body& body) {
+void for_bulk_cells(const StepContext& step, const SolidStates& states, const Matter& matter, const Body& body) {
   for (std::size_t l = 0; l < states.size(); ++l) {
     if (!(step.scene.solids[l].bulk > 0.0)) continue;
-    for_owned_cells(step.parallel, g, states[l], solids[l], [&](std::size_t cell, std::size_t c) { body(l, c, cell); });
+    for_owned_cells(step.parallel, matter.common.grid, matter.owned, l, states[l].band,
+                    [&](std::size_t cell, std::size_t c) { body(l, c, cell); });
   }
 }
 
@@ -26,10 +26,11 @@ bool any_bulk(const Scene& scene) {
 }  // namespace
 
 void compute_compliance(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
-                        const grid::Grid& g, std::vector<Real>& compliance) {
+                        const Matter& matter, std::vector<Real>& compliance) {
   if (!any_bulk(step.scene)) return;
+  const grid::Grid& g = matter.common.grid;
   linalg::fill(step.parallel, compliance, g.padded_count(), Real(0));
-  for_bulk_cells(step, states, solids, g, [&](std::size_t l, std::size_t c, std::size_t cell) {
+  for_bulk_cells(step, states, matter, [&](std::size_t l, std::size_t c, std::size_t cell) {
     const solid::SolidWork& work = solids[l];
     const solid::SolidRest& rest = step.scene.solids[l];
     const double kappa = rest.bulk * solid::bulk_weight(rest, work, static_cast<std::size_t>(work.element[c]));
@@ -38,11 +39,11 @@ void compute_compliance(const StepContext& step, const SolidStates& states, cons
   });
 }
 
-void add_bulk_source(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const grid::Grid& g,
+void add_bulk_source(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Matter& matter,
                      std::vector<Real>& source) {
   if (!any_bulk(step.scene)) return;
-  if (source.empty()) linalg::fill(step.parallel, source, g.padded_count(), Real(0));
-  for_bulk_cells(step, states, solids, g, [&](std::size_t l, std::size_t c, std::size_t cell) {
+  if (source.empty()) linalg::fill(step.parallel, source, matter.common.grid.padded_count(), Real(0));
+  for_bulk_cells(step, states, matter, [&](std::size_t l, std::size_t c, std::size_t cell) {
     const double J = static_cast<double>(solids[l].volume_ratio[c]);
     source[cell] += static_cast<Real>((1.0 - J) / (J * step.dt));
   });

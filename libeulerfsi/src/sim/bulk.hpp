@@ -9,9 +9,9 @@ namespace efsi::sim {
 
 // D of their cells, h^3 / (dt^2 kappa J), per padded cell [m^4/kg]; empty where no solid has a bulk stiffness there.
 void compute_compliance(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
-                        const grid::Grid& g, std::vector<Real>& compliance);
+                        const Matter& matter, std::vector<Real>& compliance);
 // Adds the divergence that would give them their volume at rest in the step.
-void add_bulk_source(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const grid::Grid& g,
+void add_bulk_source(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Matter& matter,
                      std::vector<Real>& source);
 // The cells give way to q, which acts from now on: what that is goes into the wanted divergence.
 void give_way(const Parallel& parallel, const grid::Grid& g, const std::vector<Real>& q, PressureEquation& pressure);

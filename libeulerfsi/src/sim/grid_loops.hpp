@@ -42,12 +42,13 @@ void for_band_cells(const Parallel& parallel, const grid::Grid& common, const so
                     [&](int i, int j, int k) { body(band.grid.cell(i - lo[0], j - lo[1], k - lo[2]), i, j, k); });
 }
 
-// Calls body(padded cell of the common grid, band cell) for the cells that a solid owns.
+// Calls body(padded cell of the common grid, band cell) for the cells that solid l owns (Matter.owned).
 template <class Body>
-void for_owned_cells(const Parallel& parallel, const grid::Grid& common, const solid::SolidState& state,
-                     const solid::SolidWork& work, const Body& body) {
-  for_band_cells(parallel, common, state.band, [&](std::size_t c, int i, int j, int k) {
-    if (work.element[c] >= 0) body(common.padded(i, j, k), c);
+void for_owned_cells(const Parallel& parallel, const grid::Grid& common, const std::vector<std::uint8_t>& owned,
+                     std::size_t l, const solid::Band& band, const Body& body) {
+  for_band_cells(parallel, common, band, [&](std::size_t c, int i, int j, int k) {
+    const std::size_t cell = common.padded(i, j, k);
+    if (owned[cell] == l + 1) body(cell, c);
   });
 }
 

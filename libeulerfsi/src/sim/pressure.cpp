@@ -33,13 +33,13 @@ bool has_pressure(const Scene& scene) {
 
 // Padded cells with a pressure; empty: all. In vacuum p = 0 outside the solids; p = 0 in those that have none.
 std::vector<std::uint8_t> pressure_cells(const Parallel& parallel, const Scene& scene, const SolidStates& states,
-                                         const SolidWorks& solids, const Matter& matter) {
+                                         const Matter& matter) {
   std::vector<std::uint8_t> active;
   if (!scene.params.fluid.present) active = matter.owned;
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     if (solid::has_pressure(scene.solids[l])) continue;
     if (active.empty()) active.assign(matter.common.grid.padded_count(), 1);
-    for_owned_cells(parallel, matter.common.grid, states[l], solids[l],
+    for_owned_cells(parallel, matter.common.grid, matter.owned, l, states[l].band,
                     [&](std::size_t c, std::size_t) { active[c] = 0; });
   }
   return active;
@@ -55,9 +55,9 @@ void assemble_pressure_system(const StepContext& step, const SolidStates& states
   const auto& [parallel, scene, time, dt, profile, info] = step;
   if (!pressure.lasts) {
     std::vector<std::uint8_t> active;
-    if (!scene.solids.empty()) active = pressure_cells(parallel, scene, states, solids, matter);
+    if (!scene.solids.empty()) active = pressure_cells(parallel, scene, states, matter);
     close_given_cells(step, states, matter, slip, active);
-    compute_compliance(step, states, solids, matter.common.grid, pressure.compliance);
+    compute_compliance(step, states, solids, matter, pressure.compliance);
     pressure.system.assemble(parallel, matter.common.grid, matter.common.walls, matter.fixed, matter.specific_volume,
                              std::move(active), matter.owned, &slip, is_sealed(scene),
                              scene.params.fluid.viscosity > 0.0, pressure.compliance);
@@ -67,7 +67,7 @@ void assemble_pressure_system(const StepContext& step, const SolidStates& states
     compute_volume_source(parallel, scene, dt, states, holds, matter, solids, pressure.source);
   else
     pressure.source.clear();
-  add_bulk_source(step, states, solids, matter.common.grid, pressure.source);
+  add_bulk_source(step, states, solids, matter, pressure.source);
   add_jets(step, matter, pressure.jets, pressure.source);
 }
 
@@ -147,7 +147,7 @@ void prepare_pressure(const StepContext& step, const SolidStates& states, SolidW
   linalg::fill(parallel, held, last.size(), Real(0));
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     if (!solid::has_pressure(scene.solids[l])) continue;
-    for_owned_cells(parallel, g, states[l], solids[l], [&](std::size_t c, std::size_t) {
+    for_owned_cells(parallel, g, matter.owned, l, states[l].band, [&](std::size_t c, std::size_t) {
       held[c] = static_cast<Real>(-dt * (static_cast<double>(last[c]) - level));
     });
   }
@@ -191,7 +191,7 @@ void solve_pressure(const StepContext& step, const SolidStates& states, const So
   for (int steps = 0;; ++steps) {
     const bool first = steps == 0;
     if (!way.empty()) {
-      couple_pressure(step, states, solids, g, way, elasticity, pressure, velocity);
+      couple_pressure(step, states, solids, matter, way, elasticity, pressure, velocity);
       ScopedTimer timer(profile, Stage::kPressureSolve);
       balance_inflow(step, solids, matter, velocity, elasticity.walls, inflow, pressure.source);
       pressure.system.set_right_side(parallel, velocity.field, pressure.source);

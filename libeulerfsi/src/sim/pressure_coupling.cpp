@@ -21,7 +21,7 @@ constexpr double kStrains = 1e-3;        // of the solids' energy: what the proj
 // The first part of the preconditioner of Cahouet and Chabat (1988) is the inverse of J M^-1 J^T: a pressure that the
 // projection takes, or an estimate of it. This is the second: to a gradient G is M (1 + d2 (2 mu + lambda) / h^3
 // J M^-1 J^T), so that its inverse also has d2 (2 mu + lambda) / h^3 in the solids' cells; d2 K: the stiffness in G.
-void add_stiffness(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Grid& g,
+void add_stiffness(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Matter& matter,
                    const system::VelocitySystem& elasticity, const std::vector<Real>& compliance,
                    const std::vector<Real>& divergence, std::vector<Real>& way) {
   const auto& [parallel, scene, time, dt, profile, info] = step;
@@ -31,7 +31,7 @@ void add_stiffness(const StepContext& step, const SolidStates& states, const Sol
     if (!solid::has_pressure(solid)) continue;
     const double modulus = solids[l].element_weight * (2.0 * solid.elastic.mu + solid.elastic.lambda);
     const Real share = static_cast<Real>(static_cast<double>(elasticity.stiffness_factor(l)) * modulus / volume);
-    for_owned_cells(parallel, g, states[l], solids[l], [&](std::size_t c, std::size_t) {
+    for_owned_cells(parallel, matter.common.grid, matter.owned, l, states[l].band, [&](std::size_t c, std::size_t) {
       const Real given = compliance.empty() ? Real(0) : compliance[c];
       way[c] += share / (1 + share * given) * divergence[c];
     });
@@ -110,7 +110,7 @@ void estimate_way(const StepContext& step, PressureEquation& pressure, std::vect
 
 // Conjugate gradients for J A^-1 J^T q = J v* - b, A = G on the nodes that carry solids and M elsewhere. Ways are
 // conjugate by the rule of Polak and Ribiere, since the preconditioner is not the same in each.
-void couple_pressure(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Grid& g,
+void couple_pressure(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Matter& matter,
                      std::vector<Real>& way, VelocityEquation& elasticity, PressureEquation& pressure,
                      NodeVelocity& velocity) {
   const auto& [parallel, scene, time, dt, profile, info] = step;
@@ -120,7 +120,7 @@ void couple_pressure(const StepContext& step, const SolidStates& states, const S
   {
     ScopedTimer timer(profile, Stage::kPressureSolve);
     const std::vector<Real>& divergence = pressure.system.right_side();
-    add_stiffness(step, states, solids, g, elasticity.system, pressure.compliance, divergence, way);
+    add_stiffness(step, states, solids, matter, elasticity.system, pressure.compliance, divergence, way);
     const auto [slope, along_last] = linalg::dots(parallel, way, divergence, goes_on ? pressure.left : divergence);
     if (goes_on) {
       if (pressure.slope > 0.0)
@@ -135,15 +135,15 @@ void couple_pressure(const StepContext& step, const SolidStates& states, const S
     linalg::copy(parallel, pressure.left, divergence);
     linalg::copy(parallel, pressure.way, way);
   }
-  solve_correction(step, g, velocity.slip, way, elasticity.system, pressure);
+  solve_correction(step, matter.common.grid, velocity.slip, way, elasticity.system, pressure);
   correct_velocity(step, way, 1, elasticity, pressure, velocity);
-  give_way(parallel, g, way, pressure);
+  give_way(parallel, matter.common.grid, way, pressure);
   const Real length = static_cast<Real>(pressure.system.step_length(parallel, velocity.field, pressure.source, way));
   if (!pressure.takes) linalg::fill(parallel, pressure.taken, way.size(), Real(0));
   pressure.takes = true;
   linalg::add_scaled(parallel, pressure.taken, length, way);
   linalg::scale(parallel, way, length - 1);
-  give_way(parallel, g, way, pressure);
+  give_way(parallel, matter.common.grid, way, pressure);
   correct_velocity(step, way, length, elasticity, pressure, velocity);
   linalg::add_scaled(parallel, way, 1.0, pressure.way);
   pressure.coupled = length;

@@ -25,7 +25,7 @@ bool needs_coupling(const Scene& scene, const system::DivergenceNorms& divergenc
 void estimate_way(const StepContext& step, PressureEquation& pressure, std::vector<Real>& way);
 // A coupling step, from the velocity of the right-hand side of Eq. 12. way: a pressure that the projection would take;
 // becomes what the step has taken.
-void couple_pressure(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const grid::Grid& g,
+void couple_pressure(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Matter& matter,
                      std::vector<Real>& way, VelocityEquation& elasticity, PressureEquation& pressure,
                      NodeVelocity& velocity);
 // Whether to project by pressure.q would strain the solids by more energy than it takes, and more than a part of

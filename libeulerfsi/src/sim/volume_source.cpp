@@ -60,7 +60,7 @@ void compute_volume_source(const Parallel& parallel, const Scene& scene, double 
       solid.next_volume = volume + asked;
       growth = asked / std::max(dt, kSoonest);
     }
-    for_owned_cells(parallel, g, states[l], solid, [&](std::size_t cell, std::size_t c) {
+    for_owned_cells(parallel, g, matter.owned, l, states[l].band, [&](std::size_t cell, std::size_t c) {
       const double det = static_cast<double>(solid.volume_ratio[c]);
       const double rate = growth + std::clamp((1.0 - det) / (det * tau), -limit, limit);
       source[cell] = static_cast<Real>(rate * static_cast<double>(solid.fraction[c]));

@@ -283,7 +283,7 @@ TEST_CASE("A body slides down a tilted collider as Coulomb says", "[law]") {
   const double found = (speed() - first) / (s->state().time - begin);
   const double wanted = 9.8 * (std::sin(tilt) - mu * std::cos(tilt));
   INFO("acceleration " << found << " m/s^2, Coulomb's " << wanted);
-  CHECK(found == Approx(wanted).epsilon(0.035));  // bar 2 %: docs/bars.md
+  CHECK(found == Approx(wanted).epsilon(0.02));
 }
 
 TEST_CASE("Given motion: the same bits with any number of threads, and after a restart") {
