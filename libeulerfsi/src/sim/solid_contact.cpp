@@ -61,6 +61,7 @@ Vec3d seen_gradient(const solid::SolidRest& rest, const solid::SolidState& state
 constexpr double kUnknown = 1e30;
 struct Sight {
   std::vector<double> distance;
+  std::vector<double> length;  // of the gradient of the distance at rest, bounded
   std::vector<Vec3d> outwards;
 };
 Sight look(const Parallel& parallel, const solid::SolidRest& rest, const solid::SolidState& state, const Grid& nodes) {
@@ -71,6 +72,7 @@ Sight look(const Parallel& parallel, const solid::SolidRest& rest, const solid::
   const geometry::SignedDistance& from = solid::distance_of(rest, state);
   Sight sight;
   sight.distance.assign(nodes.node_count(), kUnknown);
+  sight.length.assign(nodes.node_count(), 1.0);
   sight.outwards.assign(nodes.node_count(), Vec3d::Zero());
   parallel.for_each(nodes.cells[2] + 1, [&](std::int64_t kk) {
     const int k = static_cast<int>(kk);
@@ -84,7 +86,8 @@ Sight look(const Parallel& parallel, const solid::SolidRest& rest, const solid::
         const Vec3d gradient = seen_gradient(rest, state, at);
         const double length = gradient.norm();
         if (!(length > 0.0)) continue;
-        sight.distance[nodes.node(i, j, k)] = distance / std::clamp(length, kLeastLength, kMostLength);
+        sight.length[nodes.node(i, j, k)] = std::clamp(length, kLeastLength, kMostLength);
+        sight.distance[nodes.node(i, j, k)] = distance / sight.length[nodes.node(i, j, k)];
         sight.outwards[nodes.node(i, j, k)] = gradient / length;
       }
   });
@@ -115,9 +118,37 @@ struct Pair {
   Sight from_one, from_other;
 };
 
+// How far a point is from the surface of a solid [m], and the mean of the directions out of it around that.
+struct Sighted {
+  double distance = 0.0;
+  Vec3d outwards = Vec3d::Zero();
+};
+// At `place` in cells from corner 0 of a cell of the pair's nodes. The distance at rest is looked up there: between
+// nodes it would pass over edges and corners.
+Sighted sighted(const solid::SolidRest& rest, const solid::SolidState& state, const Sight& sight, const Grid& nodes,
+                const Eigen::Vector3i& cell, const Vec3d& place) {
+  const auto corner = grid::corner_offsets(nodes);
+  const std::size_t n = nodes.node(cell[0], cell[1], cell[2]);
+  const Weights w = trilinear(place);
+  const Grid& band = state.band.grid;
+  const Vec3d x = nodes.origin + nodes.h * (cell.cast<double>() + place);
+  const Vec3d u = grid::NodeSampler(band).vector(state.u, ((x - band.origin) / band.h).cast<Real>()).cast<double>();
+  Sighted out;
+  double length = 0.0;
+  for (std::size_t c = 0; c < 8; ++c) {
+    length += w[c] * sight.length[n + corner[c]];
+    out.outwards += w[c] * sight.outwards[n + corner[c]];
+  }
+  out.distance = solid::distance_of(rest, state).sample(x - u) / length;
+  return out;
+}
+
 // How far a surface knows its normal in a cell, by the mean of the unit normals around it: at an edge they fan out, and
 // the face that it touches decides.
-double certainty(const Vec3d& mean_normal) { return 1.0 / (kFan + std::max(0.0, 1.0 - mean_normal.squaredNorm())); }
+double certainty(const Vec3d& mean_normal) {
+  const double fan = kFan + std::max(0.0, 1.0 - mean_normal.squaredNorm());
+  return 1.0 / (fan * fan);
+}
 
 // The row of a cell of a pair's nodes, if the surface halfway between the solids cuts it and they are near enough.
 std::optional<FoundRow> find_row(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
@@ -126,24 +157,37 @@ std::optional<FoundRow> find_row(const StepContext& step, const SolidStates& sta
   const auto corner = grid::corner_offsets(g);
   const std::size_t n = g.node(cell[0], cell[1], cell[2]);
   std::array<double, 8> difference;
+  double nearest = kUnknown;
   for (std::size_t c = 0; c < 8; ++c) {
     const double a = pair.from_one.distance[n + corner[c]], b = pair.from_other.distance[n + corner[c]];
     if (a == kUnknown || b == kUnknown) return {};
     difference[c] = a - b;
+    nearest = std::min(nearest, a + b);
   }
-  const auto place = crossing(difference);
+  if (nearest > (kReach + kContactSkin + std::sqrt(3.0)) * g.h) return {};  // a + b changes by 2 from place to place
+  auto place = crossing(difference);
   if (!place) return {};
-  const Weights w = trilinear(*place);
-  double from_one = 0.0, from_other = 0.0;
-  Vec3d out_of_one = Vec3d::Zero(), out_of_other = Vec3d::Zero();
-  for (std::size_t c = 0; c < 8; ++c) {
-    from_one += w[c] * pair.from_one.distance[n + corner[c]];
-    from_other += w[c] * pair.from_other.distance[n + corner[c]];
-    out_of_one += w[c] * pair.from_one.outwards[n + corner[c]];
-    out_of_other += w[c] * pair.from_other.outwards[n + corner[c]];
+  const auto see = [&](std::size_t l, const Sight& sight) {
+    return sighted(step.scene.solids[l], states[l], sight, g, {cell[0], cell[1], cell[2]}, *place);
+  };
+  Sighted one = see(pair.one, pair.from_one), other = see(pair.other, pair.from_other);
+  // To where they are nearest to each other in the cell: the tip of a corner may be beside the middle.
+  for (double stride = 0.0; stride > 0.05; stride *= 0.5) {
+    const Vec3d way = one.outwards + other.outwards;
+    if (!(way.norm() > 1e-3)) break;
+    const Vec3d before = *place;
+    *place = (before - stride * way.normalized()).cwiseMax(0.0).cwiseMin(1.0);
+    const Sighted a = see(pair.one, pair.from_one), b = see(pair.other, pair.from_other);
+    if (a.distance + b.distance < one.distance + other.distance) {
+      one = a;
+      other = b;
+    } else {
+      *place = before;
+    }
   }
-  const double gap = from_one + from_other - kContactSkin * g.h;
-  if (!(gap < kReach * g.h && (out_of_one - out_of_other).norm() > kFacing)) return {};
+  const Vec3d &out_of_one = one.outwards, &out_of_other = other.outwards;
+  const double gap = one.distance + other.distance - kContactSkin * g.h;
+  if (!(gap < kReach * g.h && out_of_one.normalized().dot(out_of_other.normalized()) < -kFacing)) return {};
   const Vec3i place_in_box{cell[0] + g.lo[0], cell[1] + g.lo[1], cell[2] + g.lo[2]};
   FoundRow row{{{pair.one, pair.other}, place_in_box, gap, kContactSkin * g.h, false}, {}};
   system::ContactRow& contact = row.contact;
@@ -158,7 +202,7 @@ std::optional<FoundRow> find_row(const StepContext& step, const SolidStates& sta
     add_parts(states[l].band.grid, *element, common, end, sign, contact.parts);
     return true;
   };
-  if (!add(pair.one, -from_one, -1.0) || !add(pair.other, from_other, 1.0)) return {};
+  if (!add(pair.one, -one.distance, -1.0) || !add(pair.other, other.distance, 1.0)) return {};
   return row;
 }
 

@@ -88,28 +88,31 @@ double way(const Ray& ray, double start, double slope) {
 
 }  // namespace
 
-linalg::SolveStats descend(const Parallel& parallel, const std::vector<Real>& f, double target,
+linalg::SolveStats descend(const Parallel& parallel, const std::vector<Real>& f, const Target& target,
                            const std::vector<ContactRow>& rows, VelocitySystem& system, std::vector<Real>& x) {
   linalg::SolveStats stats;
   system.follow_ties(x);
   Ray ray(rows, x);
-  std::vector<Real> rest = f, left, before, z, d, whole, q;  // rest: f - G x; left: the residual
+  std::vector<Real> rest = f, pushed, left, before, z, d, whole, q;  // rest: f - G x; left: the residual
   system.multiply(parallel, x, q);
   linalg::add_scaled(parallel, rest, -1.0, q);
   system.fold(parallel, rest);
-  double residual = 0.0;
+  double residual = 0.0, enough = 0.0;
   const auto find_left = [&] {
-    left = rest;
+    linalg::fill(parallel, pushed, f.size(), Real(0));
     for (std::size_t r = 0; r < rows.size(); ++r) {
       const RowAct& a = ray.acts()[r];
-      if (a.closed()) add_impulse(rows[r], a.impulse(rows[r]), left);
+      if (a.closed()) add_impulse(rows[r], a.impulse(rows[r]), pushed);
     }
-    system.fold(parallel, left);
+    system.fold(parallel, pushed);
+    enough = std::max(target.least, target.of_push * linalg::norm(parallel, pushed));
+    left = rest;
+    linalg::add_scaled(parallel, left, 1.0, pushed);
     residual = linalg::norm(parallel, left);
   };
   find_left();
   double rz = 0.0;
-  while (residual > target && stats.iterations < kMostIterations) {
+  while (residual > enough && stats.iterations < kMostIterations) {
     if (stats.iterations % kRenew == 0) close_rows(parallel, rows, ray.acts(), system);
     system.precondition(parallel, left, z);
     const double next = linalg::dot(parallel, left, z);
@@ -129,8 +132,8 @@ linalg::SolveStats descend(const Parallel& parallel, const std::vector<Real>& f,
     find_left();
     ++stats.iterations;
   }
-  stats.converged = residual <= target;
-  stats.residual = target > 0.0 ? residual / target : 0.0;
+  stats.converged = residual <= enough;
+  stats.residual = enough > 0.0 ? residual / enough : 0.0;
   return stats;
 }
 

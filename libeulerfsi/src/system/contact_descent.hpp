@@ -12,9 +12,13 @@
 
 namespace efsi::system {
 
-// Until the residual is `target` at most [kg m/s]. x, in: start; what is prescribed is left alone. Penalties
-// stay in the system. stats.residual: over `target`.
-linalg::SolveStats descend(const Parallel& parallel, const std::vector<Real>& f, double target,
+// Until the residual is at most target.least, or target.of_push of what the rows push then, |B^T r(x)|. x, in: start;
+// what is prescribed is left alone. Penalties stay in the system. stats.residual: over that.
+struct Target {
+  double least = 0.0;    // [kg m/s]
+  double of_push = 0.0;  // part of it
+};
+linalg::SolveStats descend(const Parallel& parallel, const std::vector<Real>& f, const Target& target,
                            const std::vector<ContactRow>& rows, VelocitySystem& system, std::vector<Real>& x);
 
 }  // namespace efsi::system

@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kStiff = 3.0;     // of a penalty, over the inverse of the mobility of its row by the diagonal of G
 constexpr int kMostUpdates = 20;   // of the impulses
-constexpr double kOfPush = 0.1;    // of what the rows push: the least reference of the tolerance
+constexpr double kOfPush = 0.1;    // of what the rows push: the tolerance refers to that at least
 constexpr double kSettled = 1e-3;  // change of the impulses in an update, over the largest
 
 // What the rows start with: penalties, and impulses that they may have.
@@ -47,16 +47,12 @@ bool update(const std::vector<Real>& x, double negligible, std::vector<ContactRo
   return fastest <= negligible || change <= kSettled * largest;
 }
 
-// What the tolerance is relative to: |f + B^T r - G x| of what moves, r the impulses that the rows have at x, but at
-// least a part of |B^T r|: what lies still has next to no residual at its start.
-double reference(const Parallel& parallel, const std::vector<Real>& f, const std::vector<Real>& x,
-                 const std::vector<ContactRow>& rows, VelocitySystem& system) {
-  std::vector<Real> pushed(f.size(), 0);
-  const std::vector<RowAct> now = acts(rows, x);
-  for (std::size_t r = 0; r < rows.size(); ++r) add_impulse(rows[r], now[r].impulse(rows[r]), pushed);
-  const double push = linalg::norm(parallel, pushed);
-  linalg::add_scaled(parallel, pushed, 1.0, f);
-  return std::max(system.residual(parallel, pushed, x), kOfPush * push);
+// |f + B^T r - G x| of what moves, r the impulses that the rows have.
+double first_residual(const Parallel& parallel, const std::vector<Real>& f, const std::vector<Real>& x,
+                      const std::vector<ContactRow>& rows, VelocitySystem& system) {
+  std::vector<Real> pushed = f;
+  add_impulses(rows, pushed);
+  return system.residual(parallel, pushed, x);
 }
 
 }  // namespace
@@ -68,7 +64,8 @@ linalg::SolveStats solve_contact(const Parallel& parallel, VelocitySolver solver
   system.set_penalties(parallel, {});
   prepare(system, rows);
   system.follow_ties(x);
-  const double target = std::max(tolerance * reference(parallel, f, x, rows, system), system.rounding(parallel, x));
+  const Target target{std::max(tolerance * first_residual(parallel, f, x, rows, system), system.rounding(parallel, x)),
+                      tolerance * kOfPush};
   linalg::SolveStats stats;
   bool settled = false;
   for (int outer = 0; outer < kMostUpdates && !settled; ++outer) {

@@ -122,6 +122,34 @@ TEST_CASE("Contact with and without friction is that of the dense Delassus opera
     if (row.push > 0.0) CHECK(row.sticks == (friction > 1.0));
 }
 
+TEST_CASE("What the solve leaves is little of what the rows push, however stiff their penalties are") {
+  Scene scene(0.3);
+  scene.rows.resize(2);  // on one side of the middle: they turn the solids
+  const Parallel parallel(1);
+  std::vector<Real> x = scene.start, gx;
+  const auto stats =
+      system::solve_contact(parallel, system::VelocitySolver::kPcg, scene.f, 0.01, 1e-3, scene.system, scene.rows, x);
+  CHECK(stats.converged);
+  std::vector<Real> left = scene.f;
+  system::add_impulses(scene.rows, left);
+  scene.system.multiply(parallel, x, gx);
+  for (std::size_t i = 0; i < left.size(); ++i) left[i] -= gx[i];
+  double push = 0.0;
+  for (const ContactRow& row : scene.rows) push += row.push;
+  REQUIRE(push > 0.0);
+  for (const std::size_t solid : {0u, 1u}) {
+    Vec3d shifts = Vec3d::Zero(), turns = Vec3d::Zero();
+    for (std::size_t u = scene.system.begin_of(solid); u < scene.system.begin_of(solid + 1); ++u) {
+      const Vec3d r = Vec3(left[3 * u], left[3 * u + 1], left[3 * u + 2]).cast<double>();
+      shifts += r;
+      turns += (scene.system.place(u) - Vec3d(0.4, solid ? 0.6 : 0.2, 0.4)).cross(r);
+    }
+    INFO("solid " << solid << ": " << shifts.norm() / push << ", " << turns.norm() / (0.13 * push));
+    CHECK(shifts.norm() < 2e-3 * push);
+    CHECK(turns.norm() < 2e-3 * 0.13 * push);
+  }
+}
+
 TEST_CASE("The preconditioner undoes what penalties do to rigid solids") {
   Scene scene(0.0);
   const Parallel parallel(1);
