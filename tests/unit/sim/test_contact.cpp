@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "sim/grid_loops.hpp"
 #include "sim/solid_contact.hpp"
 #include "unit/sim/scene.hpp"
 
@@ -229,6 +230,35 @@ TEST_CASE("Contact takes at most twice the iterations of what does not touch", "
     INFO("a block slides, compressible " << compressible);
     compare(*block_on_slab(0.3, compressible), *block_on_slab(0.3, compressible, 4.0), 0.12);
   }
+}
+
+TEST_CASE("In a cell that two solids fill a part of the pressure keeps the volume of the one that owns it") {
+  sim::Params p = vacuum({0.4, 0.5, 0.4}, kCell);
+  p.gravity = Vec3d::Zero();
+  std::vector<sim::SolidDesc> d(2);  // one pressed together, one drawn out; they meet within a row of cells
+  d[0].surface = block({0.2, 0.1, 0.2}, {0.1, 0.0875 / 0.95, 0.1});
+  d[0].stretch = {1.0, 0.95, 1.0};
+  const double top = 0.1875;
+  d[1].surface = block({0.2, top + sim::kContactSkin * kCell + 1.05 * 0.09, 0.2}, {0.06, 0.09, 0.06});
+  d[1].stretch = {1.0, 1.05, 1.0};
+  auto s = make_simulation(p, d);
+  s->step(1e-3);
+  const sim::Matter& matter = s->workspace().matter;
+  const std::vector<Real>& source = s->workspace().pressure.source;
+  std::array<std::size_t, 3> cells{}, shared{};
+  for (std::size_t l = 0; l < 2; ++l)
+    sim::for_band_cells(Parallel(1), matter.common.grid, s->state().solids[l].band,
+                        [&](std::size_t c, int x, int y, int z) {
+                          if (s->workspace().solids[l].element[c] < 0) return;
+                          const std::size_t cell = matter.common.grid.padded(x, y, z), owner = matter.owned[cell];
+                          REQUIRE(owner > 0);
+                          ++cells[owner];
+                          shared[owner] += owner != l + 1;
+                          CHECK((source[cell] > 0) == (owner == 1));
+                        });
+  INFO(cells[1] << " and " << cells[2] << " cells, shared " << shared[1] << " and " << shared[2]);
+  CHECK(shared[1] + shared[2] > 10);
+  CHECK(std::min(cells[1], cells[2]) > 100);
 }
 
 TEST_CASE("Contact is the same to the bit with two threads, and after a restart", "[determinism]") {
