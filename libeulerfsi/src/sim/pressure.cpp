@@ -104,11 +104,12 @@ double fluid_level(const Parallel& parallel, const Grid& g, const std::vector<st
   return count > 0 ? sum / static_cast<double>(count) : 0.0;
 }
 
-// |f - impulse| / |f| of what moves; infinite where nothing pushes.
-double left_over(const std::vector<Real>& moves, const std::vector<Real>& pushed, const std::vector<Real>& impulse) {
+// |f - impulse| / |f| of what moves of a solid; infinite where nothing pushes.
+double left_over(const system::VelocitySystem& system, std::size_t solid, const std::vector<Real>& pushed,
+                 const std::vector<Real>& impulse) {
   double with = 0.0, without = 0.0;
-  for (std::size_t i = 0; i < impulse.size(); ++i) {
-    const double f = static_cast<double>(moves[i]) * static_cast<double>(pushed[i]);
+  for (std::size_t i = 3 * system.begin_of(solid); i < 3 * system.begin_of(solid + 1); ++i) {
+    const double f = static_cast<double>(system.moves()[i]) * static_cast<double>(pushed[i]);
     const double left = f - static_cast<double>(impulse[i]);
     without += f * f;
     with += left * left;
@@ -116,17 +117,27 @@ double left_over(const std::vector<Real>& moves, const std::vector<Real>& pushed
   return without > 0.0 ? std::sqrt(with / without) : std::numeric_limits<double>::infinity();
 }
 
-// Whether the last pressure holds f* with what solids pushed in the last step, or that as solids see it that slide
-// along each other.
-bool holds_contacts(const Parallel& parallel, const VelocityEquation& elasticity, const std::vector<Real>& impulse) {
+// The solids of which the last pressure holds f* with what they pushed each other by in the last step, or that as those
+// see it that slide along each other.
+std::vector<std::uint8_t> find_held(const StepContext& step, const VelocityEquation& elasticity,
+                                    const std::vector<Real>& impulse) {
+  const auto& [parallel, scene, time, dt, profile, info] = step;
   const system::VelocitySystem& system = elasticity.system;
-  std::vector<Real> pushed = elasticity.f_star, moving;
+  std::vector<Real> pushed = elasticity.f_star, slides;
   system::add_impulses(elasticity.contacts.rows, pushed);
-  if (left_over(system.moves(), pushed, impulse) < kLastHolds) return true;
-  if (meeting_pairs(elasticity.contacts).empty()) return false;
-  system.multiply_mass(parallel, elasticity.v_old, moving);
-  linalg::add_scaled(parallel, pushed, -1.0, moving);
-  return left_over(system.moves(), pushed, impulse) < kLastPresses;
+  std::vector<std::uint8_t> meets(scene.solids.size(), 0), held = meets;
+  for (const auto& [one, other] : meeting_pairs(elasticity.contacts)) meets[one] = meets[other] = 1;
+  if (std::find(meets.begin(), meets.end(), 1) != meets.end()) {
+    std::vector<Real> moving;
+    system.multiply_mass(parallel, elasticity.v_old, moving);
+    slides = pushed;
+    linalg::add_scaled(parallel, slides, -1.0, moving);
+  }
+  for (std::size_t l = 0; l < held.size(); ++l)
+    held[l] =
+        solid::has_pressure(scene.solids[l]) && (left_over(system, l, pushed, impulse) < kLastHolds ||
+                                                 (meets[l] && left_over(system, l, slides, impulse) < kLastPresses));
+  return held;
 }
 
 }  // namespace
@@ -143,29 +154,35 @@ void prepare_pressure(const StepContext& step, const SolidStates& states, SolidW
   if (!scene.params.numerics.coupling_step || scene.solids.empty() || last.empty()) return;
   // Within the solids, over the fluid's level; the fluid's own pressure would feed what it moves.
   const double level = scene.params.fluid.present ? fluid_level(parallel, g, matter.owned, last) : 0.0;
-  std::vector<Real>& held = pressure.system.scratch();  // -dt times it
-  linalg::fill(parallel, held, last.size(), Real(0));
-  for (std::size_t l = 0; l < scene.solids.size(); ++l) {
-    if (!solid::has_pressure(scene.solids[l])) continue;
-    for_owned_cells(parallel, g, matter.owned, l, states[l].band, [&](std::size_t c, std::size_t) {
-      held[c] = static_cast<Real>(-dt * (static_cast<double>(last[c]) - level));
-    });
-  }
-  compute_impulses(parallel, g, elasticity.system, velocity.slip, held, pressure.impulse);
-  const system::VelocitySystem& system = elasticity.system;
-  const bool apart = elasticity.contacts.rows.empty();
-  pressure.takes = apart ? left_over(system.moves(), elasticity.f_star, pressure.impulse) < kLastHolds
-                         : holds_contacts(parallel, elasticity, pressure.impulse);
+  std::vector<Real>& q = pressure.system.scratch();  // -dt times it
+  const auto last_of = [&](const std::vector<std::uint8_t>& solids_of_it) {
+    linalg::fill(parallel, q, last.size(), Real(0));
+    for (std::size_t l = 0; l < scene.solids.size(); ++l) {
+      if (!solids_of_it[l]) continue;
+      for_owned_cells(parallel, g, matter.owned, l, states[l].band, [&](std::size_t c, std::size_t) {
+        q[c] = static_cast<Real>(-dt * (static_cast<double>(last[c]) - level));
+      });
+    }
+    compute_impulses(parallel, g, elasticity.system, velocity.slip, q, pressure.impulse);
+  };
+  std::vector<std::uint8_t> all(scene.solids.size());
+  for (std::size_t l = 0; l < all.size(); ++l) all[l] = solid::has_pressure(scene.solids[l]);
+  last_of(all);
+  const std::vector<std::uint8_t> held = find_held(step, elasticity, pressure.impulse);
+  pressure.takes = std::find(held.begin(), held.end(), 1) != held.end();
   if (!pressure.takes) return;
+  if (held != all) last_of(held);
+  const system::VelocitySystem& system = elasticity.system;
   for (std::size_t i = 0; i < pressure.impulse.size(); ++i) {
     elasticity.f_star[i] -= pressure.impulse[i];
     elasticity.momentum[i] -= pressure.impulse[i];
   }
-  for (std::size_t i = 0; i < elasticity.v_star.size(); ++i)  // the start of the solve: nearly at rest
-    if (elasticity.system.free()[i] > 0) elasticity.v_star[i] = 0;
-  pressure.system.project(parallel, held, velocity.field);
-  linalg::copy(parallel, pressure.taken, held);
-  give_way(parallel, g, held, pressure);
+  for (std::size_t l = 0; l < held.size(); ++l)  // the start of the solve: nearly at rest
+    for (std::size_t i = 3 * system.begin_of(l); held[l] && i < 3 * system.begin_of(l + 1); ++i)
+      if (system.free()[i] > 0) elasticity.v_star[i] = 0;
+  pressure.system.project(parallel, q, velocity.field);
+  linalg::copy(parallel, pressure.taken, q);
+  give_way(parallel, g, q, pressure);
 }
 
 void solve_pressure(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Matter& matter,
