@@ -104,15 +104,13 @@ double fluid_level(const Parallel& parallel, const Grid& g, const std::vector<st
   return count > 0 ? sum / static_cast<double>(count) : 0.0;
 }
 
-// |f - impulse| / |f| of what moves of a solid; infinite where nothing pushes.
-double left_over(const system::VelocitySystem& system, std::size_t solid, const std::vector<Real>& pushed,
-                 const std::vector<Real>& impulse) {
+// |left| / |f| of a solid; infinite where nothing pushes.
+double left_over(const system::VelocitySystem& system, std::size_t solid, const std::vector<Real>& f,
+                 const std::vector<Real>& left) {
   double with = 0.0, without = 0.0;
   for (std::size_t i = 3 * system.begin_of(solid); i < 3 * system.begin_of(solid + 1); ++i) {
-    const double f = static_cast<double>(system.moves()[i]) * static_cast<double>(pushed[i]);
-    const double left = f - static_cast<double>(impulse[i]);
-    without += f * f;
-    with += left * left;
+    without += static_cast<double>(f[i]) * static_cast<double>(f[i]);
+    with += static_cast<double>(left[i]) * static_cast<double>(left[i]);
   }
   return without > 0.0 ? std::sqrt(with / without) : std::numeric_limits<double>::infinity();
 }
@@ -123,20 +121,27 @@ std::vector<std::uint8_t> find_held(const StepContext& step, const VelocityEquat
                                     const std::vector<Real>& impulse) {
   const auto& [parallel, scene, time, dt, profile, info] = step;
   const system::VelocitySystem& system = elasticity.system;
-  std::vector<Real> pushed = elasticity.f_star, slides;
+  std::vector<Real> pushed = elasticity.f_star, moving;
   system::add_impulses(elasticity.contacts.rows, pushed);
   std::vector<std::uint8_t> meets(scene.solids.size(), 0), held = meets;
   for (const auto& [one, other] : meeting_pairs(elasticity.contacts)) meets[one] = meets[other] = 1;
-  if (std::find(meets.begin(), meets.end(), 1) != meets.end()) {
-    std::vector<Real> moving;
-    system.multiply_mass(parallel, elasticity.v_old, moving);
-    slides = pushed;
-    linalg::add_scaled(parallel, slides, -1.0, moving);
+  const bool any_meet = std::find(meets.begin(), meets.end(), 1) != meets.end();
+  if (any_meet) system.multiply_mass(parallel, elasticity.v_old, moving);
+  // At most these parts of what moves are left, by f*, and of those that meet by f* less M v.
+  const auto find = [&](double most, bool all) {
+    std::vector<Real> left = pushed, whole = pushed;
+    linalg::add_scaled(parallel, left, -1.0, impulse);
+    system.fold(parallel, left);
+    system.fold(parallel, whole);
+    for (std::size_t l = 0; l < held.size(); ++l)
+      if (solid::has_pressure(scene.solids[l]) && (all || meets[l]) && left_over(system, l, whole, left) < most)
+        held[l] = 1;
+  };
+  find(kLastHolds, true);
+  if (any_meet) {
+    linalg::add_scaled(parallel, pushed, -1.0, moving);
+    find(kLastPresses, false);
   }
-  for (std::size_t l = 0; l < held.size(); ++l)
-    held[l] =
-        solid::has_pressure(scene.solids[l]) && (left_over(system, l, pushed, impulse) < kLastHolds ||
-                                                 (meets[l] && left_over(system, l, slides, impulse) < kLastPresses));
   return held;
 }
 
