@@ -22,7 +22,7 @@ namespace {
 constexpr double kReach = 1.0;  // cells: rows from this gap on
 constexpr double kFan =
     0.01;  // 1 less the square of the mean of the normals in a cell, of a surface of middling curvature
-constexpr double kFacing = 0.5;  // least length of the difference of the unit normals of two surfaces that meet
+constexpr double kFacing = 0.5;  // least cosine between the normal of a surface and that of the other turned round
 
 // What two bands have in common, in cells of the box.
 struct Overlap {
@@ -165,26 +165,12 @@ std::optional<FoundRow> find_row(const StepContext& step, const SolidStates& sta
     nearest = std::min(nearest, a + b);
   }
   if (nearest > (kReach + kContactSkin + std::sqrt(3.0)) * g.h) return {};  // a + b changes by 2 from place to place
-  auto place = crossing(difference);
+  const auto place = crossing(difference);
   if (!place) return {};
   const auto see = [&](std::size_t l, const Sight& sight) {
     return sighted(step.scene.solids[l], states[l], sight, g, {cell[0], cell[1], cell[2]}, *place);
   };
-  Sighted one = see(pair.one, pair.from_one), other = see(pair.other, pair.from_other);
-  // To where they are nearest to each other in the cell: the tip of a corner may be beside the middle.
-  for (double stride = 0.0; stride > 0.05; stride *= 0.5) {
-    const Vec3d way = one.outwards + other.outwards;
-    if (!(way.norm() > 1e-3)) break;
-    const Vec3d before = *place;
-    *place = (before - stride * way.normalized()).cwiseMax(0.0).cwiseMin(1.0);
-    const Sighted a = see(pair.one, pair.from_one), b = see(pair.other, pair.from_other);
-    if (a.distance + b.distance < one.distance + other.distance) {
-      one = a;
-      other = b;
-    } else {
-      *place = before;
-    }
-  }
+  const Sighted one = see(pair.one, pair.from_one), other = see(pair.other, pair.from_other);
   const Vec3d &out_of_one = one.outwards, &out_of_other = other.outwards;
   const double gap = one.distance + other.distance - kContactSkin * g.h;
   if (!(gap < kReach * g.h && out_of_one.normalized().dot(out_of_other.normalized()) < -kFacing)) return {};
