@@ -123,8 +123,8 @@ std::vector<std::uint8_t> find_held(const StepContext& step, const VelocityEquat
   const system::VelocitySystem& system = elasticity.system;
   std::vector<Real> pushed = elasticity.f_star, moving;
   system::add_impulses(elasticity.contacts.rows, pushed);
-  std::vector<std::uint8_t> meets(scene.solids.size(), 0), held = meets;
-  for (const auto& [one, other] : meeting_pairs(elasticity.contacts)) meets[one] = meets[other] = 1;
+  const std::vector<std::uint8_t> meets = pressed_solids(scene.solids.size(), elasticity.contacts);
+  std::vector<std::uint8_t> held(meets.size(), 0);
   const bool any_meet = std::find(meets.begin(), meets.end(), 1) != meets.end();
   if (any_meet) system.multiply_mass(parallel, elasticity.v_old, moving);
   // At most these parts of what moves are left, by f*, and of those that meet by f* less M v.

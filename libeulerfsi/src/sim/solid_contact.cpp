@@ -123,15 +123,11 @@ struct Sighted {
   double distance = 0.0;
   Vec3d outwards = Vec3d::Zero();
 };
-// At `place` in cells from corner 0 of a cell of the pair's nodes. The distance at rest is looked up there: between
-// nodes it would pass over edges and corners.
-Sighted sighted(const solid::SolidRest& rest, const solid::SolidState& state, const Sight& sight, const Grid& nodes,
-                const Eigen::Vector3i& cell, const Vec3d& place) {
-  const auto corner = grid::corner_offsets(nodes);
-  const std::size_t n = nodes.node(cell[0], cell[1], cell[2]);
-  const Weights w = trilinear(place);
+// At x, where the corners of a cell of the pair's nodes weigh w; n: corner 0. The distance at rest is looked up there:
+// between nodes it would pass over edges and corners.
+Sighted sighted(const solid::SolidRest& rest, const solid::SolidState& state, const Sight& sight, std::size_t n,
+                const std::array<std::size_t, 8>& corner, const Weights& w, const Vec3d& x) {
   const Grid& band = state.band.grid;
-  const Vec3d x = nodes.origin + nodes.h * (cell.cast<double>() + place);
   const Vec3d u = grid::NodeSampler(band).vector(state.u, ((x - band.origin) / band.h).cast<Real>()).cast<double>();
   Sighted out;
   double length = 0.0;
@@ -167,8 +163,10 @@ std::optional<FoundRow> find_row(const StepContext& step, const SolidStates& sta
   if (nearest > (kReach + kContactSkin + std::sqrt(3.0)) * g.h) return {};  // a + b changes by 2 from place to place
   const auto place = crossing(difference);
   if (!place) return {};
+  const Weights w = trilinear(*place);
+  const Vec3d x = g.node_position(cell[0], cell[1], cell[2]) + g.h * *place;
   const auto see = [&](std::size_t l, const Sight& sight) {
-    return sighted(step.scene.solids[l], states[l], sight, g, {cell[0], cell[1], cell[2]}, *place);
+    return sighted(step.scene.solids[l], states[l], sight, n, corner, w, x);
   };
   const Sighted one = see(pair.one, pair.from_one), other = see(pair.other, pair.from_other);
   const Vec3d &out_of_one = one.outwards, &out_of_other = other.outwards;
@@ -180,7 +178,6 @@ std::optional<FoundRow> find_row(const StepContext& step, const SolidStates& sta
   contact.normal = (certainty(out_of_one) * out_of_one - certainty(out_of_other) * out_of_other).normalized();
   contact.least = least_velocity(gap, g.h, step.dt);
   contact.friction = 0.5 * (step.scene.solids[pair.one].friction + step.scene.solids[pair.other].friction);
-  const Vec3d x = g.node_position(cell[0], cell[1], cell[2]) + g.h * *place;
   const auto add = [&](std::size_t l, double along, double sign) {
     const Vec3d end = x + along * contact.normal;
     const auto element = nearest_element(states[l].band.grid, solids[l], end, [](const Vec3i&) { return true; });

@@ -12,12 +12,12 @@
 
 namespace efsi::system {
 
-// Until the residual is at most target.least, or target.of_push of what the rows push then, |B^T r(x)|. x, in: start;
-// what is prescribed is left alone. Penalties stay in the system. stats.residual: over that.
+// What of the residual may be left: the larger of both.
 struct Target {
   double least = 0.0;    // [kg m/s]
-  double of_push = 0.0;  // part of it
+  double of_push = 0.0;  // over |B^T r(x)|, what the rows push then
 };
+// x, in: start; what is prescribed is left alone. Penalties stay in the system. stats.residual: over what may be left.
 linalg::SolveStats descend(const Parallel& parallel, const std::vector<Real>& f, const Target& target,
                            const std::vector<ContactRow>& rows, VelocitySystem& system, std::vector<Real>& x);
 

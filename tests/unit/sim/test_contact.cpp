@@ -1,5 +1,6 @@
 // Purpose: solids push each other and never pull, and rub each other by Coulomb's law.
 #include <algorithm>
+#include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstdio>
