@@ -49,14 +49,21 @@ void diffuse(const StepContext& step, const Matter& matter, NodeVelocity& veloci
   ledger.book_nodes(EnergyStage::kViscosity, velocity);
 }
 
-// Plastic flow in the solids that can yield, before their forces.
-void flow(const StepContext& step, const SolidWorks& solids, SolidStates& states, EnergyLedger& ledger) {
+enum class Half { kLast, kThis };  // of the last step, of this one
+
+// Plastic flow in the solids that can yield, around their forces: the displacement of one time stands for the half step
+// before it and for that after it. At the start there is one before it too: the velocities are those of its beginning.
+void flow(const StepContext& step, Half half, SolidWorks& solids, SolidStates& states, EnergyLedger& ledger) {
   ScopedTimer timer(step.profile, Stage::kComputeG);
   bool any = false;
   for (std::size_t l = 0; l < solids.size(); ++l) {
     const solid::SolidRest& rest = step.scene.solids[l];
     if (!rest.plastic.yields()) continue;
-    solid::flow(step.parallel, rest, step.dt, step.scene.params.numerics.points_per_element, solids[l], states[l]);
+    double& due = states[l].flow_due;
+    if (half == Half::kThis || due == 0.0) due = 0.5 * step.dt;
+    if (half == Half::kThis && !solids[l].flows) continue;
+    solids[l].flows =
+        solid::flow(step.parallel, rest, due, step.scene.params.numerics.points_per_element, solids[l], states[l]);
     any = true;
   }
   if (any) ledger.book_solids(EnergyStage::kPlasticFlow);
@@ -213,13 +220,14 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   elasticity.given = find_given(step, states, solids, matter, velocity.slip);
   EnergyLedger ledger(step, states, solids, matter, fluid.velocity);
   if (numerics.conserve_momentum) measure_first_momenta(step, states, solids, momenta);
-  flow(step, solids, states, ledger);
+  flow(step, Half::kLast, solids, states, ledger);
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {  // lines 2-6
     ScopedTimer timer(profile, Stage::kComputeG);
     solid::compute_material(parallel, scene.solids[l], states[l], numerics.points_per_element,  // Alg. 1 line 4
                             solids[l]);
     timer.visited(solids[l].element_cell.size(), sizeof(solid::ElementPoint));
   }
+  flow(step, Half::kThis, solids, states, ledger);
   push(step, matter, solids, states, fluid.velocity, ledger);
   ledger.book_weight(weight_in_step(scene, dt, solids), fluid.velocity);
   combine_velocities(step, states, solids, matter, fluid.velocity, velocity);

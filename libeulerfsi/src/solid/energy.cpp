@@ -17,8 +17,7 @@ double cell_energy(const SolidRest& rest, const PlasticField& plastic, const Vec
     const ElasticPoint p = elastic_point(plastic, u, x0, h, quadrature_point(q, points, middle));
     const double volume = h * h * h / (points * p.elastic.det);
     energy += volume * material::principal_response(elastic, p.elastic.stretch).energy;
-    if (points == 1)
-      energy += hourglass_energy(kHourglassFactor * elastic.mu * h, p, hourglass_amplitudes(plastic, p, u, h));
+    if (points == 1) energy += hourglass_modes(rest, plastic, p, u, h, elastic.mu).energy;
   }
   const double det = deformation_from_displacement(displacement_gradient(u, center_gradients(), h)).det;
   return stiff * energy + h * h * h / det * material::bulk_energy(bulk * rest.bulk, det);

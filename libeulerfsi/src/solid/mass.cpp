@@ -10,6 +10,7 @@
 #include "solid/copies.hpp"
 #include "solid/displacement.hpp"
 #include "solid/hexahedron.hpp"
+#include "solid/plasticity.hpp"
 
 namespace efsi::solid {
 namespace {
@@ -51,11 +52,13 @@ bool is_positive(const Mat3d& m) {
 }
 
 // Whether a cell's map can be the solid's: of what the extension made up nothing is, and of what it had a part in
-// nothing that is inverted or out of shape. Beside folds and thin parts the extension leads back into the solid.
-bool is_credible(std::uint8_t nearest, std::uint8_t farthest, const Mat3d& inverse_f) {
+// nothing that is inverted or whose elastic part is out of shape. Beside folds and thin parts the extension leads back
+// into the solid.
+bool is_credible(std::uint8_t nearest, std::uint8_t farthest, const PlasticField& plastic, const Vec3d& material,
+                 const Mat3d& inverse_f) {
   if (farthest == kKnown) return true;
   if (nearest == kExtended || !(inverse_f.determinant() > 0.0)) return false;
-  const Mat3d squares = inverse_f.transpose() * inverse_f;
+  const Mat3d squares = inverse_f.transpose() * plastic.metric(material) * inverse_f;
   return is_positive(squares - Mat3d::Identity() / (kMostStretched * kMostStretched)) &&
          is_positive(Mat3d::Identity() / (kMostCrushed * kMostCrushed) - squares);
 }
@@ -66,6 +69,7 @@ std::vector<std::vector<Holding>> compute_fractions(const Parallel& parallel, co
   const Grid& g = state.band.grid;
   const geometry::SignedDistance& distance = distance_of(rest, state);
   const auto corner = grid::corner_offsets(g);
+  const PlasticField plastic(rest, state);
   work.fraction.assign(g.cell_count(), 0);
   work.volume_ratio.assign(g.cell_count(), 1);
   std::vector<std::vector<Holding>> planes(static_cast<std::size_t>(g.cells[2]));
@@ -97,7 +101,7 @@ std::vector<std::vector<Holding>> compute_fractions(const Parallel& parallel, co
           fraction = grid::plane_cut_fraction(surface.distance, surface.normal);
         }
         const std::size_t c = g.cell(i, j, k);
-        if (fraction > 0.0 && !is_credible(nearest, farthest, inverse_f)) {
+        if (fraction > 0.0 && !is_credible(nearest, farthest, plastic, material, inverse_f)) {
           rejected[static_cast<std::size_t>(k)] += static_cast<Real>(fraction) > least_fraction(rest, state, c);
           continue;
         }

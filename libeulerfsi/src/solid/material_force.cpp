@@ -97,11 +97,11 @@ double det_f_at_center(const Vec3d u[8], double h) {
 }
 
 // Of the modes at an element's corners, k F^-T C_p X: what add_hourglass adds where nothing has yielded.
-std::array<Real, 12> hourglass_force(double k, const ElasticPoint& center, const std::array<Vec3d, 4>& amplitudes) {
+std::array<Real, 12> hourglass_force(const ElasticPoint& center, const Hourglass& modes) {
   std::array<Real, 12> out;
-  const Mat3d turn = k * kHourglassNorm * center.inverse_f.transpose() * center.metric;
+  const Mat3d turn = modes.stiffness * kHourglassNorm * center.inverse_f.transpose() * center.metric;
   for (std::size_t m = 0; m < 4; ++m) {
-    const Vec3d force = turn * amplitudes[m];
+    const Vec3d force = turn * modes.amplitudes[m];
     for (std::size_t i = 0; i < 3; ++i) out[3 * m + i] = static_cast<Real>(force[static_cast<Eigen::Index>(i)]);
   }
   return out;
@@ -148,12 +148,12 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
         ElementPoint point = linearise(elastic, d, volume, energy);
         if (points == 1) {
           for (int i = 0; i < 3; ++i) point.local[i] = static_cast<Real>(local[i]);
-          const double k = kHourglassFactor * elastic.mu * g.h;
+          const Hourglass modes = hourglass_modes(rest, plastic, p, u, g.h, elastic.mu);
+          const double k = modes.stiffness;
           point.hourglass[0] = static_cast<Real>(k);
           for (int i = 0; i < 3; ++i) point.hourglass[i + 1] = static_cast<Real>(k / (d.stretch[i] * d.stretch[i]));
-          const std::array<Vec3d, 4> amplitudes = hourglass_amplitudes(plastic, p, u, g.h);
-          energy += hourglass_energy(k, p, amplitudes);
-          if (!plastic.empty()) work.hourglass_force[e] = hourglass_force(k, p, amplitudes);
+          energy += modes.energy;
+          if (!plastic.empty()) work.hourglass_force[e] = hourglass_force(p, modes);
         }
         work.set_element_point(e, q, point);
         const double det = points != 1 || local.isZero(0.0) ? d.det : det_f_at_center(u, g.h);

@@ -1,5 +1,6 @@
 #include "solid/plasticity.hpp"
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 
@@ -45,7 +46,7 @@ std::array<double, 8> shape_values(const Vec3d& local) {
 // What flows at a quadrature point.
 struct PointFlow {
   Vec3d place = Vec3d::Zero();          // X
-  Mat3d f = Mat3d::Identity();          // F
+  Mat3d spread = Mat3d::Identity();     // F with stretches of at most 1
   Vec3d reach = Vec3d::Constant(-1.0);  // in the lattice [m]; < 0: the point has no part in it
   double change[6] = {};                // of a PlasticNode
   bool flows = false;
@@ -56,14 +57,17 @@ PointFlow flow_at(const SolidRest& rest, const ElasticPoint& p, double dt) {
   if (!(p.inverse_f.determinant() > 0.0)) return out;
   const double h = rest.plastic_lattice.h;
   out.place = p.place;
-  out.f = p.inverse_f.inverse();
-  for (int i = 0; i < 3; ++i) out.reach[i] = std::clamp(h * p.inverse_f.row(i).cwiseAbs().sum(), h, kMostReach * h);
+  const Eigen::JacobiSVD<Mat3d> svd(p.inverse_f, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const Vec3d wide = svd.singularValues().cwiseMax(1.0);
+  out.spread = svd.matrixV() * wide.cwiseInverse().asDiagonal() * svd.matrixU().transpose();
+  const Mat3d back = svd.matrixU() * wide.asDiagonal() * svd.matrixV().transpose();
+  for (int i = 0; i < 3; ++i) out.reach[i] = std::clamp(h * back.row(i).cwiseAbs().sum(), h, kMostReach * h);
   const material::Flow flow =
       material::plastic_flow(rest.elastic, rest.plastic, p.elastic.stretch, p.strain.accumulated, dt);
   if (!(flow.accumulated > 0.0)) return out;
   const Vec3d inverse_squares = (-2.0 * flow.strain).array().exp().matrix();
   // C_p = F^T b_e^-1 F
-  const Mat3d half = p.elastic.axes.transpose() * out.f;
+  const Mat3d half = p.elastic.axes.transpose() * p.inverse_f.inverse();
   const Mat3d change = log_of(half.transpose() * inverse_squares.asDiagonal() * half) - p.strain.log;
   out.flows = true;
   const double values[6] = {change(0, 0), change(1, 1), change(1, 2), change(2, 0), change(0, 1), flow.accumulated};
@@ -73,11 +77,12 @@ PointFlow flow_at(const SolidRest& rest, const ElasticPoint& p, double dt) {
 
 double hat(double x) { return std::max(0.0, 1.0 - std::abs(x)); }
 
-// How much of a point a node of the lattice at X takes: its hat of a cell's width in the world, in which the points are
-// as far apart as the nodes here, and a little of the hat by which the point reads the node.
+// How much of a point a node of the lattice at X takes: its hat of a cell's width, in the world where that is wider, so
+// that no node is left out, else in the rest shape, so that no point is; and a little of the hat by which the point
+// reads the node.
 double weight_of(const PointFlow& point, const Vec3d& X, double h) {
-  const Vec3d away = (X - point.place) / h, world = point.f * away;
-  return hat(world[0]) * hat(world[1]) * hat(world[2]) + kReaderShare * hat(away[0]) * hat(away[1]) * hat(away[2]);
+  const Vec3d away = (X - point.place) / h, wide = point.spread * away;
+  return hat(wide[0]) * hat(wide[1]) * hat(wide[2]) + kReaderShare * hat(away[0]) * hat(away[1]) * hat(away[2]);
 }
 
 // Nodes of one axis that a point reaches.
@@ -182,6 +187,11 @@ Mat3d PlasticField::metric(const Vec3d& X) const {
   return strain.none ? Mat3d::Identity() : metric_of(strain.log);
 }
 
+Mat3d PlasticField::stretch(const Vec3d& X) const {
+  const PlasticStrain strain = at(X);
+  return strain.none ? Mat3d::Identity() : metric_of(0.5 * strain.log);
+}
+
 std::array<Vec3d, 3> PlasticField::hourglass(const Vec3d& X, const Mat3d& inverse_f, double h) const {
   std::array<Vec3d, 3> amplitude{Vec3d::Zero(), Vec3d::Zero(), Vec3d::Zero()};
   if (nodes_.empty()) return amplitude;
@@ -234,32 +244,35 @@ ElasticPoint elastic_point(const PlasticField& plastic, const Vec3d u[8], const 
   return p;
 }
 
-std::array<Vec3d, 4> hourglass_amplitudes(const PlasticField& plastic, const ElasticPoint& center, const Vec3d u[8],
-                                          double h) {
-  std::array<Vec3d, 4> amplitude{Vec3d::Zero(), Vec3d::Zero(), Vec3d::Zero(), Vec3d::Zero()};
+Hourglass hourglass_modes(const SolidRest& rest, const PlasticField& plastic, const ElasticPoint& center,
+                          const Vec3d u[8], double h, double mu) {
+  Hourglass modes;
+  modes.stiffness = kHourglassFactor * mu * h;
   for (std::size_t m = 0; m < 4; ++m)
-    for (std::size_t a = 0; a < 8; ++a) amplitude[m] -= kHourglassSign[m][a] * kHourglassNorm * u[a];
-  if (plastic.empty()) return amplitude;
-  const std::array<Vec3d, 3> yielded = plastic.hourglass(center.place, center.inverse_f, h);
-  for (std::size_t m = 0; m < 3; ++m) amplitude[m] -= yielded[m];
-  return amplitude;
+    for (std::size_t a = 0; a < 8; ++a) modes.amplitudes[m] -= kHourglassSign[m][a] * kHourglassNorm * u[a];
+  if (!plastic.empty()) {
+    const std::array<Vec3d, 3> yielded = plastic.hourglass(center.place, center.inverse_f, h);
+    for (std::size_t m = 0; m < 3; ++m) modes.amplitudes[m] -= yielded[m];
+  }
+  for (const Vec3d& x : modes.amplitudes)
+    modes.energy += 0.5 * modes.stiffness * (center.yielded ? x.dot(center.metric * x) : x.squaredNorm());
+  if (plastic.empty()) return modes;
+  const double yield_stress = rest.plastic.yield_stress + rest.plastic.hardening * center.strain.accumulated;
+  const double strain = yield_stress / rest.elastic.mu, most = h * h * h * mu * strain * strain / 6.0;  // E_Y
+  if (!(modes.energy > most)) return modes;
+  const double share = std::sqrt(most / modes.energy);
+  modes.stiffness *= share;  // E -> 2 sqrt(E E_Y) - E_Y
+  modes.energy *= share * (2.0 - share);
+  return modes;
 }
 
-double hourglass_energy(double k, const ElasticPoint& center, const std::array<Vec3d, 4>& amplitudes) {
-  double energy = 0.0;
-  for (const Vec3d& x : amplitudes) energy += 0.5 * k * (center.yielded ? x.dot(center.metric * x) : x.squaredNorm());
-  return energy;
-}
-
-void flow(const Parallel& parallel, const SolidRest& rest, double dt, int points_per_element, const SolidWork& work,
+bool flow(const Parallel& parallel, const SolidRest& rest, double time, int points_per_element, const SolidWork& work,
           SolidState& state) {
-  if (state.plastic.empty()) return;
+  if (state.plastic.empty()) return false;
   const Grid& g = state.band.grid;
   const auto corner = grid::corner_offsets(g);
   const auto points = static_cast<std::size_t>(points_per_element);
   const PlasticField plastic(rest, state);
-  const double time = state.flow_due + 0.5 * dt;
-  state.flow_due = 0.5 * dt;
   const std::size_t elements = work.element_corner.size();
   std::vector<PointFlow> flows(elements * points);
   constexpr std::int64_t kChunk = 256;
@@ -280,7 +293,9 @@ void flow(const Parallel& parallel, const SolidRest& rest, double dt, int points
     }
     return count;
   });
-  if (flowing > 0.0) gather(parallel, rest.plastic_lattice, flows, state.plastic);
+  if (!(flowing > 0.0)) return false;
+  gather(parallel, rest.plastic_lattice, flows, state.plastic);
+  return true;
 }
 
 double largest_plastic_strain(const SolidState& state) {

@@ -32,6 +32,8 @@ class PlasticField {
   PlasticStrain at(const Vec3d& X) const;
   // C_p = exp(2 H)
   Mat3d metric(const Vec3d& X) const;
+  // Its root: F_p but for a rotation.
+  Mat3d stretch(const Vec3d& X) const;
   // Amplitudes of the hourglass modes (x,y), (x,z), (y,z) of X in an element of a body that only F_p deforms [m].
   // inverse_f: at its centre X; h: its edge.
   std::array<Vec3d, 3> hourglass(const Vec3d& X, const Mat3d& inverse_f, double h) const;
@@ -57,17 +59,20 @@ struct ElasticPoint {
 ElasticPoint elastic_point(const PlasticField& plastic, const Vec3d u[8], const Vec3d& x0, double h,
                            const Vec3d& local);
 
-// What the hourglass modes of X lack of those of the yielded shape, elastic amplitudes [m]; without yield -u on them.
-std::array<Vec3d, 4> hourglass_amplitudes(const PlasticField& plastic, const ElasticPoint& center, const Vec3d u[8],
-                                          double h);
+// The hourglass modes of an element: what those of X lack of those of the yielded shape, without yield -u on them.
+// Where a solid can yield their force grows no more beyond the energy that an element stores at the yield stress.
+struct Hourglass {
+  std::array<Vec3d, 4> amplitudes{Vec3d::Zero(), Vec3d::Zero(), Vec3d::Zero(), Vec3d::Zero()};  // [m]
+  double stiffness = 0.0;  // k: the force is k F^-T C_p X_m [N/m]
+  double energy = 0.0;     // from which it derives [J]
+};
+// mu: of the element, its weight included [Pa].
+Hourglass hourglass_modes(const SolidRest& rest, const PlasticField& plastic, const ElasticPoint& center,
+                          const Vec3d u[8], double h, double mu);
 
-// Energy k/2 sum_m X_m^T C_p X_m of these amplitudes, k in N/m [J].
-double hourglass_energy(double k, const ElasticPoint& center, const std::array<Vec3d, 4>& amplitudes);
-
-// Plastic flow in the elements of `work` at the start of a step of dt: changes state.plastic. The displacement state.u
-// stands for the time from the middle of the last step to that of this one (trapezoidal rule; state.flow_due). Where
-// stress is nowhere above the yield stress no plastic strain changes.
-void flow(const Parallel& parallel, const SolidRest& rest, double dt, int points_per_element, const SolidWork& work,
+// Plastic flow in the elements of `work` for a time [s], the displacement held: changes state.plastic. Where stress is
+// nowhere above the yield stress no plastic strain changes. Returns whether any did.
+bool flow(const Parallel& parallel, const SolidRest& rest, double time, int points_per_element, const SolidWork& work,
           SolidState& state);
 
 // Largest accumulated equivalent plastic strain; 0 where the solid cannot yield.

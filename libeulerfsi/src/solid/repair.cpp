@@ -7,8 +7,10 @@
 #include <map>
 #include <set>
 
+#include "solid/displacement.hpp"
 #include "solid/hexahedron.hpp"
 #include "solid/mass.hpp"
+#include "solid/plasticity.hpp"
 
 namespace efsi::solid {
 namespace {
@@ -24,7 +26,8 @@ bool is_broken(double det) { return !(det <= kMostGrowth && det * kMostGrowth >=
 // det F of the solid as a whole.
 double mean_det(const SolidRest& rest, const SolidWork& work) { return rest.density * work.volume / work.total_mass; }
 
-// The map of a cell that has the axes of inverse_f, and stretches and a volume that a sound cell can have.
+// The map of a cell that has the axes of inverse_f, and stretches and a volume that a sound cell can have. Of what has
+// yielded it is the elastic part.
 Mat3d sound_inverse(const Mat3d& inverse_f, double mean) {
   const Eigen::JacobiSVD<Mat3d> svd(inverse_f, Eigen::ComputeFullU | Eigen::ComputeFullV);
   Mat3d u = svd.matrixU();
@@ -46,6 +49,7 @@ bool repair_cells(const SolidRest& rest, SolidState& state, const SolidWork& wor
   const Grid& g = state.band.grid;
   const auto corner = grid::corner_offsets(g);
   const double mean = mean_det(rest, work);
+  const PlasticField plastic(rest, state);
   struct Move {
     Vec3d sum = Vec3d::Zero();
     int cells = 0;
@@ -59,7 +63,8 @@ bool repair_cells(const SolidRest& rest, SolidState& state, const SolidWork& wor
     Vec3d u[8];
     for (std::size_t a = 0; a < 8; ++a) u[a] = state.u.at(n + corner[a]).cast<double>();
     const Mat3d inverse_f = Mat3d::Identity() - displacement_gradient(u, center_gradients(), g.h);
-    const Mat3d change = sound_inverse(inverse_f, mean) - inverse_f;
+    const Mat3d yielded = plastic.stretch(material_in_cell(state, g.node_place(n)));
+    const Mat3d change = yielded.inverse() * sound_inverse(yielded * inverse_f, mean) - inverse_f;
     for (std::size_t a = 0; a < 8; ++a) {
       const Vec3d x(grid::kCorner[a][0] - 0.5, grid::kCorner[a][1] - 0.5, grid::kCorner[a][2] - 0.5);
       Move& move = moves[n + corner[a]];

@@ -105,7 +105,7 @@ struct SolidState {
   std::vector<WallPress> presses;    // where walls held it in the last step
   std::vector<SolidPress> contacts;  // where it pushed itself and solids that come after it in the last step
   std::vector<PlasticNode> plastic;  // nodes of rest.plastic_lattice; empty: it cannot yield
-  double flow_due = 0.0;             // time in which that has yet to flow: half of the last step [s]
+  double flow_due = 0.0;             // half of the last step, in which that has yet to flow; 0: no step yet [s]
   std::vector<Vec3d> surface;        // positions of the embedded surface [m]
   double rest_volume_cells = 0.0;    // by cell fractions, at the first step [m^3]
   std::uint8_t whole = 1;            // no part of it has left through an open face
@@ -198,6 +198,7 @@ struct SolidWork {
   double whole_weight = 1.0;    // over that of as many whole cells
   double elastic_energy = 0.0;  // [J]
   double max_speed = 0.0;
+  bool flows = false;  // some of it is above the yield stress
 
   double factor(std::size_t e) const { return element_factor.empty() ? 1.0 : element_factor[e]; }
   Vec3d middle(std::size_t e) const;

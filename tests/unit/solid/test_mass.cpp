@@ -2,6 +2,7 @@
 #include <Eigen/Dense>
 #include <catch2/catch.hpp>
 
+#include "solid/plasticity.hpp"
 #include "unit/solid/ball.hpp"
 
 using namespace efsi;
@@ -142,6 +143,27 @@ TEST_CASE("What the extension made up is no solid, and what it had a part in onl
     CHECK(elements(solid::kEdge, stretch) == 0);
     CHECK(s.work.rejected > 100);
   }
+}
+
+TEST_CASE("Of what has yielded the elastic part is asked whether it is in shape") {
+  TestSolid s = make_ball(cube_grid(18, 0.02), kSoft, Vec3d::Constant(0.18), 0.1);
+  s.rest.plastic = {1000.0, 1000.0, 0.0};
+  s.rest.plastic_lattice = solid::make_plastic_lattice(Vec3d::Constant(-0.9), Vec3d::Constant(1.3), 0.05);
+  const auto elements = [&](const Vec3d& stretch, const Vec3d& yielded) {
+    const Vec3d center = Vec3d::Constant(0.18);
+    set_displacement(s, [&](const Vec3d& x) -> Vec3d { return x - center - (x - center).cwiseQuotient(stretch); });
+    std::fill(s.state.valid.begin(), s.state.valid.end(), solid::kEdge);
+    const auto log = [&](int a) { return static_cast<Real>(std::log(yielded[a])); };
+    s.state.plastic.assign(s.rest.plastic_lattice.node_count(), {{log(0), log(1), 0, 0, 0}, 1});
+    solid::compute_mass(Parallel(2), s.rest, s.state, s.work);
+    return s.work.element_cell.size();
+  };
+  const Vec3d rest = Vec3d::Ones(), flat(2.5, 2.5, 0.16);
+  CHECK(elements(flat, rest) == 0);
+  CHECK(elements(flat, flat) > 100);
+  CHECK(s.work.rejected == 0);
+  CHECK(elements(rest, flat) == 0);  // pulled back to where it was it is strained as much
+  CHECK(elements(Vec3d(-2.5, 2.5, 0.16), flat) == 0);
 }
 
 TEST_CASE("What a known cell far away holds is not held a second time") {
