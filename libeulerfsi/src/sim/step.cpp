@@ -69,6 +69,18 @@ void flow(const StepContext& step, Half half, SolidWorks& solids, SolidStates& s
   if (any) ledger.book_solids(EnergyStage::kPlasticFlow);
 }
 
+// Lines 2 to 6, with what flows around them.
+void compute_materials(const StepContext& step, SolidWorks& solids, SolidStates& states, EnergyLedger& ledger) {
+  const int points = step.scene.params.numerics.points_per_element;
+  flow(step, Half::kLast, solids, states, ledger);
+  for (std::size_t l = 0; l < solids.size(); ++l) {
+    ScopedTimer timer(step.profile, Stage::kComputeG);
+    solid::compute_material(step.parallel, step.scene.solids[l], states[l], points, solids[l]);  // Alg. 1 line 4
+    timer.visited(solids[l].element_cell.size(), sizeof(solid::ElementPoint));
+  }
+  flow(step, Half::kThis, solids, states, ledger);
+}
+
 // Which cells carry stiffness, for the next step's choice.
 void remember_elements(const StepContext& step, const Hold& hold, const solid::SolidWork& work,
                        solid::SolidState& state) {
@@ -220,14 +232,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   elasticity.given = find_given(step, states, solids, matter, velocity.slip);
   EnergyLedger ledger(step, states, solids, matter, fluid.velocity);
   if (numerics.conserve_momentum) measure_first_momenta(step, states, solids, momenta);
-  flow(step, Half::kLast, solids, states, ledger);
-  for (std::size_t l = 0; l < scene.solids.size(); ++l) {  // lines 2-6
-    ScopedTimer timer(profile, Stage::kComputeG);
-    solid::compute_material(parallel, scene.solids[l], states[l], numerics.points_per_element,  // Alg. 1 line 4
-                            solids[l]);
-    timer.visited(solids[l].element_cell.size(), sizeof(solid::ElementPoint));
-  }
-  flow(step, Half::kThis, solids, states, ledger);
+  compute_materials(step, solids, states, ledger);  // lines 2-6
   push(step, matter, solids, states, fluid.velocity, ledger);
   ledger.book_weight(weight_in_step(scene, dt, solids), fluid.velocity);
   combine_velocities(step, states, solids, matter, fluid.velocity, velocity);
