@@ -80,7 +80,7 @@ TEST_CASE("Mass of cut cells goes to nodes that carry stiffness, and the element
   CHECK(filled == Approx(s.work.volume).epsilon(0.1));
   CHECK(s.work.element_weight * filled == Approx(s.work.volume));
   for (const auto c : s.work.element_cell)
-    CHECK(s.work.fraction[static_cast<std::size_t>(c)] > solid::kElementPartInFluid.fraction);
+    CHECK(s.work.fraction[static_cast<std::size_t>(c)] > solid::kOwnedPart.fraction);
 }
 
 TEST_CASE("Cells take up stiffness later and drop it later than half full") {
@@ -98,8 +98,7 @@ TEST_CASE("Cells take up stiffness later and drop it later than half full") {
   for (const bool before : {false, true}) {
     s.state.stiff.assign(fresh.size(), before);
     const auto now = stiff();
-    const Real limit = solid::kElementPartInFluid.fraction +
-                       (before ? -solid::kElementPartInFluid.lag : solid::kElementPartInFluid.lag);
+    const Real limit = solid::kOwnedPart.fraction + (before ? -solid::kOwnedPart.lag : solid::kOwnedPart.lag);
     std::size_t changed = 0;
     for (std::size_t c = 0; c < now.size(); ++c) {
       CHECK(now[c] == (s.work.fraction[c] > limit));
