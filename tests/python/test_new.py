@@ -72,7 +72,7 @@ def test_finer_where_thin_and_coarser_where_there_is_much():
         ((1, 0, 1), "the mesh is flat, without extent along y: a solid needs a volume"),
         ((1, 0, 0), "the mesh is flat, without extent along y and z"),
         ((1, 0.001, 1), "cannot be simulated at voxel size"),
-        ((12, 0.02, 0.02), "too thin for this voxel size"),
+        ((12, 0.05, 0.05), "too thin for this voxel size"),
     ],
 )
 def test_new_refuses_what_simulate_refuses_and_leaves_nothing(cli, tmp_path, edges, words):

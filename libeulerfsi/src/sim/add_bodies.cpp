@@ -144,11 +144,7 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
   rest.friction = desc.friction;
   rest.stiff_by_part = params_.numerics.stiffness_by_part;
   rest.wet = params_.fluid.present;
-  // Where a fluid presses on it, what gives way has to be owned; what is viscous has one velocity with it.
-  const bool apart = params_.numerics.fluid_slips && !params_.fluid.is_viscous() && !(rest.bulk > 0.0);
-  const bool little = rest.stiff_by_part && !collider && (!rest.wet || apart);
-  rest.element = little ? solid::kElementPart : solid::kOwnedPart;
-  rest.owned = rest.wet ? solid::kOwnedPart : rest.element;
+  rest.element = rest.stiff_by_part && !collider && !rest.wet ? solid::kElementPart : solid::kElementPartInFluid;
   rest.contact_stiffness = desc.contact_stiffness;
   rest.compressible = desc.compressible;
   rest.plastic = desc.plastic;

@@ -13,23 +13,15 @@ using grid::Grid;
 using system::SlipNode;
 
 constexpr std::uint32_t kShared = 0xffffffff;  // carrier of a node that several solids carry
-constexpr std::uint32_t kApart = 0x80000000;   // bit: no cell around that node is owned
 
 // Which solid carries each node, and 1; kShared.
-std::vector<std::uint32_t> find_carriers(const Parallel& parallel, const Matter& matter, const SolidStates& states,
+std::vector<std::uint32_t> find_carriers(const Parallel& parallel, const Grid& g, const SolidStates& states,
                                          const SolidWorks& solids) {
-  const Grid& g = matter.common.grid;
   std::vector<std::uint32_t> carrier(g.node_count(), 0);
   for (std::size_t l = 0; l < states.size(); ++l)
     for_band_nodes(parallel, g, states[l].band, [&](std::size_t local, int i, int j, int k) {
       std::uint32_t& at = carrier[g.node(i, j, k)];
-      if (!solids[l].carries[local]) return;
-      if (at != 0) {
-        at = kShared;
-        return;
-      }
-      at = static_cast<std::uint32_t>(l + 1);
-      if (!cells_owned_by(g, matter.owned, l + 1, i, j, k)) at |= kApart;
+      if (solids[l].carries[local]) at = at == 0 ? static_cast<std::uint32_t>(l + 1) : kShared;
     });
   return carrier;
 }
@@ -62,7 +54,7 @@ bool find_slip(const Matter& matter, const std::vector<std::uint32_t>& carrier, 
     const std::uint32_t first = carrier[g.node(x, y, z)];
     return first != kShared && std::all_of(std::begin(grid::kCorner), std::end(grid::kCorner), [&](const auto& c) {
              const std::uint32_t corner = carrier[g.node(x + c[0], y + c[1], z + c[2])];
-             return corner > 0 && corner == first && !(corner & kApart);
+             return corner > 0 && corner == first;
            });
   };
   for (std::size_t a = 0; a < 8; ++a) {
@@ -77,7 +69,7 @@ bool find_slip(const Matter& matter, const std::vector<std::uint32_t>& carrier, 
   node.solid_mass = solid_mass;
   node.fluid_mass = fluid_mass;
   node.normal = system::stair_normal(node.solid_cells, slab);
-  return node.solid_cells == 0 || !node.normal.isZero();
+  return !node.normal.isZero();
 }
 
 // A node that several solids carry: one entry for each of them.
@@ -115,7 +107,7 @@ system::SlipNodes find_slip_nodes(const Parallel& parallel, const Scene& scene, 
   const bool shares = numerics.walls_push_only && states.size() > 1;
   if (states.empty() || (!slips && !shares)) return {};
   const Grid& g = matter.common.grid;
-  const std::vector<std::uint32_t> carrier = find_carriers(parallel, matter, states, solids);
+  const std::vector<std::uint32_t> carrier = find_carriers(parallel, g, states, solids);
   std::vector<std::vector<SlipNode>> planes(static_cast<std::size_t>(g.cells[2] + 1));
   for (std::size_t l = 0; l < states.size(); ++l)
     for_band_nodes(parallel, g, states[l].band, [&](std::size_t local, int i, int j, int k) {

@@ -41,16 +41,10 @@ constexpr double kMostCrushed = 0.2, kMostStretched = 5.0;  // stretches that ar
 constexpr double kSplinterGrowth = 1.25;  // of the volume of an element that is torn off, or its inverse
 constexpr std::size_t kSplinter = 3;      // elements
 
-// More than this is solid of a cell that is what `threshold` is about; was: in the last step, too.
-Real least_fraction(const Threshold& threshold, const SolidState& state, bool was) {
-  if (state.stiff.empty()) return threshold.fraction;
-  return threshold.fraction + (was ? -threshold.lag : threshold.lag);
-}
-bool carries_stiffness(const SolidRest& rest, const SolidState& state, std::size_t c, Real fraction) {
-  return fraction > least_fraction(rest.element, state, !state.stiff.empty() && state.stiff[c] > 0);
-}
-bool is_owned(const SolidRest& rest, const SolidState& state, std::size_t c, Real fraction) {
-  return fraction > least_fraction(rest.owned, state, !state.stiff.empty() && state.stiff[c] == kOwned);
+// Of a cell that carries stiffness more than this is solid.
+Real least_fraction(const SolidRest& rest, const SolidState& state, std::size_t c) {
+  if (state.stiff.empty()) return rest.element.fraction;
+  return rest.element.fraction + (state.stiff[c] ? -rest.element.lag : rest.element.lag);
 }
 
 bool is_positive(const Mat3d& m) {
@@ -108,7 +102,7 @@ std::vector<std::vector<Holding>> compute_fractions(const Parallel& parallel, co
         }
         const std::size_t c = g.cell(i, j, k);
         if (fraction > 0.0 && !is_credible(nearest, farthest, plastic, material, inverse_f)) {
-          rejected[static_cast<std::size_t>(k)] += carries_stiffness(rest, state, c, static_cast<Real>(fraction));
+          rejected[static_cast<std::size_t>(k)] += static_cast<Real>(fraction) > least_fraction(rest, state, c);
           continue;
         }
         work.fraction[c] = static_cast<Real>(fraction);
@@ -301,12 +295,10 @@ void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidSt
   const Grid& g = state.band.grid;
   const auto holdings = compute_fractions(parallel, rest, state, work);
   std::vector<std::uint8_t> full(g.cell_count());
-  for (std::size_t c = 0; c < full.size(); ++c) full[c] = carries_stiffness(rest, state, c, work.fraction[c]);
+  for (std::size_t c = 0; c < full.size(); ++c) full[c] = work.fraction[c] > least_fraction(rest, state, c);
   remove_cells(find_copies(parallel, g, holdings, full, kMostStretched), full, work);
   remove_splinters(state, full, work);
   find_elements(g, full, work);
-  work.owns.resize(full.size());
-  for (std::size_t c = 0; c < full.size(); ++c) work.owns[c] = full[c] && is_owned(rest, state, c, work.fraction[c]);
   stiffen_by_part(parallel, rest, state, work);
   lump_mass(parallel, rest, state, work);
   const auto slab = static_cast<std::size_t>(g.cells[0]) * static_cast<std::size_t>(g.cells[1]);
@@ -340,8 +332,7 @@ double bulk_weight(const SolidRest& rest, const SolidWork& work, std::size_t e) 
 
 void remember_elements(const SolidWork& work, SolidState& state) {
   state.stiff.resize(work.element.size());
-  for (std::size_t c = 0; c < work.element.size(); ++c)
-    state.stiff[c] = work.owns[c] ? kOwned : work.element[c] >= 0 ? kBeside : 0;
+  for (std::size_t c = 0; c < work.element.size(); ++c) state.stiff[c] = work.element[c] >= 0;
 }
 
 }  // namespace efsi::solid

@@ -10,12 +10,12 @@
 
 namespace efsi::solid {
 
-// A cell carries stiffness when more than a part of it is solid: little, since what enters brings the energy that it has
-// by then, and what is thin has to hold together.
-inline constexpr Threshold kElementPart = {Real(0.1), Real(0.05)};
+// A cell carries stiffness when more than a part of it is solid: little, so that what enters is little and what is thin
+// holds together.
+inline constexpr Threshold kElementPart = {Real(0.3), Real(0.1)};
 // The corners of these cells are what a fluid sees of the solid; at 0.5 its added mass is that of a ball larger
 // by a quarter of a cell (docs/lab/stiffness-support.md).
-inline constexpr Threshold kOwnedPart = {Real(0.6), Real(0.1)};
+inline constexpr Threshold kElementPartInFluid = {Real(0.6), Real(0.1)};
 
 // Reads state.u; writes fraction, volume_ratio, element, element_cell, element_corner, carries, mass, volume,
 // total_mass. Counted in cells the mass wavers by some 0.2 % as the solid moves over the grid, by 3 % where it folds; a

@@ -47,7 +47,6 @@ struct SolidRest {
   SurfaceClusters clusters;            // of its points; none: no vertex is mended
   std::vector<FoldPoint> fold_points;  // of it; empty: its folds do not see each other
   Threshold element;                   // parts of cells that carry its stiffness
-  Threshold owned;                     // parts of those that a fluid sees, and in which the pressure is the solid's
   bool wet = false;                    // a fluid fills its cut cells
   bool stiff_by_part = false;          // an element is as stiff as it is solid
   double volume = 0.0;                 // of the closed rest shape [m^3]
@@ -66,9 +65,6 @@ struct Band {
 // What a node of the band holds: nothing; u and v as given, or that came from among the nodes that carried the solid;
 // that came from between these and the extension; that the extension made up.
 inline constexpr std::uint8_t kNoData = 0, kKnown = 1, kEdge = 2, kExtended = 3;
-
-// An element of a solid that owns its cell; one in a cell that a fluid has.
-inline constexpr std::uint8_t kOwned = 1, kBeside = 2;
 
 // What a wall did at a node that it held in the last step.
 struct WallPress {
@@ -105,7 +101,7 @@ struct SolidState {
   VectorField u;                     // displacement, band nodes [m]
   VectorField v;                     // velocity, band nodes [m/s]
   std::vector<std::uint8_t> valid;   // band nodes: kNoData, or where u and v came from in the last step
-  std::vector<std::uint8_t> stiff;   // band cells: 0, kOwned, kBeside in the last step; empty: not known
+  std::vector<std::uint8_t> stiff;   // band cells: carried stiffness in the last step; empty: not known
   std::vector<WallPress> presses;    // where walls held it in the last step
   std::vector<SolidPress> contacts;  // where it pushed itself and solids that come after it in the last step
   std::vector<PlasticNode> plastic;  // nodes of rest.plastic_lattice; empty: it cannot yield
@@ -177,7 +173,6 @@ struct SolidWork {
   std::vector<Real> fraction;                // part of the cell inside the solid, band cells
   std::vector<Real> volume_ratio;            // det F, band cells with fraction > 0; 0.1 to 10, inverted ones 10
   std::vector<std::int32_t> element;         // band cell -> element, -1: none
-  std::vector<std::uint8_t> owns;            // band cells: elements that it owns (SolidRest::owned)
   std::vector<std::int32_t> element_cell;    // element -> band cell
   std::vector<std::int32_t> element_corner;  // element -> band node of corner 0
   std::vector<double> element_factor;        // of their stiffness; empty: 1 everywhere

@@ -42,8 +42,6 @@ struct SlipNode {
   Real mass = 0;                 // of all matter [kg]
 
   bool shared() const { return solids > 1; }
-  // Of a solid that owns no cell around the node: nothing ties it to the fluid.
-  bool is_apart() const { return !shared() && solid_cells == 0; }
 };
 
 // +-1 per component: on which side of a cell's center its corner lies.

@@ -108,11 +108,6 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
     if (s.shared()) continue;
     const auto u = static_cast<std::size_t>(unknown_of_node_[s.node]);
     entry_[u] = static_cast<std::int32_t>(t);
-    if (s.is_apart()) {  // the fluid has no part in it
-      node_mass_[u] = s.solid_mass;
-      inertia_[u] = static_cast<Real>(static_cast<double>(s.solid_mass) + damping[u]);
-      continue;
-    }
     sliding_[u] = s.fluid_mass;
     normal_[u] = s.normal;
   }

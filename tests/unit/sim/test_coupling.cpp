@@ -227,7 +227,7 @@ TEST_CASE("At walls, in gaps of less than a cell and with the paper's preset sol
   CHECK_FALSE(on_the_floor.work.velocity.slip.empty());
 
   const SlottedBlock gap(0.8, 4), slot(3.0, 4);
-  REQUIRE(gap.work.matter.cell_fraction[gap.g.cell(10, 7, 7)] < solid::kOwnedPart.fraction);
+  REQUIRE(gap.work.matter.cell_fraction[gap.g.cell(10, 7, 7)] < solid::kElementPartInFluid.fraction);
   CHECK(gap.slipping(10, 11) == 0);
   CHECK(gap.slipping(6, 9) > 0);
   CHECK(slot.slipping(9, 12) > 0);

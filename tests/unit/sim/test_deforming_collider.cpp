@@ -92,7 +92,7 @@ double size_of(const grid::VectorField& one, const grid::VectorField* other = nu
 
 TEST_CASE("A ball whose points move is one whose transform does", "[law]") {
   for (const sim::Preset preset : {sim::Preset::kProduction, sim::Preset::kPaper2016})
-    for (const double distance : {0.11, 0.04}) {  // in the first there is always more than a cell between the balls
+    for (const double distance : {0.09, 0.04}) {  // in the first the balls do not meet
       const Moved pose = move_ball(preset, Share::kNone, distance);
       for (const Share share : {Share::kAll, Share::kTurn}) {
         const Moved points = move_ball(preset, share, distance);
@@ -101,7 +101,7 @@ TEST_CASE("A ball whose points move is one whose transform does", "[law]") {
                        << ": fluid off by " << off << ", momentum " << points.momentum.transpose() << " for "
                        << pose.momentum.transpose() << ", impulse " << points.impulse.transpose() << " for "
                        << pose.impulse.transpose() << ", work " << points.work << " for " << pose.work);
-        CHECK(pose.momentum[0] > (distance < 0.05 ? 0.9 : 0.005));
+        CHECK(pose.momentum[0] > (distance < 0.05 ? 0.9 : 0.01));
         // Turning the mesh by 0.05 rad alone changes 0.04 in the wake of the ball. Where balls have met a shift of it
         // by 1e-5 m changes 0.13 of the flow and 0.008 of the impulse, one by 1e-3 m 0.17 and 0.007.
         const bool met = distance < 0.05;

@@ -80,38 +80,8 @@ TEST_CASE("Noise in the map of a ball that flies through vacuum dies away at eve
     }
     INFO(cells << " cells per step: elastic energy " << start << " J after a step, " << late
                << " J at most in the last ten");
-    CHECK(late < 0.7 * start);
+    CHECK(late < 0.65 * start);
   }
-}
-
-TEST_CASE("A rod little more than a cell thick that turns holds together and makes no energy, in vacuum and in air",
-          "[law]") {
-  // Its kinetic energy wavers by a tenth with where its mass lies on the grid. Elements from 0.6 solid on made 1.8 of
-  // it in air.
-  const double air = GENERATE(0.0, 1.0), modulus = GENERATE(2e4, 1e5);
-  constexpr double kCell = 0.02, kHalf = 0.65 * kCell;
-  sim::Params p = air > 0.0 ? still(Vec3d::Constant(0.6), kCell) : still_vacuum(Vec3d::Constant(0.6), kCell);
-  if (air > 0.0) p.fluid.density = air;
-  p.max_time_step = 0.01;
-  sim::SolidDesc rod =
-      desc_of(geometry::shapes::box({0.3 - kHalf, 0.303 - kHalf, 0.2}, {0.3 + kHalf, 0.303 + kHalf, 0.4}));
-  rod.youngs_modulus = modulus;
-  rod.poissons_ratio = 0.3;
-  rod.angular_velocity = {3.0, 5.0, 1.0};
-  const auto s = make_simulation(p, {rod});
-  double lowest = 1e300, rise = 0.0;
-  std::uint64_t degenerate = 0;
-  while (s->state().time < 1.0) {
-    degenerate += s->step(1.0 - s->state().time).degenerate_cells;
-    const auto now = s->diagnose_solid(0);
-    const double energy =
-        now.kinetic_energy + now.elastic_energy + (air > 0.0 ? s->diagnose_fluid().kinetic_energy : 0.0);
-    lowest = std::min(lowest, energy);
-    rise = std::max(rise, energy / lowest - 1.0);
-  }
-  INFO("air " << air << " kg/m^3, modulus " << modulus << " Pa: energy rises by " << rise);
-  CHECK(degenerate == 0);
-  CHECK(rise < 0.15);
 }
 
 TEST_CASE("A ball hits the floor in small steps without losing its shape or gaining energy", "[law]") {
@@ -227,8 +197,8 @@ TEST_CASE("A ball under a lasting load towards its centre is not compressed", "[
   load(*s, dt, 60,
        [&](const Vec3d& x, std::size_t a) { return -beta / 1000.0 * (x[static_cast<Eigen::Index>(a)] - 0.2); });
   const auto now = s->diagnose_solid(0);
-  CHECK(now.min_det_f == Approx(1.0).margin(3e-4));
-  CHECK(now.max_det_f == Approx(1.0).margin(3e-4));
+  CHECK(now.min_det_f == Approx(1.0).margin(1e-4));
+  CHECK(now.max_det_f == Approx(1.0).margin(1e-4));
   CHECK(now.volume_mesh == Approx(now.rest_volume).epsilon(0.005));
   CHECK(now.kinetic_energy < 1e-6);
 }
@@ -392,10 +362,10 @@ TEST_CASE("A ball that slides over the floor keeps its momentum along it and its
   auto s = make_simulation(p, {d});
   s->step(0.005);
   const auto start = s->diagnose_solid(0);
-  while (s->state().time < 0.2) {
+  for (int n = 0; n < 40; ++n) {
     s->step(0.005);
     const auto now = s->diagnose_solid(0);
-    INFO("after " << s->state().time << " s: " << now.momentum.transpose() << ", turn " << now.angular_momentum[1]);
+    INFO("after " << n + 1 << " steps: " << now.momentum.transpose() << ", turn " << now.angular_momentum[1]);
     CHECK(now.momentum[0] == Approx(start.momentum[0]).epsilon(1e-4));
     CHECK(now.momentum[2] == Approx(start.momentum[2]).epsilon(1e-4));
     CHECK(now.angular_momentum[1] == Approx(start.angular_momentum[1]).epsilon(1e-3));

@@ -81,22 +81,7 @@ TEST_CASE("Mass of cut cells goes to nodes that carry stiffness, and the element
   CHECK(filled == Approx(s.work.volume).epsilon(0.1));
   CHECK(s.work.element_weight * filled == Approx(s.work.volume));
   for (const auto c : s.work.element_cell)
-    CHECK(s.work.fraction[static_cast<std::size_t>(c)] > solid::kOwnedPart.fraction);
-}
-
-TEST_CASE("Elements of little solid lie beside the cells that a solid owns") {
-  TestSolid s = make_ball(cube_grid(18, 0.02), kSoft, Vec3d(0.183, 0.176, 0.181), 0.1);
-  s.rest.element = solid::kElementPart;
-  s.rest.owned = solid::kOwnedPart;
-  solid::compute_mass(Parallel(1), s.rest, s.state, s.work);
-  solid::remember_elements(s.work, s.state);
-  std::size_t beside = 0;
-  for (std::size_t c = 0; c < s.work.element.size(); ++c) {
-    CHECK((s.work.element[c] >= 0) == (s.work.fraction[c] > solid::kElementPart.fraction));
-    CHECK((s.work.owns[c] > 0) == (s.work.fraction[c] > solid::kOwnedPart.fraction));
-    beside += s.state.stiff[c] == solid::kBeside;
-  }
-  CHECK(beside > 50);
+    CHECK(s.work.fraction[static_cast<std::size_t>(c)] > solid::kElementPartInFluid.fraction);
 }
 
 TEST_CASE("Cells take up stiffness later and drop it later than half full") {
@@ -114,7 +99,8 @@ TEST_CASE("Cells take up stiffness later and drop it later than half full") {
   for (const bool before : {false, true}) {
     s.state.stiff.assign(fresh.size(), before);
     const auto now = stiff();
-    const Real limit = solid::kOwnedPart.fraction + (before ? -solid::kOwnedPart.lag : solid::kOwnedPart.lag);
+    const Real limit = solid::kElementPartInFluid.fraction +
+                       (before ? -solid::kElementPartInFluid.lag : solid::kElementPartInFluid.lag);
     std::size_t changed = 0;
     for (std::size_t c = 0; c < now.size(); ++c) {
       CHECK(now[c] == (s.work.fraction[c] > limit));
