@@ -49,36 +49,24 @@ void diffuse(const StepContext& step, const Matter& matter, NodeVelocity& veloci
   ledger.book_nodes(EnergyStage::kViscosity, velocity);
 }
 
-enum class Half { kLast, kThis };  // of the last step, of this one
-
-// Plastic flow in the solids that can yield, around their forces: the displacement of one time stands for the half step
-// before it and for that after it. At the start there is one before it too: the velocities are those of its beginning.
-void flow(const StepContext& step, Half half, SolidWorks& solids, SolidStates& states, EnergyLedger& ledger) {
-  ScopedTimer timer(step.profile, Stage::kComputeG);
-  bool any = false;
-  for (std::size_t l = 0; l < solids.size(); ++l) {
-    const solid::SolidRest& rest = step.scene.solids[l];
-    if (!rest.plastic.yields()) continue;
-    double& due = states[l].flow_due;
-    if (half == Half::kThis || due == 0.0) due = 0.5 * step.dt;
-    if (half == Half::kThis && !solids[l].flows) continue;
-    solids[l].flows =
-        solid::flow(step.parallel, rest, due, step.scene.params.numerics.points_per_element, solids[l], states[l]);
-    any = true;
-  }
-  if (any) ledger.book_solids(EnergyStage::kPlasticFlow);
-}
-
-// Lines 2 to 6, with what flows around them.
+// Lines 2 to 6. What can yield flows around its forces: the displacement of one time stands for the half step before it
+// and for that after it. At the start there is one before it too: the velocities are those of its beginning.
 void compute_materials(const StepContext& step, SolidWorks& solids, SolidStates& states, EnergyLedger& ledger) {
   const int points = step.scene.params.numerics.points_per_element;
-  flow(step, Half::kLast, solids, states, ledger);
+  bool any_yields = false;
   for (std::size_t l = 0; l < solids.size(); ++l) {
     ScopedTimer timer(step.profile, Stage::kComputeG);
-    solid::compute_material(step.parallel, step.scene.solids[l], states[l], points, solids[l]);  // Alg. 1 line 4
+    const solid::SolidRest& rest = step.scene.solids[l];
+    const auto flow = [&](double time) { return solid::flow(step.parallel, rest, time, points, solids[l], states[l]); };
+    const double half = 0.5 * step.dt, due = states[l].flow_due;
+    const bool yields = rest.plastic.yields(), flows = yields && flow(due > 0.0 ? due : half);
+    solid::compute_material(step.parallel, rest, states[l], points, solids[l]);  // Alg. 1 line 4
     timer.visited(solids[l].element_cell.size(), sizeof(solid::ElementPoint));
+    if (flows) flow(half);
+    if (yields) states[l].flow_due = half;
+    any_yields = any_yields || yields;
   }
-  flow(step, Half::kThis, solids, states, ledger);
+  if (any_yields) ledger.book_solids(EnergyStage::kPlasticFlow);
 }
 
 // Which cells carry stiffness, for the next step's choice.

@@ -198,7 +198,6 @@ struct SolidWork {
   double whole_weight = 1.0;    // over that of as many whole cells
   double elastic_energy = 0.0;  // [J]
   double max_speed = 0.0;
-  bool flows = false;  // some of it is above the yield stress
 
   double factor(std::size_t e) const { return element_factor.empty() ? 1.0 : element_factor[e]; }
   Vec3d middle(std::size_t e) const;
