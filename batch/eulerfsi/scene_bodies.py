@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from eulerfsi_usd import deform, given, gprims
 from eulerfsi_usd.issues import instance_above
+from eulerfsi_usd.physics import friction_of, physics_material
 from eulerfsi_usd.pose import Pose, PoseError
-from pxr import Usd, UsdGeom, UsdShade
+from pxr import Usd, UsdGeom
 
 from . import binding, solver
 from .errors import Cancelled, LibraryError, SceneError
@@ -42,7 +43,7 @@ def read_solid(reader: Reader, space: SimulationSpace, prim: Usd.Prim) -> Solid:
     left_handed = is_mesh and not file and reader.authored(prim, "orientation") == UsdGeom.Tokens.leftHanded
     if left_handed != (handedness < 0):
         mesh = mesh.flipped()  # outward faces stay outward
-    values = reader.fields(prim, "solid")
+    values = _read_values(reader, prim, "solid")
     animated = _animated_motion(reader, space, pose, local, mesh)
     values["velocity"], values["angular_velocity"] = _initial_motion(reader, space, prim, values, animated)
     subdivision = "none" if file or not is_mesh else str(UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get())
@@ -122,7 +123,7 @@ def read_collider(reader: Reader, space: SimulationSpace, prim: Usd.Prim, first:
     except PoseError as error:
         raise SceneError(f"{path}: {error}") from error
     motion = Motion("" if stretched else path, stage, space, first)
-    return Collider(path, closed_mesh(reader, space, prim), reader.fields(prim, "collider"), motion, shape)
+    return Collider(path, closed_mesh(reader, space, prim), _read_values(reader, prim, "collider"), motion, shape)
 
 
 def examine(body: Solid | Pin | Collider | Emitter, domain: dict[str, Any], threads: int) -> None:
@@ -184,9 +185,17 @@ def read_density(reader: Reader, prim: Usd.Prim, volume: float) -> float:
     if mass is not None and mass != 0:  # UsdPhysics: 0 is "not given"
         return mass * reader.units.kilograms_per_unit / volume
     if density is None:
-        material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")
-        density = reader.authored(material.GetPrim(), "physics:density") if material else None
+        material = physics_material(prim)
+        density = reader.authored(material, "physics:density") if material else None
     return density * to_si if density else DEFAULT_DENSITY
+
+
+def _read_values(reader: Reader, prim: Usd.Prim, scope: str) -> dict[str, Any]:
+    """The values of a body in SI; the friction is that of its physics material where none is authored on it."""
+    values, friction = reader.fields(prim, scope), friction_of(prim)
+    if friction:
+        values["friction"] = float(friction.Get(reader.time))
+    return values
 
 
 def _initial_motion(

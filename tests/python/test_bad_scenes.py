@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from conftest import make_scene
 from eulerfsi import report
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
 
 
 def no_mesh(stage: Usd.Stage) -> None:
@@ -38,6 +38,12 @@ def bad_index(stage: Usd.Stage) -> None:
 
 def zero_density(stage: Usd.Stage) -> None:
     UsdPhysics.MassAPI(stage.GetPrimAtPath("/World/Ball")).GetDensityAttr().Set(0.0)
+
+
+def negative_material_friction(stage: Usd.Stage) -> None:
+    material = UsdShade.Material.Define(stage, "/World/Ice")
+    UsdPhysics.MaterialAPI.Apply(material.GetPrim()).CreateDynamicFrictionAttr(-0.5)
+    UsdShade.MaterialBindingAPI.Apply(stage.GetPrimAtPath("/World/Ball")).Bind(material, materialPurpose="physics")
 
 
 def negative_modulus(stage: Usd.Stage) -> None:
@@ -121,6 +127,7 @@ CASES = {
     nan_point: ["/World/Ball", "points[7]", "nan", "finite"],
     bad_index: ["/World/Ball", "faceVertexIndices", "9999"],
     zero_density: ["/World/Ball", "physics:density", "0", "> 0"],
+    negative_material_friction: ["/World/Ice.physics:dynamicFriction", "-0.5", ">= 0"],
     negative_modulus: ["/World/Ball", "youngsModulus", "-5", "> 0"],
     small_domain: ["/World/Ball", "/World/Domain", "0.2"],
     small_product: ["/World/Ball: eulerfsi:stretch = (0.4, 0.4, 0.4)", "0.064", "a product from 0.1 to 10"],

@@ -159,6 +159,34 @@ def test_density_precedence_is_mass_then_density_then_material_then_1000(tmp_pat
     assert density() == pytest.approx(500.0, rel=1e-6)
 
 
+def test_friction_precedence_is_own_then_dynamic_then_static_of_the_material_then_0(tmp_path):
+    stage = make_scene(tmp_path / "a.usda")
+    ball, floor = stage.GetPrimAtPath("/World/Ball"), UsdGeom.Cube.Define(stage, "/World/Floor").GetPrim()
+    floor.ApplyAPI("EulerFsiColliderAPI")
+    UsdGeom.Xformable(floor).AddTranslateOp().Set((0.0, -2.0, 0.0))
+
+    def friction() -> tuple[float, float]:
+        scene = read(stage, tmp_path / "a.usda")
+        return scene.solids[0].values["friction"], scene.colliders[0].values["friction"]
+
+    assert friction() == (0.0, 0.0)
+    for prim, name in ((ball, "Rubber"), (floor, "Wood")):
+        material = UsdShade.Material.Define(stage, f"/World/{name}")
+        UsdPhysics.MaterialAPI.Apply(material.GetPrim())
+        UsdShade.MaterialBindingAPI.Apply(prim).Bind(material, materialPurpose="physics")
+    assert friction() == (0.0, 0.0)  # nothing is authored: the fallback of the schema is 0, too
+    rubber, wood = (UsdPhysics.MaterialAPI.Get(stage, f"/World/{name}") for name in ("Rubber", "Wood"))
+    rubber.CreateStaticFrictionAttr(0.75)
+    wood.CreateStaticFrictionAttr(0.5)
+    assert friction() == (0.75, 0.5)
+    rubber.CreateDynamicFrictionAttr(0.625)
+    assert friction() == (0.625, 0.5)
+    ball.GetAttribute("eulerfsi:friction").Set(0.25)
+    assert friction() == (0.25, 0.5)
+    ball.GetAttribute("eulerfsi:friction").Set(0.0)
+    assert friction() == (0.0, 0.5)
+
+
 def test_rigid_body_velocity_is_local_and_gives_way_to_the_own_attribute(tmp_path):
     stage = make_scene(tmp_path / "a.usda")
     prim = stage.GetPrimAtPath("/World/Ball")

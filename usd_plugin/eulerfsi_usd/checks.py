@@ -18,7 +18,8 @@ from .gprims import dimensions
 from .issues import Issue, all_prims, domain_box, first_time, is_enabled, is_ever_enabled, make_issue, read, scopes_of
 from .parameters import API_SCHEMAS, NAMESPACE, Parameter, load, prim_types, stage_attributes, stage_relationships
 from .passengers import check_passengers, check_scale
-from .surface import check_animation, check_density, check_inside, check_skinning, check_surface
+from .physics import check_density, check_friction
+from .surface import check_animation, check_inside, check_skinning, check_surface
 
 AXES = ("X", "Y", "Z")
 
@@ -279,18 +280,20 @@ def _box_fault(prim: Usd.Prim) -> Issue | None:
 
 
 def check_solid(prim: Usd.Prim) -> list[Issue]:
-    """Values, density and surface of a prim with EulerFsiSolidAPI."""
+    """Values, density, friction and surface of a prim with EulerFsiSolidAPI."""
     issues = check_values(prim, "solid")
     if not is_enabled(prim):
         return issues
-    issues += check_density(prim) + check_surface(prim) + check_skinning(prim)
+    issues += check_density(prim) + check_friction(prim) + check_surface(prim) + check_skinning(prim)
     return issues + check_animation(prim, "solid") + check_pins(prim)
 
 
 def check_collider(prim: Usd.Prim) -> list[Issue]:
     """Values, shape and motion of a prim with EulerFsiColliderAPI."""
     issues = check_values(prim, "collider")
-    return issues if issues or not is_enabled(prim) else check_skinning(prim) + check_given_collider(prim)
+    if issues or not is_enabled(prim):
+        return issues
+    return check_friction(prim) + check_skinning(prim) + check_given_collider(prim)
 
 
 def check_emitter(prim: Usd.Prim) -> list[Issue]:

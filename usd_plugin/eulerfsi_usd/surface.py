@@ -1,11 +1,11 @@
-"""Checks of a solid's surface and density: points, topology, surface file, place inside the domain."""
+"""Checks of a solid's surface: points, topology, surface file, place inside the domain."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
+from pxr import Sdf, Usd, UsdGeom
 
 from .gprims import dimensions
 from .issues import Issue, domain_box, first_time, make_issue, read, slab_axis
@@ -13,28 +13,6 @@ from .pose import Pose, PoseError, transform_drivers
 
 # Part of the box by which points may stick out of it through rounding of the transforms.
 TOLERANCE = 1e-6
-
-
-def check_density(prim: Usd.Prim) -> list[Issue]:
-    """physics:mass, physics:density, then the density of the bound physics material, in UsdPhysics' precedence."""
-    mass = prim.GetAttribute("physics:mass")
-    if mass and mass.HasAuthoredValue():
-        value = float(mass.Get())
-        if not (math.isfinite(value) and value >= 0.0):
-            return [make_issue(prim, "physics:mass", value, ">= 0 (0: from the density)", "OutOfRange")]
-        if value > 0.0:
-            return []
-    density = prim.GetAttribute("physics:density")
-    if density and density.HasAuthoredValue():
-        value = float(density.Get())
-        bad = not (math.isfinite(value) and value > 0.0)
-        return [make_issue(prim, "physics:density", value, "> 0", "OutOfRange")] if bad else []
-    material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")
-    if material and material.GetPrim().HasAPI(UsdPhysics.MaterialAPI):
-        value = float(UsdPhysics.MaterialAPI(material.GetPrim()).GetDensityAttr().Get())
-        if not (math.isfinite(value) and value >= 0.0):
-            return [make_issue(material.GetPrim(), "physics:density", value, ">= 0 (0: the default)", "OutOfRange")]
-    return []
 
 
 def surface_file(prim: Usd.Prim) -> Sdf.AssetPath | None:

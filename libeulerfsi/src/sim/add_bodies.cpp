@@ -62,7 +62,8 @@ std::shared_ptr<const geometry::Surface> stretched(const SolidDesc& desc, const 
   return slab ? geometry::lay_in_slab(*surface, *slab, parallel) : surface;
 }
 
-constexpr double kTurning = 1e-6;  // what turning a scene to the axes of the box leaves
+constexpr std::size_t kMostSolids = 255;  // a cell names its owner by a byte (Matter::owned)
+constexpr double kTurning = 1e-6;         // what turning a scene to the axes of the box leaves
 
 // In a slab solids start without a velocity across it, but for rounding.
 void demand_flat(const SolidDesc& d, int axis) {
@@ -130,6 +131,10 @@ void Simulation::demand_apart(bool collider, const geometry::SignedDistance& dis
 
 std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry::MeshReport& report) {
   if (state_.steps > 0) throw Error(ErrorCode::kArgument, "efsi_solid_add: solids are added before the first step");
+  if (solids_.size() == kMostSolids)
+    throw Error(ErrorCode::kArgument, "efsi_solid_add: solid " + std::to_string(kMostSolids + 1) +
+                                          ": must be at most " + std::to_string(kMostSolids) +
+                                          " solids, colliders included");
   validate(desc);
   solid::SolidRest rest;
   rest.elastic = material::from_youngs_modulus(desc.law, desc.youngs_modulus, desc.poissons_ratio);

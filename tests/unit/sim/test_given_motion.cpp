@@ -322,3 +322,12 @@ TEST_CASE("A region that holds nothing, and a collider that is pinned, are refus
   CHECK_THROWS_WITH(bar.s->add_pin(1, away->distance), Catch::Contains("that is a collider"));
   CHECK_THROWS_WITH(bar.s->add_solid(ball_desc({0.5, 0.12, 0.5}, 0.05), report), Catch::Contains("overlaps solid 2"));
 }
+
+TEST_CASE("More solids than a byte can name are refused, colliders included") {
+  const auto s = make_simulation(vacuum({0.6, 0.6, 0.6}, 0.05));
+  geometry::MeshReport report;
+  sim::SolidDesc ball = ball_desc({0.3, 0.3, 0.3}, 0.1);
+  ball.examined = geometry::examine(ball.surface, sim::kRestSpacing * 0.05);
+  for (int n = 0; n < 255; ++n) s->add_collider(ball, report);
+  CHECK_THROWS_WITH(s->add_collider(ball, report), Catch::Contains("solid 256: must be at most 255"));
+}

@@ -1,0 +1,63 @@
+"""What a body takes from UsdPhysics: its density, and the friction of its physics material."""
+
+from __future__ import annotations
+
+import math
+
+from pxr import Usd, UsdPhysics, UsdShade
+
+from .issues import Issue, make_issue
+
+FRICTION = "eulerfsi:friction"
+
+
+def physics_material(prim: Usd.Prim) -> Usd.Prim | None:
+    """The material bound for the purpose "physics" (else for all purposes) that has PhysicsMaterialAPI."""
+    material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")
+    return material.GetPrim() if material and material.GetPrim().HasAPI(UsdPhysics.MaterialAPI) else None
+
+
+def friction_of(prim: Usd.Prim) -> Usd.Attribute | None:
+    """The attribute that gives a body's one coefficient of friction; None where none is authored.
+
+    eulerfsi:friction, else physics:dynamicFriction of the physics material, else its physics:staticFriction.
+    """
+    material = physics_material(prim)
+    named = [(prim, FRICTION)]
+    if material:
+        named += [(material, "physics:dynamicFriction"), (material, "physics:staticFriction")]
+    attributes = (owner.GetAttribute(name) for owner, name in named)
+    return next((attribute for attribute in attributes if attribute and attribute.HasAuthoredValue()), None)
+
+
+def check_friction(prim: Usd.Prim) -> list[Issue]:
+    """Of a physics material, where it counts; eulerfsi:friction is checked with the other values of the prim."""
+    attribute = friction_of(prim)
+    if attribute is None or attribute.GetName() == FRICTION:
+        return []
+    value = float(attribute.Get())
+    if not (math.isfinite(value) and value >= 0.0):
+        return [make_issue(attribute.GetPrim(), attribute.GetName(), value, ">= 0", "OutOfRange")]
+    return []
+
+
+def check_density(prim: Usd.Prim) -> list[Issue]:
+    """physics:mass, physics:density, then the density of the bound physics material, in UsdPhysics' precedence."""
+    mass = prim.GetAttribute("physics:mass")
+    if mass and mass.HasAuthoredValue():
+        value = float(mass.Get())
+        if not (math.isfinite(value) and value >= 0.0):
+            return [make_issue(prim, "physics:mass", value, ">= 0 (0: from the density)", "OutOfRange")]
+        if value > 0.0:
+            return []
+    density = prim.GetAttribute("physics:density")
+    if density and density.HasAuthoredValue():
+        value = float(density.Get())
+        bad = not (math.isfinite(value) and value > 0.0)
+        return [make_issue(prim, "physics:density", value, "> 0", "OutOfRange")] if bad else []
+    material = physics_material(prim)
+    if material:
+        value = float(UsdPhysics.MaterialAPI(material).GetDensityAttr().Get())
+        if not (math.isfinite(value) and value >= 0.0):
+            return [make_issue(material, "physics:density", value, ">= 0 (0: the default)", "OutOfRange")]
+    return []
