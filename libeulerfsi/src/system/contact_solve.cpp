@@ -12,6 +12,7 @@ namespace {
 constexpr double kStiff = 3.0;     // of a penalty, over the inverse of the mobility of its row by the diagonal of G
 constexpr int kMostUpdates = 20;   // of the impulses
 constexpr double kOfPush = 0.1;    // of what the rows push: the tolerance refers to that at least
+constexpr double kHolds = 10.0;    // of a penalty while the pressure acts, over that in the solve
 constexpr double kSettled = 1e-3;  // change of the impulses in an update, over the largest
 
 // What the rows start with: penalties, and impulses that they may have.
@@ -47,6 +48,15 @@ bool update(const std::vector<Real>& x, double negligible, std::vector<ContactRo
   return fastest <= negligible || change <= kSettled * largest;
 }
 
+// What is closed stays so when the pressure pushes: its impulses are not sought anew then, the penalties alone answer.
+void hold_rows(const Parallel& parallel, const std::vector<ContactRow>& rows, const std::vector<Real>& x,
+               VelocitySystem& system) {
+  const std::vector<RowAct> now = acts(rows, x);
+  std::vector<ContactRow> stiff = rows;
+  for (ContactRow& row : stiff) row.penalty *= kHolds;
+  close_rows(parallel, stiff, now, system);
+}
+
 // |f + B^T r - G x| of what moves, r the impulses that the rows have.
 double first_residual(const Parallel& parallel, const std::vector<Real>& f, const std::vector<Real>& x,
                       const std::vector<ContactRow>& rows, VelocitySystem& system) {
@@ -76,7 +86,7 @@ linalg::SolveStats solve_contact(const Parallel& parallel, VelocitySolver solver
     settled = update(x, negligible, rows);
   }
   stats.converged = stats.converged && settled;
-  close_rows(parallel, rows, acts(rows, x), system);
+  hold_rows(parallel, rows, x, system);
   return stats;
 }
 
