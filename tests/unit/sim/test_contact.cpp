@@ -16,12 +16,17 @@ namespace {
 
 constexpr double kAcross = 10.0, kCell = 0.2 / kAcross;  // a ball is kAcross cells wide
 
-// A box without weight, large enough that nothing meets a wall.
-sim::Params space(bool fluid) { return still({1.0, 0.7, 0.5}, kCell, fluid); }
+// A box without weight, large enough that nothing meets a wall; of a fluid of so many kg/m^3, or without.
+sim::Params space(double fluid, double h = kCell) {
+  sim::Params p = still({1.0, 0.7, 0.5}, h, fluid > 0.0);
+  if (fluid > 0.0) p.fluid.density = fluid;
+  return p;
+}
 
-// Balls that fly towards each other at 1 m/s, the second `off` beside the first one's way and `dense` times as dense.
+// Balls that fly towards each other at 1 m/s, their ways `off` apart, the second one `dense` times as dense.
 std::vector<sim::SolidDesc> two_balls(double off = 0.0, double dense = 1.0, bool compressible = false) {
-  std::vector<sim::SolidDesc> balls = {ball_desc({0.36, 0.35, 0.25}), ball_desc({0.64, 0.35 + off, 0.25})};
+  std::vector<sim::SolidDesc> balls = {ball_desc({0.36, 0.35 - 0.5 * off, 0.25}),
+                                       ball_desc({0.64, 0.35 + 0.5 * off, 0.25})};
   balls[0].velocity = {0.5, 0.0, 0.0};
   balls[1].velocity = {-0.5, 0.0, 0.0};
   balls[1].density *= dense;
@@ -66,7 +71,8 @@ Outcome run(sim::Simulation& s, double end) {
     if (until - s.state().time < 1e-9) break;
     const sim::StepInfo info = s.step(std::min(0.02, until - s.state().time));
     const sim::SolidContacts& contacts = s.workspace().elasticity.contacts;
-    for (const sim::RowPlace& place : contacts.places) out.deepest = std::min(out.deepest, place.gap / kCell);
+    for (const sim::RowPlace& place : contacts.places)
+      out.deepest = std::min(out.deepest, place.gap / s.workspace().matter.common.grid.h);
     const bool pushes = !sim::pushing_pairs(contacts).empty();
     out.pushes += pushes;
     if (pushes) {
@@ -164,39 +170,52 @@ Effort effort(sim::Simulation& s, double end) {
 }  // namespace
 
 TEST_CASE("Two balls that meet leave each other and keep their momentum", "[law]") {
-  const bool fluid = GENERATE(false, true), compressible = GENERATE(false, true);
+  const double fluid = GENERATE(0.0, 1.0, 769.0);  // vacuum, 1000 : 1, 1.3 : 1
+  const bool compressible = GENERATE(false, true);
   auto s = scene(space(fluid), two_balls(0.0, 1.0, compressible));
   const Outcome out = run(*s, 0.6);
-  INFO((fluid ? "air" : "vacuum") << (compressible ? ", compressible" : "") << ": deepest " << out.deepest
-                                  << " cells, impulse " << out.impulse << ", momentum gained " << out.gained
-                                  << " kg m/s, energy made " << out.made << ", kinetic energy changes by " << out.steady
-                                  << ", leave at " << speed(*s, 1) << " m/s");
+  INFO(fluid << " kg/m^3" << (compressible ? ", compressible" : "") << ": deepest " << out.deepest << " cells, impulse "
+             << out.impulse << ", momentum gained " << out.gained << " kg m/s, energy made " << out.made
+             << ", kinetic energy changes by " << out.steady << ", leave at " << speed(*s, 1) << " m/s");
   CHECK(out.pushes > 5);
-  CHECK(out.deepest > -1.0);
-  CHECK(out.gained < (fluid ? 1e-4 : 1e-5) * out.impulse);
+  CHECK(out.deepest > -0.5);
+  CHECK(out.gained < (fluid > 1.0 ? 1e-3 : 1e-5) * out.impulse);  // a liquid takes part of it
   CHECK(out.made < 0.02);
-  CHECK(out.steady < 0.02);
+  CHECK((fluid > 1.0 || out.steady < 0.02));
   CHECK(speed(*s, 0) < -0.15);
   CHECK(speed(*s, 1) > 0.15);
   CHECK(out.apart);
 }
 
 TEST_CASE("Balls that meet off their centres, of another density, or three at once, keep their momentum", "[law]") {
-  const int kind = GENERATE(0, 1, 2);
-  std::vector<sim::SolidDesc> balls = two_balls(kind == 0 ? 0.08 : 0.0, kind == 1 ? 10.0 : 1.0);
+  const int kind = GENERATE(0, 1, 2, 3, 4, 5);
+  const double fluid = kind == 3 ? 1.0 : kind == 4 ? 769.0 : 0.0;
+  const bool beside = kind == 0 || kind > 2;
+  std::vector<sim::SolidDesc> balls = two_balls(beside ? 0.08 : 0.0, kind == 1 ? 10.0 : 1.0, kind == 5);
   if (kind == 2) {
     balls.push_back(ball_desc({0.5, 0.59, 0.25}));
     balls[2].velocity = {0.0, -0.5, 0.0};
   }
-  auto s = scene(space(false), balls);
-  const Outcome out = run(*s, 0.35);
+  auto s = scene(space(fluid), balls);
+  const Outcome out = run(*s, beside ? 0.6 : 0.35);
   INFO("kind " << kind << ": deepest " << out.deepest << " cells, impulse " << out.impulse << ", momentum gained "
-               << out.gained << " kg m/s, energy made " << out.made);
+               << out.gained << " kg m/s, energy made " << out.made << ", kinetic energy changes by " << out.steady);
   CHECK(out.pushes > 5);
-  CHECK(out.deepest > -1.0);
-  CHECK(out.gained < 1e-5 * out.impulse);
+  CHECK(out.deepest > -0.5);
+  CHECK(out.gained < (fluid > 1.0 ? 1e-4 : 1e-5) * out.impulse);
   CHECK(out.made < 0.02);
   CHECK(speed(*s, 0) < 0.0);
+  if (beside) CHECK(out.apart);
+  if (beside && fluid <= 1.0) CHECK(out.steady < 0.02);
+}
+
+TEST_CASE("What the pressure does in an impact presses no ball into the other, on a finer grid neither", "[law]") {
+  auto s = scene(space(0.0, 0.5 * kCell), two_balls());
+  const Outcome out = run(*s, 0.3);
+  INFO("deepest " << out.deepest << " cells, energy made " << out.made);
+  CHECK(out.pushes > 5);
+  CHECK(out.deepest > -0.5);
+  CHECK(out.made < 0.02);
 }
 
 TEST_CASE("A block slides down a solid as Coulomb's law says, or stays", "[law]") {
@@ -265,7 +284,7 @@ TEST_CASE("In a cell that two solids fill a part of the pressure keeps the volum
 TEST_CASE("Contact is the same to the bit with two threads, and after a restart", "[determinism]") {
   std::vector<sim::SolidDesc> balls = two_balls(0.05);
   for (sim::SolidDesc& ball : balls) ball.friction = 0.3;
-  sim::Params p = space(true);
+  sim::Params p = space(1.0);
   auto one = make_simulation(p, balls);
   p.threads = 2;
   auto two = make_simulation(p, balls), resumed = make_simulation(p, balls);
@@ -282,7 +301,7 @@ TEST_CASE("Contact is the same to the bit with two threads, and after a restart"
 }
 
 TEST_CASE("Solids far from each other have no rows, and with the paper's preset none at all") {
-  sim::Params p = space(false);
+  sim::Params p = space(0.0);
   auto apart = make_simulation(p, {ball_desc({0.2, 0.35, 0.25}), ball_desc({0.8, 0.35, 0.25})});
   apart->step(1e-3);
   CHECK(apart->workspace().elasticity.contacts.rows.empty());
@@ -312,7 +331,7 @@ TEST_CASE("In the gap between two solids the fluid slips, however thin it is") {
   left.surface = block({0.3, 0.35, 0.25}, {0.1, 0.1, 0.1});
   right.surface = block({0.5 + kCell, 0.35, 0.25}, {0.1, 0.1, 0.1});
   left.youngs_modulus = right.youngs_modulus = 2e4;
-  auto s = make_simulation(space(true), {left, right});
+  auto s = make_simulation(space(1.0), {left, right});
   s->step(1e-6);
   int facing[2] = {0, 0};  // slip nodes amid the sides of the gap, which is one cell
   for (const system::SlipNode& n : s->workspace().velocity.slip.nodes())
