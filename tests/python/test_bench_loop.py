@@ -19,7 +19,7 @@ sys.path.insert(0, str(ROOT / "tests" / "bench"))
 import bench_loop  # noqa: E402
 from eulerfsi import binding  # noqa: E402
 from eulerfsi.solver import Surface  # noqa: E402
-from loop import energy_laws, measure, shapes, survival, table  # noqa: E402
+from loop import energy_laws, measure, shapes, survival, table, wall_laws  # noqa: E402
 from loop.experiment import Experiment  # noqa: E402
 from loop.laws import Line  # noqa: E402
 
@@ -81,6 +81,55 @@ def test_energy_counts_less_outside_work() -> None:
     result = energy_result([1.0, 1.0, 3.0, 3.0], [0.0, 2.0, 0.0, 0.0])
     assert measure.total_energy(result) == pytest.approx([1.0, 0.0, 1.0, 1.0])  # half of it had been done at 1.0
     assert measure.largest_rise(measure.total_energy(energy_result([2.0, 1.0, 1.5], [0, 0, 0]))).size == 0.5
+
+
+def test_solids_are_thrown_at_walls_in_all_sizes_and_pressures_up_to_twice_the_modulus() -> None:
+    quick, full = (wall_laws.wall_runs(tier) for tier in ("quick", "full"))
+    assert {run.across for run in quick} == {10, 16} and {run.across for run in full} == {10, 16, 24, 40}
+    assert len(quick) <= 24 and set(quick) <= set(full)
+    for across in (10, 40):
+        runs = [run for run in full if run.across == across]
+        assert {round(wall_laws.pressure_of(run), 3) for run in runs} == {0.1, 0.5, 1.0, 2.0}
+        assert {run.density_ratio for run in runs} == {None, 1000.0} and len({run.dt for run in runs}) == 2
+
+
+def thrown_result(pressure: float) -> measure.Result:
+    """Made up: a ball that is pushed back by the floor and leaves it for good."""
+    balls = (run for run in wall_laws.wall_runs("quick") if run.shape == "ball" and run.across == 10)
+    run = next(run for run in balls if wall_laws.pressure_of(run) == pytest.approx(pressure))
+    times = np.arange(0, 0.4, 0.005)
+    speed = np.where(times < 0.1, -2.0, 1.5 - 2.0 * (times - 0.1))
+    height = np.where(times < 0.1, 0.3 - 2.0 * times, 0.1 + 1.5 * (times - 0.1) - (times - 0.1) ** 2)
+    count = len(times)
+    center = np.stack([0 * height + 0.2, height, 0 * height + 0.2], axis=1)
+    names = ("degenerate_cells", "false_edges", "misfit", "elastic_energy", "kinetic_energy", "max_plastic_strain")
+    columns = {name: np.zeros(count) for name in names}
+    columns |= {name: np.ones(count) for name in ("volume_mesh", "volume_cells")}
+    columns |= {"mass": np.full(count, 4.0), "center": center, "extent_min": center - 0.1, "extent_max": center + 0.1}
+    columns |= {"momentum": 4.0 * np.stack([0 * speed, speed, 0 * speed], axis=1)}
+    columns |= {"angular_momentum": np.zeros((count, 3)), "second_moments": np.full((count, 3), 0.1**2 / 3)}
+    columns["kinetic_energy"] = 2.0 * speed**2
+    start = {name: values[0] for name, values in columns.items()}
+    start |= {"thinnest_feature": 0.2, "surface_volume": 0.0042, "solid_volume": 0.0042}
+    columns = {name: values[1:] for name, values in columns.items()}
+    columns |= {"time": times[1:], "dt": np.diff(times), "det_f_interior": np.ones((count - 1, 2))}
+    return measure.Result(run, "", start, columns)
+
+
+def test_laws_of_walls_are_those_of_random_scenes_and_an_aim_beyond_the_modulus() -> None:
+    def verdicts(result: measure.Result) -> dict[str, str]:
+        lines = wall_laws.judge_walls({result.run: result}, "quick")
+        return {line.bar.partition(":")[0]: line.verdict for line in lines}
+
+    assert verdicts(thrown_result(0.1)) == dict.fromkeys(verdicts(thrown_result(0.1)), "pass")
+    assert set(verdicts(thrown_result(0.1))) == set(wall_laws.JUDGED)
+    for pressure, verdict in ((0.1, "MISSED"), (2.0, "not judged")):
+        deep = thrown_result(pressure)
+        deep.columns["extent_min"][19, 1] = -0.6 * deep.run.spacing
+        assert verdicts(deep)["depth"] == verdict
+    low = thrown_result(0.1)
+    low.columns["center"][20:, 1] = 0.1 + 0.9 * (low.columns["center"][20:, 1] - 0.1)
+    assert verdicts(low)["rebound"] == "MISSED"
 
 
 def test_a_number_that_is_missing_misses_its_bar() -> None:

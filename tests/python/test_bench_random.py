@@ -599,6 +599,16 @@ def test_a_law_is_kept_up_to_its_bar(law: str) -> None:
     assert verdicts(result)[law] == "pass"
 
 
+def test_a_shape_is_judged_after_the_impact_and_not_while_it_comes_near() -> None:
+    result = bounce()
+    change("elastic_energy", slice(40, None), 50.0)(result)  # it swings from the impact on
+    assert verdicts(result)["shape"] == "not judged"
+    change("elastic_energy", -1, 0.0)(result)
+    assert verdicts(result)["shape"] == "pass"
+    change("misfit", -1, 0.0021)(result)
+    assert verdicts(result)["shape"] == "MISSED"
+
+
 def test_a_body_that_sinks_in_at_rest_is_seen() -> None:
     result = lying()
     change("extent_min", (slice(-5, None), 1), -0.006)(result)

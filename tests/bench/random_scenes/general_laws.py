@@ -162,13 +162,13 @@ def depth_at_rest(record: Record) -> Verdict:
 @law("shape", f"largest distance of a vertex from the best fit of the rest shape, over the size, <= {SHAPE:g}")
 @of_each
 def shape(record: Record) -> Verdict:
-    calm = np.flatnonzero((record.strain <= QUIET_STRAIN) & record.whole & ~record.flight)
-    where = "after contact"
+    touched, quiet = record.whole & ~record.flight, record.strain <= QUIET_STRAIN
+    pressed = np.flatnonzero(touched & ~quiet)  # near a wall it is quiet before it meets it, too
+    calm = np.flatnonzero(quiet & (touched if touched.any() else record.whole))
+    calm = calm[calm > (pressed[0] if pressed.size else 0)]
+    where = "after contact" if touched.any() else "no contact"
     if not calm.size:
-        calm, where = np.flatnonzero((record.strain <= QUIET_STRAIN) & record.whole), "no calm time after contact"
-    calm = calm[calm > 0]
-    if not calm.size:
-        raise Moot(f"its strain is above {QUIET_STRAIN:g} all the time")
+        raise Moot(f"its strain is above {QUIET_STRAIN:g} all the time" + " after contact" * bool(pressed.size))
     at = int(calm[-1])
     if "max_plastic_strain" in record.result.columns and record.series("max_plastic_strain")[at] > 0:
         raise Moot("it has yielded")

@@ -33,8 +33,6 @@ class Scene(Experiment):
     size: float = 1.0  # longest edge of the shape before it was turned [m]
     faces: tuple[str, ...] = ("slip",) * 6  # -x +x -y +y -z +z
     pull: tuple[float, float, float] = (0.0, 0.0, 0.0)  # gravity
-    youngs_modulus: float = 1.0  # Pa
-    poissons_ratio: float = 0.3
     material: str = "corotational"
     impact_pressure: float = 0.0  # rho v^2 / 2 of the fastest impact over Young's modulus
     fastest: float = 1.0  # what throw, fall and spin can come to [m/s]
@@ -100,11 +98,7 @@ class Scene(Experiment):
         return super().simulation() | {"gravity": self.pull}
 
     def solid(self) -> dict[str, Any]:
-        return super().solid() | {
-            "youngs_modulus": self.youngs_modulus,
-            "poissons_ratio": self.poissons_ratio,
-            "material": binding.MATERIALS[self.material],
-        }
+        return super().solid() | {"material": binding.MATERIALS[self.material]}
 
 
 def make_scene(seed: int, number: int) -> Scene:
