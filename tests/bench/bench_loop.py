@@ -47,7 +47,7 @@ LAWS = (
     Law("divergence", lambda tier: [*laws.bounce_runs(tier), *laws.spin_runs(tier)], laws.judge_divergence),
     Law("momentum", laws.momentum_runs, laws.judge_momentum),
     Law("mirror", mirror_law.mirror_runs, mirror_law.judge_mirror),
-    Law("energy", energy_laws.energy_runs, energy_laws.judge_energy),
+    Law("energy", energy_laws.recorded_runs, energy_laws.judge_energy),
     Law("repairs", energy_laws.energy_runs, energy_laws.judge_repairs),
     Law("walls", wall_laws.wall_runs, wall_laws.judge_walls),
     Law("stack", contact_laws.stack_runs, contact_laws.judge_stack),

@@ -352,6 +352,7 @@ def test_a_bounce_in_vacuum_keeps_every_law() -> None:
     judged = verdicts(bounce())
     assert {law for law, verdict in judged.items() if verdict != "pass"} == {
         "depth at rest",
+        "ledger",
         "overlap",
         "overlap at rest",
         *GIVEN,
@@ -452,7 +453,7 @@ def with_everything(result: Result) -> Result:
     """The record of a ball at rest with a pin, a collider on which it lies as well and a jet that blows for a while."""
     result = with_ledger(result)
     steps = len(result["time"])
-    result.columns["energy_end"][:, 2] = 1.0  # of the fluid
+    result.columns["energy_at_start"][:, 2] = 1.0  # of the fluid
     result.run = dataclasses.replace(EVERYTHING, density_ratio=50.0)
     still = ("pin_gap", "collider_gap", "given_work", "given_kinetic", "given_potential", "jet_covered", "source_work")
     result.columns |= {name: np.zeros(steps) for name in still}
@@ -517,23 +518,25 @@ def test_an_elastic_solid_has_no_plastic_strain_and_a_covered_jet_is_not_judged(
 def test_work_of_what_is_given_and_of_jets_comes_from_outside() -> None:
     for name in ("given_work", "source_work"):
         result = with_everything(lying())
-        result.columns["energy_end"][30:, 0] += 0.5
+        result.columns["energy_at_start"][30:, 0] += 0.25  # the mean of the velocities around
+        result.columns["energy_at_start"][31:, 0] += 0.25
         assert verdicts(result)["energy"] == "MISSED"
         result.columns[name][30] = 0.5
         assert verdicts(result)["energy"] == "pass"
     result.columns[name][30] = 0.0  # a collider's own energy is no one's
-    result.columns["given_kinetic"][30:] = 0.5
+    result.columns["given_kinetic"][30:] = 0.25
+    result.columns["given_kinetic"][31:] = 0.5
     assert verdicts(result)["energy"] == "pass"
 
 
 def test_rounding_of_a_colliders_own_energy_is_no_rise() -> None:
     result = with_everything(lying())
-    result.columns["energy_end"][:, 2] = 0.0
+    result.columns["energy_at_start"][:, 2] = 0.0
     result.columns["given_kinetic"][:] = 1.0
-    result.columns["energy_end"][:, 0] = 1.0
-    result.columns["energy_end"][30:, 0] += 1e-7
+    result.columns["energy_at_start"][:, 0] = 1.0
+    result.columns["energy_at_start"][30:, 0] += 1e-7
     assert verdicts(result)["energy"] == "not judged"
-    result.columns["energy_end"][40:, 0] += 1e-4
+    result.columns["energy_at_start"][40:, 0] += 1e-4
     assert verdicts(result)["energy"] == "MISSED"
 
 
@@ -636,12 +639,28 @@ def test_a_rise_may_be_higher_by_what_elastic_energy_lifts() -> None:
 
 def with_ledger(result: Result) -> Result:
     """The same record as the ledger tells it."""
-    kinetic, elastic = result.columns["kinetic_energy"], result.columns["elastic_energy"]
-    potential = 4.0 * G * result.columns["center"][:, 1]
+    kinetic, elastic = result.with_start("kinetic_energy"), result.with_start("elastic_energy")
+    potential = 4.0 * G * result.with_start("center")[:, 1]
     energies = np.stack([kinetic, elastic, 0 * kinetic, potential], axis=1)
-    result.columns["energy_end"] = energies
-    result.columns["energy_change"] = np.zeros((len(kinetic), len(binding.ENERGY_STAGES), 4))
+    result.columns |= {"energy_at_start": energies[:-1].copy(), "energy_end": energies[1:]}
+    result.columns["energy_change"] = np.zeros((len(energies) - 1, len(binding.ENERGY_STAGES), 4))
+    result.columns["energy_change"][:, binding.ENERGY_STAGES.index("velocity")] = np.diff(energies, axis=0)
     return result
+
+
+def test_columns_of_the_ledger_join_the_diagnostics_of_all_forms() -> None:
+    names = {"kinetic_energy": 0.05, "elastic_energy": 0.05, "fluid_energy": 0.05, "center": 0.002}
+    for name, wrong in names.items():
+        result = with_ledger(bounce())
+        assert verdicts(result)["ledger"] == "pass"
+        result.columns[name] = result.columns[name].copy()
+        change(name, slice(60, None), lambda old, wrong=wrong: old + wrong)(result)
+        assert verdicts(result)["ledger"] == "MISSED", name
+    result = with_everything(lying())
+    result.columns["given_kinetic"][30:] = 0.5  # a collider that is moved from then on
+    assert verdicts(result)["ledger"] == "pass"
+    result.columns["energy_change"][40, binding.ENERGY_STAGES.index("pressure"), 0] = 0.1
+    assert verdicts(result)["ledger"] == "MISSED"
 
 
 def test_the_ledger_judges_energy_in_fluid_less_what_came_from_outside() -> None:
@@ -649,6 +668,8 @@ def test_the_ledger_judges_energy_in_fluid_less_what_came_from_outside() -> None
     result.run = dataclasses.replace(BALL, density_ratio=50.0)
     assert verdicts(result)["energy"] == "pass"
     result.columns["energy_end"][70:, 2] = 0.5  # of the fluid
+    result.columns["energy_at_start"][70:, 2] = 0.25
+    result.columns["energy_at_start"][71:, 2] = 0.5
     change = result.columns["energy_change"][70]
     change[binding.ENERGY_STAGES.index("repair"), 2] = 0.5
     energy = next(line for line in judge.judge(result) if line.law == "energy")

@@ -16,7 +16,7 @@ from .measure import Result
 from .shapes import SIZE
 from .survival import pairwise
 
-JUDGED = ("finished", "depth", "clear", "rebound", "shape", "energy")  # of random_scenes.judge.LAWS
+JUDGED = ("finished", "depth", "clear", "rebound", "shape", "energy", "ledger")  # of random_scenes.judge.LAWS
 SPEED, GRAVITY = 2.0, 2.0  # m/s; m/s^2: so little that the softest solid carries its weight
 DENSITY = 1000.0  # kg/m^3
 MOST_PRESSURE = 1.0  # Young's moduli: more is an aim
