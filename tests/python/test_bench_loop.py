@@ -83,6 +83,36 @@ def test_energy_counts_less_outside_work() -> None:
     assert measure.largest_rise(measure.total_energy(energy_result([2.0, 1.0, 1.5], [0, 0, 0]))).size == 0.5
 
 
+def survived(run: Experiment) -> measure.Result:
+    """Made up: nothing happens in four steps."""
+    names = ("degenerate_cells", "retries", "false_edges", "clamped", "rejected", "broken", "put_back")
+    still = ("kinetic_energy", "elastic_energy", "fluid_energy", "mass", "volume_cells")
+    columns = {name: np.zeros(4) for name in (*names, *still)}
+    columns |= {name: np.ones((4, 2)) for name in ("det_f_interior", "det_f_before")}
+    columns |= {"center": np.ones((4, 3)), "time": np.linspace(0.1, 0.4, 4), "dt": np.full(4, 0.1)}
+    start = {name: columns[name][0] for name in (*still, "center")}
+    energies = {"energy_at_start": np.ones((4, len(measure.FORMS)))}
+    energies["energy_change"] = np.zeros((4, len(binding.ENERGY_STAGES), len(measure.FORMS)))
+    return measure.Result(run, "", start, columns | energies)
+
+
+def test_survival_asks_for_whole_meshes_energy_and_a_ledger_that_closes() -> None:
+    def missed(results: dict[Experiment, measure.Result]) -> list[str]:
+        return [line.bar for line in survival.judge_survival(results, "quick") if line.verdict == "MISSED"]
+
+    made = {run: survived(run) for run in survival.survival_runs("quick")}
+    assert missed(made) == []
+    closed, opened = (next(result for run, result in made.items() if run.walls == w) for w in ("slip", "openTop"))
+    opened.columns["energy_at_start"][2:, 0] += 1.0  # fluid that falls in
+    assert missed(made) == []
+    closed.columns["energy_at_start"][2:, 0] += 0.2
+    assert len(missed(made)) == 1 and "energy rises" in missed(made)[0]
+    closed.columns["fluid_energy"][3] = 0.1
+    assert len(missed(made)) == 2 and "gap" in missed(made)[1]
+    closed.columns["false_edges"][1] = 3
+    assert len(missed(made)) == 3 and "edge of the mesh" in missed(made)[2]
+
+
 def test_solids_are_thrown_at_walls_in_all_sizes_and_pressures_up_to_twice_the_modulus() -> None:
     quick, full = (wall_laws.wall_runs(tier) for tier in ("quick", "full"))
     assert {run.across for run in quick} == {10, 16} and {run.across for run in full} == {10, 16, 24, 40}
@@ -121,8 +151,9 @@ def test_laws_of_walls_are_those_of_random_scenes_and_an_aim_beyond_the_modulus(
         lines = wall_laws.judge_walls({result.run: result}, "quick")
         return {line.bar.partition(":")[0]: line.verdict for line in lines}
 
-    assert verdicts(thrown_result(0.1)) == dict.fromkeys(verdicts(thrown_result(0.1)), "pass")
-    assert set(verdicts(thrown_result(0.1))) == set(wall_laws.JUDGED)
+    judged = verdicts(thrown_result(0.1))
+    assert set(judged) == set(wall_laws.JUDGED) and judged.pop("ledger") == "not judged"  # it has none
+    assert set(judged.values()) == {"pass"}
     for pressure, verdict in ((0.1, "MISSED"), (2.0, "not judged")):
         deep = thrown_result(pressure)
         deep.columns["extent_min"][19, 1] = -0.6 * deep.run.spacing

@@ -120,7 +120,9 @@ def judge_survival(results: Results, tier: str) -> list[Line]:
             Line("survival", "clamped cells, all reported", sum(r.clamps for r in some), "cells", conditions=at)
         )
         lines += judge_energies(some, at)
-        worst = int(max(result["false_edges"].max() for result in some))
+        for result in some:
+            result.numbers |= {"energy made": share_of_rise(result), "false edges": float(result["false_edges"].max())}
+        worst = int(max(result.numbers["false edges"] for result in some))
         torn = sum(result["false_edges"].any() for result in some)
         where = f"{at}; {worst} edges in the worst"
         bar = "runs with an edge of the mesh longer than 4 times what the largest stretch explains = 0"

@@ -87,10 +87,11 @@ def least_misfit(record: Record) -> float:
 def judge_walls(results: Results, tier: str) -> list[Line]:
     lines = []
     for result in found(results, wall_runs(tier)):
-        run, aim = result.run, " (an aim)" * (pressure_of(result.run) > MOST_PRESSURE * (1 + 1e-9))
+        run, beyond = result.run, pressure_of(result.run) > MOST_PRESSURE * (1 + 1e-9)
         seen = Result(as_scene(run), result.failure, result.start, result.columns)
         result.numbers["least misfit"] = least_misfit(Record(seen))
         for line in (line for line in judge.judge(seen) if line.law in JUDGED):
+            aim = " (an aim)" * (beyond and line.law != "ledger")
             low, high = (None, None) if aim or np.isnan(line.measured) else (line.low, line.high)
             more = "" if line.law == "finished" else line.conditions
             at = conditions(result, ", ".join(filter(None, [run.scene, more])))
