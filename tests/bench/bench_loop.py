@@ -27,7 +27,7 @@ for folder in (ROOT / "batch", ROOT / "usd_plugin", Path(__file__).resolve().par
     if str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
 
-from loop import contact_laws, elastic_laws, energy_laws, laws, mirror_law, survival, table  # noqa: E402
+from loop import contact_laws, elastic_laws, energy_laws, laws, mirror_law, survival, table, wall_laws  # noqa: E402
 from loop.experiment import TOKENS, Experiment, field_of, simulate  # noqa: E402
 from loop.laws import Law, Line, Results  # noqa: E402
 from loop.measure import Result, run_process  # noqa: E402
@@ -47,8 +47,9 @@ LAWS = (
     Law("divergence", lambda tier: [*laws.bounce_runs(tier), *laws.spin_runs(tier)], laws.judge_divergence),
     Law("momentum", laws.momentum_runs, laws.judge_momentum),
     Law("mirror", mirror_law.mirror_runs, mirror_law.judge_mirror),
-    Law("energy", energy_laws.energy_runs, energy_laws.judge_energy),
+    Law("energy", energy_laws.recorded_runs, energy_laws.judge_energy),
     Law("repairs", energy_laws.energy_runs, energy_laws.judge_repairs),
+    Law("walls", wall_laws.wall_runs, wall_laws.judge_walls),
     Law("stack", contact_laws.stack_runs, contact_laws.judge_stack),
     Law("hertz", contact_laws.hertz_runs, contact_laws.judge_hertz),
     Law("transport", energy_laws.energy_runs, energy_laws.judge_transport),
@@ -133,7 +134,7 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="eulerfsi bench loop", description=__doc__.splitlines()[0])
     tier = parser.add_mutually_exclusive_group()
     tier.add_argument("--quick", action="store_true", help="coarse and short, about 10 minutes on 2 cores (default)")
-    tier.add_argument("--full", action="store_true", help="all resolutions and the whole matrix, 2 hours")
+    tier.add_argument("--full", action="store_true", help="all resolutions and the whole matrix, 2.5 hours")
     names = [law.name for law in LAWS]
     parser.add_argument("--only", metavar="LAW,..", help=f"some of {', '.join(names)}")
     parser.add_argument("--match", default="", metavar="TEXT,..", help="runs whose line holds all of these texts")

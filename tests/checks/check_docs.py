@@ -5,8 +5,10 @@ check_docs.py paths      source files and folders that docs/ and README.md name 
                          names
 check_docs.py numerics   docs/numerics: a file is one screen and stands in the index; constants have the values of the
                          code; tests that guard a mechanism exist
+check_docs.py names      identifiers in backticks in docs/numerics, algorithm.md and notation.md occur in the code
 
 Rows of constants that are read:  | `kName` | value | ...   value: a number, or a difference or quotient of two.
+Identifiers that are looked for have an underscore or a capital inside: `find_slip`, `kFilm`, `Matter.owned`.
 Paths in documents are relative to the root, to libeulerfsi, to its src or include, or to the document.
 """
 
@@ -28,6 +30,9 @@ FOLDER = re.compile(r"`([\w.-]+(?:/[\w.-]+)*/)`")  # in docs/architecture.md
 NAMED_DOCUMENT = re.compile(r"\bdocs/[\w./-]+\.md\b")
 CODE_FOLDERS = ("libeulerfsi", "tests", "batch", "usd_plugin", "examples", "houdini_hda")
 CODE_SUFFIXES = {".cpp", ".hpp", ".inc", ".h", ".c", ".py", ".sh", ".cmake", ".txt", ".toml"}
+SPOKEN_FOLDERS = ("libeulerfsi", "batch", "usd_plugin", "tests", "examples")
+SPAN = re.compile(r"`([\w.:]+?)(?:\(\)|\.\.\.)?`")
+IDENTIFIER = re.compile(r"(?=[^\W\d])(?=\w*(?:_|[a-z][A-Z]))\w+")
 CONSTANT = re.compile(r"^\| `(k\w+)` \| ([^|]+) \|", re.M)
 NUMBER = r"(\d[\d.]*(?:e[+-]?\d+)?)"
 EXPRESSION = re.compile(rf"{NUMBER}(?: ?([-/]) ?{NUMBER})?")
@@ -160,8 +165,32 @@ def numerics() -> None:
     finish(problems, f"{len(files)} mechanisms, {rows} constants")
 
 
+def spoken_words() -> set[str]:
+    """All words of the code, comments and names of files too; without those of the checks and of tables."""
+    left_out = (ROOT / "tests" / "checks", ROOT / "tests" / "bench" / "results")
+    words: set[str] = set()
+    for folder in SPOKEN_FOLDERS:
+        for path in (ROOT / folder).rglob("*"):
+            is_code = path.suffix in CODE_SUFFIXES | {".usda"} and not any(map(path.is_relative_to, left_out))
+            if is_code and path.is_file():
+                words.update(re.findall(r"\w+", f"{path.name} {path.read_text(errors='replace')}"))
+    return words
+
+
+def names() -> None:
+    problems, count, words = [], 0, spoken_words()
+    pages = [*NUMERICS.glob("*.md"), DOCS / "algorithm.md", DOCS / "notation.md"]
+    for page in sorted(path for path in pages if path.is_file()):
+        for line, span in matches(SPAN, page.read_text()):
+            for name in filter(IDENTIFIER.fullmatch, re.split(r"[.:]+", span)):
+                count += 1
+                if name not in words:
+                    problems.append(f"{relative(page)}:{line}: {name} does not occur in the code")
+    finish(problems, f"{count} identifiers")
+
+
 if __name__ == "__main__":
-    actions = {"links": links, "paths": paths, "numerics": numerics}
+    actions = {"links": links, "paths": paths, "numerics": numerics, "names": names}
     if len(sys.argv) != 2 or sys.argv[1] not in actions:
         sys.exit(__doc__)
     actions[sys.argv[1]]()

@@ -13,7 +13,7 @@ SCENES = Path(__file__).resolve().parents[2] / "examples" / "scenes"
 
 
 class Run:
-    """A scene simulated into a folder: its statistics and its points."""
+    """A scene simulated into a folder: its statistics and its points. Its meshes are whole in every frame."""
 
     def __init__(self, name: str, folder: Path, *settings: str, **options: str | None):
         options = Options(output=folder, settings=settings, progress="none", **options)
@@ -22,6 +22,13 @@ class Run:
         self.events = [json.loads(line) for line in (self.folder / "stats.jsonl").read_text().splitlines()]
         self.steps = [event for event in self.events if event["event"] == "step"]
         self.frames = {event["frame"]: event for event in self.events if event["event"] == "frame"}
+        torn = {
+            f"{path}, frame {number}": facts["false_edges"]
+            for number, frame in self.frames.items()
+            for path, facts in frame.get("solids", {}).items()
+            if facts["false_edges"]
+        }
+        assert not torn, f"{name}: edges that the largest stretch does not explain: {torn}"
 
     def solid(self, path: str, frame: int) -> dict:
         """Diagnostics of a solid at the end of a frame."""

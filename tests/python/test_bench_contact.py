@@ -12,6 +12,7 @@ from conftest import ROOT
 sys.path.insert(0, str(ROOT / "tests" / "bench"))
 
 import bench_loop  # noqa: E402, F401 - sets the paths
+from eulerfsi import binding  # noqa: E402
 from loop import contact_laws, groups  # noqa: E402
 from loop.experiment import GRAVITY, RADIUS, of, simulate  # noqa: E402
 from loop.measure import Result, from_child  # noqa: E402
@@ -43,8 +44,9 @@ def lying(creep: float = 0.0, growth: float = 0.0, sunk: float = 0.0, deep: floa
     times = np.arange(0.01, run.duration + 1e-9, 0.01)
     columns = {"time": times, "dt": np.full(len(times), 0.01), "contact": np.full(len(times), sunk)}
     columns["overlap"] = np.full(len(times), deep * run.spacing)
-    columns["energy_end"] = np.zeros((len(times), 4))
-    columns["energy_end"][-1, 1] = growth * 3 * GRAVITY * RADIUS
+    columns["energy_at_start"] = np.zeros((len(times), 4))
+    columns["energy_at_start"][-1, 1] = growth * 3 * GRAVITY * RADIUS
+    columns["energy_change"] = np.zeros((len(times), len(binding.ENERGY_STAGES), 4))
     start = {}
     for k in (1, 2, 3):
         start |= {of("mass", k): 1.0, of("center", k): [0.0, 0.0, 0.0]}

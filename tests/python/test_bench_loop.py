@@ -19,7 +19,7 @@ sys.path.insert(0, str(ROOT / "tests" / "bench"))
 import bench_loop  # noqa: E402
 from eulerfsi import binding  # noqa: E402
 from eulerfsi.solver import Surface  # noqa: E402
-from loop import energy_laws, measure, shapes, survival, table  # noqa: E402
+from loop import energy_laws, measure, shapes, survival, table, wall_laws  # noqa: E402
 from loop.experiment import Experiment  # noqa: E402
 from loop.laws import Line  # noqa: E402
 
@@ -81,6 +81,86 @@ def test_energy_counts_less_outside_work() -> None:
     result = energy_result([1.0, 1.0, 3.0, 3.0], [0.0, 2.0, 0.0, 0.0])
     assert measure.total_energy(result) == pytest.approx([1.0, 0.0, 1.0, 1.0])  # half of it had been done at 1.0
     assert measure.largest_rise(measure.total_energy(energy_result([2.0, 1.0, 1.5], [0, 0, 0]))).size == 0.5
+
+
+def survived(run: Experiment) -> measure.Result:
+    """Made up: nothing happens in four steps."""
+    names = ("degenerate_cells", "retries", "false_edges", "clamped", "rejected", "broken", "put_back")
+    still = ("kinetic_energy", "elastic_energy", "fluid_energy", "mass", "volume_cells")
+    columns = {name: np.zeros(4) for name in (*names, *still)}
+    columns |= {name: np.ones((4, 2)) for name in ("det_f_interior", "det_f_before")}
+    columns |= {"center": np.ones((4, 3)), "time": np.linspace(0.1, 0.4, 4), "dt": np.full(4, 0.1)}
+    start = {name: columns[name][0] for name in (*still, "center")}
+    energies = {"energy_at_start": np.ones((4, len(measure.FORMS)))}
+    energies["energy_change"] = np.zeros((4, len(binding.ENERGY_STAGES), len(measure.FORMS)))
+    return measure.Result(run, "", start, columns | energies)
+
+
+def test_survival_asks_for_whole_meshes_energy_and_a_ledger_that_closes() -> None:
+    def missed(results: dict[Experiment, measure.Result]) -> list[str]:
+        return [line.bar for line in survival.judge_survival(results, "quick") if line.verdict == "MISSED"]
+
+    made = {run: survived(run) for run in survival.survival_runs("quick")}
+    assert missed(made) == []
+    closed, opened = (next(result for run, result in made.items() if run.walls == w) for w in ("slip", "openTop"))
+    opened.columns["energy_at_start"][2:, 0] += 1.0  # fluid that falls in
+    assert missed(made) == []
+    closed.columns["energy_at_start"][2:, 0] += 0.2
+    assert len(missed(made)) == 1 and "energy rises" in missed(made)[0]
+    closed.columns["fluid_energy"][3] = 0.1
+    assert len(missed(made)) == 2 and "gap" in missed(made)[1]
+    closed.columns["false_edges"][1] = 3
+    assert len(missed(made)) == 3 and "edge of the mesh" in missed(made)[2]
+
+
+def test_solids_are_thrown_at_walls_in_all_sizes_and_pressures_up_to_twice_the_modulus() -> None:
+    quick, full = (wall_laws.wall_runs(tier) for tier in ("quick", "full"))
+    assert {run.across for run in quick} == {10, 16} and {run.across for run in full} == {10, 16, 24, 40}
+    assert len(quick) <= 24 and set(quick) <= set(full)
+    for across in (10, 40):
+        runs = [run for run in full if run.across == across]
+        assert {round(wall_laws.pressure_of(run), 3) for run in runs} == {0.1, 0.5, 1.0, 2.0}
+        assert {run.density_ratio for run in runs} == {None, 1000.0} and len({run.dt for run in runs}) == 2
+
+
+def thrown_result(pressure: float) -> measure.Result:
+    """Made up: a ball that is pushed back by the floor and leaves it for good."""
+    balls = (run for run in wall_laws.wall_runs("quick") if run.shape == "ball" and run.across == 10)
+    run = next(run for run in balls if wall_laws.pressure_of(run) == pytest.approx(pressure))
+    times = np.arange(0, 0.4, 0.005)
+    speed = np.where(times < 0.1, -2.0, 1.5 - 2.0 * (times - 0.1))
+    height = np.where(times < 0.1, 0.3 - 2.0 * times, 0.1 + 1.5 * (times - 0.1) - (times - 0.1) ** 2)
+    count = len(times)
+    center = np.stack([0 * height + 0.2, height, 0 * height + 0.2], axis=1)
+    names = ("degenerate_cells", "false_edges", "misfit", "elastic_energy", "kinetic_energy", "max_plastic_strain")
+    columns = {name: np.zeros(count) for name in names}
+    columns |= {name: np.ones(count) for name in ("volume_mesh", "volume_cells")}
+    columns |= {"mass": np.full(count, 4.0), "center": center, "extent_min": center - 0.1, "extent_max": center + 0.1}
+    columns |= {"momentum": 4.0 * np.stack([0 * speed, speed, 0 * speed], axis=1)}
+    columns |= {"angular_momentum": np.zeros((count, 3)), "second_moments": np.full((count, 3), 0.1**2 / 3)}
+    columns["kinetic_energy"] = 2.0 * speed**2
+    start = {name: values[0] for name, values in columns.items()}
+    start |= {"thinnest_feature": 0.2, "surface_volume": 0.0042, "solid_volume": 0.0042}
+    columns = {name: values[1:] for name, values in columns.items()}
+    columns |= {"time": times[1:], "dt": np.diff(times), "det_f_interior": np.ones((count - 1, 2))}
+    return measure.Result(run, "", start, columns)
+
+
+def test_laws_of_walls_are_those_of_random_scenes_and_an_aim_beyond_the_modulus() -> None:
+    def verdicts(result: measure.Result) -> dict[str, str]:
+        lines = wall_laws.judge_walls({result.run: result}, "quick")
+        return {line.bar.partition(":")[0]: line.verdict for line in lines}
+
+    judged = verdicts(thrown_result(0.1))
+    assert set(judged) == set(wall_laws.JUDGED) and judged.pop("ledger") == "not judged"  # it has none
+    assert set(judged.values()) == {"pass"}
+    for pressure, verdict in ((0.1, "MISSED"), (2.0, "not judged")):
+        deep = thrown_result(pressure)
+        deep.columns["extent_min"][19, 1] = -0.6 * deep.run.spacing
+        assert verdicts(deep)["depth"] == verdict
+    low = thrown_result(0.1)
+    low.columns["center"][20:, 1] = 0.1 + 0.9 * (low.columns["center"][20:, 1] - 0.1)
+    assert verdicts(low)["rebound"] == "MISSED"
 
 
 def test_a_number_that_is_missing_misses_its_bar() -> None:

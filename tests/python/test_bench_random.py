@@ -26,7 +26,7 @@ from random_scenes.draw import Draw, constant, ranges  # noqa: E402
 from random_scenes.everything import EverythingScene, make_everything_scene  # noqa: E402
 from random_scenes.record import Record  # noqa: E402
 from random_scenes.regions import Path, Region, place, rotation, taken_back  # noqa: E402
-from random_scenes.scenes import DRIFT_GAP, Scene, make_scene  # noqa: E402
+from random_scenes.scenes import Scene, make_scene  # noqa: E402
 
 SEED = 5
 FIXED = ROOT / "tests" / "bench" / "random_scenes" / "fixed.toml"
@@ -44,6 +44,22 @@ def scenes(count: int) -> list[Scene]:
 
 
 # --- what is drawn ---------------------------------------------------------------------------------------------------
+
+
+def test_a_seed_draws_what_it_always_has() -> None:
+    """What changes this gives every seed in the documents other scenes."""
+    single, everything = make_scene(7, 4).words, make_everything_scene(7, "e8").words
+    assert single == (
+        "sphere, 10.9 cells of 0.0601 m, box 32x30x27, faces periodic periodic slip slip slip slip, vacuum, "
+        "E 2.46e+04 Pa, nu 0.353, rho v^2/2 / E 0.84, v (1.42 0.742 5.96), spin (-0.299 -0.421 -0.62), g (0 -1.63 0), "
+        "0.58 s, dt <= 0.0122 s, CFL default"
+    )
+    assert everything == (
+        "jet: sphere 0.0766 m, 0.219 m/s for 0.562 s; thrown: torus, tube 0.16 of 0.162 m, 1e+03 kg/m^3, "
+        "E 1.23e+05 Pa, nu 0.277, yields at 445 Pa, 673/s, hardening 0 Pa, friction 0.00; 11.3 cells of 0.0143 m, "
+        "box 44x30x29, slip slip open slip noSlip noSlip, first 1.33:1, rho v^2/2 / E up to 0.043, g (6.63 4.4 -7.46), "
+        "1.21 s, dt <= 0.0341 s, CFL 3.54"
+    )
 
 
 def test_a_scene_is_the_same_whenever_it_is_made() -> None:
@@ -92,7 +108,7 @@ def test_scenes_lie_within_the_ranges() -> None:
         for axis in range(3):
             periodic = scene.faces[2 * axis] == "periodic"
             assert periodic == (scene.faces[2 * axis + 1] == "periodic")
-            least = DRIFT_GAP if periodic else constant("gap")
+            least = constant("drift_gap") if periodic else constant("gap")
             assert points[:, axis].min() > least - 1e-3
             assert points[:, axis].max() < scene.cells[axis] - least + 1e-3
             if periodic:  # the throw alone does not take it to the faces
@@ -352,6 +368,7 @@ def test_a_bounce_in_vacuum_keeps_every_law() -> None:
     judged = verdicts(bounce())
     assert {law for law, verdict in judged.items() if verdict != "pass"} == {
         "depth at rest",
+        "ledger",
         "overlap",
         "overlap at rest",
         *GIVEN,
@@ -452,7 +469,7 @@ def with_everything(result: Result) -> Result:
     """The record of a ball at rest with a pin, a collider on which it lies as well and a jet that blows for a while."""
     result = with_ledger(result)
     steps = len(result["time"])
-    result.columns["energy_end"][:, 2] = 1.0  # of the fluid
+    result.columns["energy_at_start"][:, 2] = 1.0  # of the fluid
     result.run = dataclasses.replace(EVERYTHING, density_ratio=50.0)
     still = ("pin_gap", "collider_gap", "given_work", "given_kinetic", "given_potential", "jet_covered", "source_work")
     result.columns |= {name: np.zeros(steps) for name in still}
@@ -517,23 +534,25 @@ def test_an_elastic_solid_has_no_plastic_strain_and_a_covered_jet_is_not_judged(
 def test_work_of_what_is_given_and_of_jets_comes_from_outside() -> None:
     for name in ("given_work", "source_work"):
         result = with_everything(lying())
-        result.columns["energy_end"][30:, 0] += 0.5
+        result.columns["energy_at_start"][30:, 0] += 0.25  # the mean of the velocities around
+        result.columns["energy_at_start"][31:, 0] += 0.25
         assert verdicts(result)["energy"] == "MISSED"
         result.columns[name][30] = 0.5
         assert verdicts(result)["energy"] == "pass"
     result.columns[name][30] = 0.0  # a collider's own energy is no one's
-    result.columns["given_kinetic"][30:] = 0.5
+    result.columns["given_kinetic"][30:] = 0.25
+    result.columns["given_kinetic"][31:] = 0.5
     assert verdicts(result)["energy"] == "pass"
 
 
 def test_rounding_of_a_colliders_own_energy_is_no_rise() -> None:
     result = with_everything(lying())
-    result.columns["energy_end"][:, 2] = 0.0
+    result.columns["energy_at_start"][:, 2] = 0.0
     result.columns["given_kinetic"][:] = 1.0
-    result.columns["energy_end"][:, 0] = 1.0
-    result.columns["energy_end"][30:, 0] += 1e-7
+    result.columns["energy_at_start"][:, 0] = 1.0
+    result.columns["energy_at_start"][30:, 0] += 1e-7
     assert verdicts(result)["energy"] == "not judged"
-    result.columns["energy_end"][40:, 0] += 1e-4
+    result.columns["energy_at_start"][40:, 0] += 1e-4
     assert verdicts(result)["energy"] == "MISSED"
 
 
@@ -599,6 +618,16 @@ def test_a_law_is_kept_up_to_its_bar(law: str) -> None:
     assert verdicts(result)[law] == "pass"
 
 
+def test_a_shape_is_judged_after_the_impact_and_not_while_it_comes_near() -> None:
+    result = bounce()
+    change("elastic_energy", slice(40, None), 50.0)(result)  # it swings from the impact on
+    assert verdicts(result)["shape"] == "not judged"
+    change("elastic_energy", -1, 0.0)(result)
+    assert verdicts(result)["shape"] == "pass"
+    change("misfit", -1, 0.0021)(result)
+    assert verdicts(result)["shape"] == "MISSED"
+
+
 def test_a_body_that_sinks_in_at_rest_is_seen() -> None:
     result = lying()
     change("extent_min", (slice(-5, None), 1), -0.006)(result)
@@ -626,12 +655,28 @@ def test_a_rise_may_be_higher_by_what_elastic_energy_lifts() -> None:
 
 def with_ledger(result: Result) -> Result:
     """The same record as the ledger tells it."""
-    kinetic, elastic = result.columns["kinetic_energy"], result.columns["elastic_energy"]
-    potential = 4.0 * G * result.columns["center"][:, 1]
+    kinetic, elastic = result.with_start("kinetic_energy"), result.with_start("elastic_energy")
+    potential = 4.0 * G * result.with_start("center")[:, 1]
     energies = np.stack([kinetic, elastic, 0 * kinetic, potential], axis=1)
-    result.columns["energy_end"] = energies
-    result.columns["energy_change"] = np.zeros((len(kinetic), len(binding.ENERGY_STAGES), 4))
+    result.columns |= {"energy_at_start": energies[:-1].copy(), "energy_end": energies[1:]}
+    result.columns["energy_change"] = np.zeros((len(energies) - 1, len(binding.ENERGY_STAGES), 4))
+    result.columns["energy_change"][:, binding.ENERGY_STAGES.index("velocity")] = np.diff(energies, axis=0)
     return result
+
+
+def test_columns_of_the_ledger_join_the_diagnostics_of_all_forms() -> None:
+    names = {"kinetic_energy": 0.05, "elastic_energy": 0.05, "fluid_energy": 0.05, "center": 0.002}
+    for name, wrong in names.items():
+        result = with_ledger(bounce())
+        assert verdicts(result)["ledger"] == "pass"
+        result.columns[name] = result.columns[name].copy()
+        change(name, slice(60, None), lambda old, wrong=wrong: old + wrong)(result)
+        assert verdicts(result)["ledger"] == "MISSED", name
+    result = with_everything(lying())
+    result.columns["given_kinetic"][30:] = 0.5  # a collider that is moved from then on
+    assert verdicts(result)["ledger"] == "pass"
+    result.columns["energy_change"][40, binding.ENERGY_STAGES.index("pressure"), 0] = 0.1
+    assert verdicts(result)["ledger"] == "MISSED"
 
 
 def test_the_ledger_judges_energy_in_fluid_less_what_came_from_outside() -> None:
@@ -639,6 +684,8 @@ def test_the_ledger_judges_energy_in_fluid_less_what_came_from_outside() -> None
     result.run = dataclasses.replace(BALL, density_ratio=50.0)
     assert verdicts(result)["energy"] == "pass"
     result.columns["energy_end"][70:, 2] = 0.5  # of the fluid
+    result.columns["energy_at_start"][70:, 2] = 0.25
+    result.columns["energy_at_start"][71:, 2] = 0.5
     change = result.columns["energy_change"][70]
     change[binding.ENERGY_STAGES.index("repair"), 2] = 0.5
     energy = next(line for line in judge.judge(result) if line.law == "energy")

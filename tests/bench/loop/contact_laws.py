@@ -9,7 +9,7 @@ import numpy as np
 from . import groups
 from .experiment import FRAME, GRAVITY, RADIUS, Experiment, of
 from .laws import Line, Results, conditions, found
-from .measure import Result
+from .measure import Result, total_energy
 
 SINKS, CREEPS, GROWS = 0.25, 1e-3, 1e-4  # cells, cells a frame, M g R
 HERTZ = 0.05  # of the load
@@ -50,7 +50,7 @@ def judge_stack(results: Results, tier: str) -> list[Line]:
         creep = result.numbers["creep [h/frame]"] = largest_creep(result)
         sunk = result.numbers["skin pressed in [h]"] = float(result["contact"][late].max())
         deep = result.numbers["overlap [h]"] = float(result["overlap"][late].max()) / run.spacing
-        energy = result["energy_end"].sum(axis=1)[late]
+        energy = total_energy(result)[result.times[:-1] >= run.duration / 2]
         masses = sum(result.start[of("mass", k)] for k in range(1, len(run.bodies()) + 1))
         growth = float((energy.max() - energy[0]) / (masses * GRAVITY * RADIUS))
         result.numbers["energy growth [MgR]"] = growth

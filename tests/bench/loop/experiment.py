@@ -64,6 +64,8 @@ class Experiment:
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     spin: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rad/s
     stretch: tuple[float, float, float] | None = None  # initial F = diag(stretch) about the centre
+    youngs_modulus: float = YOUNGS_MODULUS  # Pa
+    poissons_ratio: float = POISSONS_RATIO
     compressible: bool = False
     damping: float = 0.0  # rayleigh_beta [s]
     load: float = 0.0  # beta of the body force -beta (x - x_c) [N/m^4]; of the group "pressed": density of the slab
@@ -146,8 +148,8 @@ class Experiment:
         """Fields of EfsiSolidDef."""
         values: dict[str, Any] = {
             "density": 1000.0 * min(1.0, 1000.0 if self.density_ratio is None else self.density_ratio),
-            "youngs_modulus": YOUNGS_MODULUS,
-            "poissons_ratio": POISSONS_RATIO,
+            "youngs_modulus": self.youngs_modulus,
+            "poissons_ratio": self.poissons_ratio,
             "compressible": int(self.compressible),
             "rayleigh_beta": self.damping,
             "velocity": self.velocity,

@@ -9,6 +9,7 @@ import itertools
 
 import numpy as np
 
+from .energy_laws import CLOSES, MOST_RISE, share_of_gap, share_of_rise
 from .experiment import FRAME, GRAVITY, Experiment
 from .laws import Line, Results, conditions, found, out_of_bounds, resolved
 from .measure import Result, extremes
@@ -88,6 +89,19 @@ def judge_maps(some: list[Result], at: str) -> list[Line]:
     return lines + [Line("survival", bar, value, "", least, most, at) for bar, value, least, most in bars]
 
 
+def judge_energies(some: list[Result], at: str) -> list[Line]:
+    """The law of energy and that of the ledger's columns, by the number of runs that miss them."""
+    closed = [result for result in some if "open" not in result.run.face_kinds or result.run.gravity == 0]
+    rises, gaps = [share_of_rise(result) for result in closed], [share_of_gap(result) for result in some]
+    lines = []
+    if rises:
+        made = f"{len(closed)} of {at} (fluid that falls brings energy in through an open face); worst {max(rises):.3g}"
+        bar = f"runs whose energy rises by more than {MOST_RISE:g} of its largest so far = 0"
+        lines.append(Line("survival", bar, sum(rise > MOST_RISE for rise in rises), "runs", 0, 0, made))
+    bar = f"largest gap between the ledger's columns and the diagnostics, over the largest energy so far, <= {CLOSES:g}"
+    return [*lines, Line("survival", bar, max(gaps), "", 0, CLOSES, at)]
+
+
 def judge_survival(results: Results, tier: str) -> list[Line]:
     lines = []
     made = found(results, survival_runs(tier))
@@ -105,6 +119,14 @@ def judge_survival(results: Results, tier: str) -> list[Line]:
         lines.append(
             Line("survival", "clamped cells, all reported", sum(r.clamps for r in some), "cells", conditions=at)
         )
+        lines += judge_energies(some, at)
+        for result in some:
+            result.numbers |= {"energy made": share_of_rise(result), "false edges": float(result["false_edges"].max())}
+        worst = int(max(result.numbers["false edges"] for result in some))
+        torn = sum(result["false_edges"].any() for result in some)
+        where = f"{at}; {worst} edges in the worst"
+        bar = "runs with an edge of the mesh longer than 4 times what the largest stretch explains = 0"
+        lines.append(Line("survival", bar, torn, "runs", 0, 0, where))
         lines += judge_maps([result for result in some if resolved(result.run)], at)
         lines.append(Line("survival", "repeated steps, all reported", sum(r.retries for r in some), "", conditions=at))
         for result in some:

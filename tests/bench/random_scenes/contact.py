@@ -12,10 +12,9 @@ from eulerfsi import binding
 from eulerfsi.solver import Mesh
 
 from .draw import Draw, constant, ranges
-from .scenes import ADDED_MASS, AXES, SLOWEST, Scene, box_cells, draw_gravity, draw_poisson, draw_ratio, weight_ratio
+from .scenes import ADDED_MASS, AXES, Scene, box_cells, draw_gravity, draw_poisson, draw_ratio, weight_ratio
 from .solids import Made, center_of_volume, folds_nowhere, make_solid
 
-FALLEN_BY = 0.3  # of the duration: thrown solids would have met by then
 TRIES = 40  # directions in which a third solid is tried
 
 
@@ -208,10 +207,10 @@ def make_bodies(
         1000.0 * min(1.0, ratio or 1.0) * (d.number("other_density") if k else 1.0) for k, d in enumerate(draws)
     ]
     ratios = [None if ratio is None else density / fluid for density in densities]
-    fall = max(float(np.abs(weight_ratio(r) * pull) @ box) for r in ratios) * (0.3 if pile else 1.0)
+    fall = max(float(np.abs(weight_ratio(r) * pull) @ box) for r in ratios) * (constant("pile_fall") if pile else 1.0)
     reaches = [float(np.linalg.norm(points - center_of_volume(points, t), axis=1).max()) for points, t in surfaces]
     speeds = np.linalg.norm(velocities, axis=1) + np.linalg.norm(spins, axis=1) * reaches
-    fastest = max(math.sqrt(max(speeds.max(), *others, 0.0) ** 2 + 2 * fall), SLOWEST * sizes[0])
+    fastest = max(math.sqrt(max(speeds.max(), *others, 0.0) ** 2 + 2 * fall), constant("slowest") * sizes[0])
     energy = (max(densities) + ADDED_MASS * fluid) * fastest**2 / 2
     load = sum(abs(density - fluid) for density in densities) * float(np.linalg.norm(pull)) * max(sizes)
     moduli = [max(energy / d.number("impact_pressure"), load / constant("sag")) for d in draws]
@@ -256,7 +255,7 @@ def thrown(
     places, velocities = [np.zeros(3)], [drift]
     for k in range(1, len(draws)):
         closing = draws[k].number("speed") * sizes[0]
-        wanted = min(draws[k].number("apart") * h, FALLEN_BY * closing * duration)
+        wanted = min(draws[k].number("apart") * h, constant("met_by") * closing * duration)
         gap = max(wanted, ranges()["apart"]["low"] * h)
         way, place = find_place(draws[k], surfaces, places, k, gap)
         aim = -way + constant("aside") * draws[k].direction("aim")

@@ -28,11 +28,7 @@ from .regions import Path, Region, place
 from .scenes import draw_gravity, draw_ratio
 from .solids import Made, center_of_volume
 
-FREE = 2.0  # cells around a jet's region without walls and, at the start, solids
-LEAST_ACROSS = 4.0  # cells over the regions of pins and jets
-LEAST_HELD = 8.0  # cells of a solid in a pin's region
 SAMPLES = 5  # along an edge of it
-MOST_ASIDE = 0.3  # of the pin's way, towards what it should not meet
 NO_TRIANGLES = np.zeros((0, 3), int)
 
 
@@ -220,13 +216,13 @@ def hold(draw: Draw, layout: Layout, collider: Held | None) -> Held:
     if len(layout.places) > 1:
         side = layout.places[0] - layout.places[-1]
         side /= np.linalg.norm(side)
-    region = drawn_region(draw, size * draw.number("pin_size"), LEAST_ACROSS * layout.h)
+    region = drawn_region(draw, size * draw.number("pin_size"), constant("region_least") * layout.h)
     region = around_part(region, points[int(np.argmax(points @ side))], (points, layout.shapes[0][1]), layout.h)
     kind = draw.one_of("pin_motion")
     if kind == "fixed":
         return Held(region, Path())
     speed, heading = draw.number("pin_speed") * size, draw.direction("heading")
-    if collider and heading @ side < -MOST_ASIDE:
+    if collider and heading @ side < -constant("pin_towards"):
         heading = -heading
     until = min(layout.duration, constant("pin_travel") * size / speed)
     if kind == "straight":
@@ -246,16 +242,16 @@ def around_part(region: Region, tip: np.ndarray, solid: Made, h: float) -> Regio
     for way in np.linspace(0, 1, 11):
         held = region.moved(tip + way * (middle - tip))
         inside = sum(winding(point, *solid) > 0.5 for point in samples + held.middle)
-        if inside * region.volume / len(samples) >= LEAST_HELD * h**3:
+        if inside * region.volume / len(samples) >= constant("pin_holds") * h**3:
             return held
     raise ValueError(f"no pin found at {tip}")
 
 
 def blow(draw: Draw, layout: Layout) -> Jet:
     """A jet beside all solids, about towards the first one."""
-    region = drawn_region(draw, layout.size * draw.number("jet_size"), LEAST_ACROSS * layout.h)
+    region = drawn_region(draw, layout.size * draw.number("jet_size"), constant("region_least") * layout.h)
     points, triangles = region.surface
-    free = (points * (1 + 2 * FREE * layout.h / min(region.edges)), triangles)
+    free = (points * (1 + 2 * constant("jet_free") * layout.h / min(region.edges)), triangles)
     shapes = [*layout.shapes, free]
     way, middle = find_place(draw, shapes, list(layout.places), len(layout.shapes), 0.0)
     aim = -way + constant("aside") * draw.direction("aim")

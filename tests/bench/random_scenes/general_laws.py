@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from loop.energy_laws import by_mechanism, in_words
-from loop.measure import ledger
+from loop.energy_laws import CLOSES, by_mechanism, gap, in_words
+from loop.measure import half_steps, ledger
 
 from .law import DEPTH, DEPTH_AT_REST, REST_TIME, TOUCHING, Moot, Verdict, law, of_each, of_one, rest
 from .record import WALLS, Record
@@ -84,6 +84,8 @@ def energy(record: Record) -> Verdict:
     if record.has_ledger:
         lowest = int(np.argmin(record.energies[0][: at + 1]))
         made = by_mechanism(ledger(record.result)[lowest:at].sum(axis=0))
+        halves = half_steps(record.result)
+        made["half steps"] = float(halves[min(at, len(halves) - 1)] - halves[lowest])
         where += f", since {record.times[lowest]:.3g} s: {in_words(made, np.ptp(record.energies[0][[lowest, at]]))}"
     return rise, -np.inf, ENERGY_RISE, where
 
@@ -92,6 +94,15 @@ def energy_rise(values: np.ndarray, largest: np.ndarray) -> tuple[float, int]:
     """Largest rise above the lowest so far over the largest so far, and the step."""
     rise = (values - np.minimum.accumulate(values)) / np.where(largest > 0, largest, np.inf)
     return float(rise.max()), int(rise.argmax())
+
+
+@law("ledger", f"its columns join the diagnostics, of all forms: gap over the largest energy so far <= {CLOSES:g}")
+def closes(record: Record) -> Verdict:
+    if not record.has_ledger:
+        raise Moot("no energy ledger")
+    shares = gap(record.result) / np.maximum(record.energy_scale[1:], np.finfo(float).tiny)
+    at = int(shares[record.whole[1:]].argmax())
+    return shares[at], 0, CLOSES, f"at {record.times[at + 1]:.3g} s"
 
 
 def rebounds(record: Record) -> None:
@@ -162,13 +173,13 @@ def depth_at_rest(record: Record) -> Verdict:
 @law("shape", f"largest distance of a vertex from the best fit of the rest shape, over the size, <= {SHAPE:g}")
 @of_each
 def shape(record: Record) -> Verdict:
-    calm = np.flatnonzero((record.strain <= QUIET_STRAIN) & record.whole & ~record.flight)
-    where = "after contact"
+    touched, quiet = record.whole & ~record.flight, record.strain <= QUIET_STRAIN
+    pressed = np.flatnonzero(touched & ~quiet)  # near a wall it is quiet before it meets it, too
+    calm = np.flatnonzero(quiet & (touched if touched.any() else record.whole))
+    calm = calm[calm > (pressed[0] if pressed.size else 0)]
+    where = "after contact" if touched.any() else "no contact"
     if not calm.size:
-        calm, where = np.flatnonzero((record.strain <= QUIET_STRAIN) & record.whole), "no calm time after contact"
-    calm = calm[calm > 0]
-    if not calm.size:
-        raise Moot(f"its strain is above {QUIET_STRAIN:g} all the time")
+        raise Moot(f"its strain is above {QUIET_STRAIN:g} all the time" + " after contact" * bool(pressed.size))
     at = int(calm[-1])
     if "max_plastic_strain" in record.result.columns and record.series("max_plastic_strain")[at] > 0:
         raise Moot("it has yielded")

@@ -55,6 +55,11 @@ def view(result: Result, number: int) -> Result:
     return Result(result.run.view(number), result.failure, start, columns)
 
 
+def with_end(starts: np.ndarray) -> np.ndarray:
+    """Values at the starts of the steps, the last one for the end of the run, too (n,)."""
+    return np.append(starts, starts[-1:])
+
+
 class Record:
     """A result and what follows from it. Arrays have the start in front; (n,) or (n, 3) or (n, 6) by face."""
 
@@ -143,7 +148,7 @@ class Record:
     @property
     def has_ledger(self) -> bool:
         """The record holds the energies of all matter, taken at one time."""
-        return "energy_end" in self.result.columns
+        return "energy_at_start" in self.result.columns
 
     @functools.cached_property
     def energies(self) -> tuple[np.ndarray, ...]:
@@ -162,26 +167,30 @@ class Record:
 
     @functools.cached_property
     def energy_of_matter(self) -> np.ndarray:
-        """By the ledger, without the collider's own, potential energy above the lowest of the run (n,) [J]."""
-        forms, change = self.result["energy_end"].sum(axis=1), ledger(self.result)
-        potential = self.result["energy_end"][:, FORMS.index("potential")]
-        forms = np.concatenate([[forms[0] - change[0].sum()], forms])
+        """By the ledger, u and v of one time, without the collider's own, potential energy above the lowest of the run.
+
+        (n,) [J]; the end of the last step, of which no velocity is known, has the energy of its start.
+        """
+        at_start = self.result["energy_at_start"]
+        forms, potential = at_start.sum(axis=1), at_start[:, FORMS.index("potential")]
         if "given_potential" in self.result.columns:
-            own = self.series("given_kinetic")
-            own[0] = own[1]  # the ledger's first step begins with it in motion
-            forms = forms - own - self.series("given_potential")
-            potential = potential - self.result["given_potential"]
-        return forms - potential.min()
+            raised = self.series("given_potential")[:-1]
+            forms = forms - self.result["given_kinetic"] - raised  # it has a step's velocity from its start on
+            potential = potential - raised
+        return with_end(forms - potential.min())
 
     @functools.cached_property
     def outside_work(self) -> np.ndarray:
-        """Of emitters and jets, and of what holds pins and colliders, so far (n,) [J]."""
+        """Of emitters and jets, and of what holds pins and colliders, so far (n,) [J].
+
+        Half of a step's counts at its start, where the velocity is the mean of those around.
+        """
         work = ledger(self.result)[:, binding.ENERGY_STAGES.index("outside")].sum(axis=1)
         if "given_work" in self.result.columns:
             work = work + self.result["given_work"]
         if "jet_flux" in self.result.columns:
             work = work + self.result["source_work"]
-        return np.concatenate([[0.0], np.cumsum(work)])
+        return with_end(np.cumsum(work) - work / 2)
 
     @functools.cached_property
     def energy_scale(self) -> np.ndarray:

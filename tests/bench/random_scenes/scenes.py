@@ -11,16 +11,13 @@ from eulerfsi import binding
 from eulerfsi.solver import Mesh
 from loop.experiment import Experiment
 
-from .draw import Draw, constant
+from .draw import Draw, constant, ranges
 from .solids import Made, center_of_volume, folds_nowhere, make_solid
 
 AXES = "xyz"
-DRIFT_GAP = 2.0  # cells kept free at periodic faces, which solids cannot cross
-DRIFT_SHARE = 0.8  # of the room between them that the throw may use
 ADDED_MASS = 0.5  # of the displaced fluid, as of a ball
 WAVE_CELLS = 0.7  # cells that a shear wave may pass in a step at a wall
 CONTACT_CFL = 0.4
-SLOWEST = 0.1  # sizes per second: what a scene's modulus is made for at least
 PATIENCE = 6  # times the steps that the fastest speed asks for
 
 
@@ -33,8 +30,6 @@ class Scene(Experiment):
     size: float = 1.0  # longest edge of the shape before it was turned [m]
     faces: tuple[str, ...] = ("slip",) * 6  # -x +x -y +y -z +z
     pull: tuple[float, float, float] = (0.0, 0.0, 0.0)  # gravity
-    youngs_modulus: float = 1.0  # Pa
-    poissons_ratio: float = 0.3
     material: str = "corotational"
     impact_pressure: float = 0.0  # rho v^2 / 2 of the fastest impact over Young's modulus
     fastest: float = 1.0  # what throw, fall and spin can come to [m/s]
@@ -100,11 +95,7 @@ class Scene(Experiment):
         return super().simulation() | {"gravity": self.pull}
 
     def solid(self) -> dict[str, Any]:
-        return super().solid() | {
-            "youngs_modulus": self.youngs_modulus,
-            "poissons_ratio": self.poissons_ratio,
-            "material": binding.MATERIALS[self.material],
-        }
+        return super().solid() | {"material": binding.MATERIALS[self.material]}
 
 
 def make_scene(seed: int, number: int) -> Scene:
@@ -117,7 +108,7 @@ def make_scene(seed: int, number: int) -> Scene:
     h, duration, ratio = size / across, draw.number("duration"), draw_ratio(draw)
     extent, middle = np.ptp(points, axis=0), center_of_volume(points, triangles)
     reach = float(np.linalg.norm(points - middle, axis=1).max())
-    turning = reach + float(np.linalg.norm(middle)) + DRIFT_GAP * h  # room it needs at periodic faces
+    turning = reach + float(np.linalg.norm(middle)) + constant("drift_gap") * h  # room it needs at periodic faces
     faces = draw_faces(draw)
     free = [faces[2 * axis] == "periodic" for axis in range(3)]
 
@@ -127,7 +118,7 @@ def make_scene(seed: int, number: int) -> Scene:
     released = draw.happens("released") and bool(pull.any())
     velocity = 0.0 if released else draw.number("speed") * size
     velocity = velocity * draw.direction("heading")
-    most = DRIFT_SHARE * np.maximum(0, cells * h - 2 * turning) / duration
+    most = constant("drift_share") * np.maximum(0, cells * h - 2 * turning) / duration
     velocity = np.where(free, np.clip(velocity, -most, most), velocity)
     center = place(draw, cells * h, extent / 2 + constant("gap") * h, turning, free, velocity)
     spin = 0.0 if draw.happens("still") else draw.number("spin")
@@ -135,7 +126,7 @@ def make_scene(seed: int, number: int) -> Scene:
     fall = weight_ratio(ratio) * pull
     gaps = np.where(fall > 0, cells * h - center, center) - extent / 2
     fastest = math.sqrt(velocity @ velocity + 2 * np.abs(fall) @ gaps + (spin * reach) ** 2)
-    fastest = max(fastest, SLOWEST * size)
+    fastest = max(fastest, constant("slowest") * size)
     density, fluid = 1000.0 * min(1.0, ratio or 1.0), 0.0 if ratio is None else 1000.0 / max(1.0, ratio)
     energy = (density + ADDED_MASS * fluid) * fastest**2 / 2
     modulus = energy / draw.number("impact_pressure")
@@ -173,7 +164,8 @@ def make_scene(seed: int, number: int) -> Scene:
 def draw_poisson(draw: Draw) -> float:
     """Poisson's ratio."""
     if draw.happens("nearly_incompressible"):
-        return 0.45 + 0.049 * draw.evenly("nearly_incompressible", "by")
+        table = ranges()["nearly_incompressible"]
+        return table["low"] + table["width"] * draw.evenly("nearly_incompressible", "by")
     return draw.number("poissons_ratio")
 
 
@@ -230,7 +222,7 @@ def place(
         margin = drift if free[axis] else half[axis]
         room, t = box[axis] - 2 * margin, draw.evenly("place", name)
         if free[axis]:
-            t *= 1 - DRIFT_SHARE
+            t *= 1 - constant("drift_share")
             t = t if velocity[axis] >= 0 else 1 - t
         center[axis] = margin + room * t
     return center
