@@ -270,6 +270,7 @@ class TransportChange(Structure):
         ("volume_cells", c_double),
         ("momentum", Vec3),
         ("angular_momentum", Vec3),
+        ("mass", c_double),
     ]
 
 

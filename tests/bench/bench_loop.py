@@ -49,6 +49,7 @@ LAWS = (
     Law("mirror", mirror_law.mirror_runs, mirror_law.judge_mirror),
     Law("energy", energy_laws.energy_runs, energy_laws.judge_energy),
     Law("repairs", energy_laws.energy_runs, energy_laws.judge_repairs),
+    Law("mass", energy_laws.energy_runs, energy_laws.judge_mass),
     Law("stack", contact_laws.stack_runs, contact_laws.judge_stack),
     Law("hertz", contact_laws.hertz_runs, contact_laws.judge_hertz),
     Law("transport", energy_laws.energy_runs, energy_laws.judge_transport),

@@ -229,6 +229,7 @@ inline EfsiTransportChange to_c(const sim::TransportChange& t) {
   c.volume_cells = t.volume_cells;
   c.momentum = to_c(t.momentum);
   c.angular_momentum = to_c(t.angular_momentum);
+  c.mass = t.mass;
   return c;
 }
 
