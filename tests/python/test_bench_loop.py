@@ -127,6 +127,13 @@ def test_laws_of_what_flows_are_kept_and_name_the_preset(library, name: str) -> 
     assert lines and all(line.verdict == "pass" and ", production, " in line.conditions for line in lines)
 
 
+def test_without_the_volume_source_a_solid_keeps_the_volume_it_has(library) -> None:
+    pressed = Experiment("squash", stretch=(1.0, 0.5, 1.0), walls="openTop", duration=0.25)
+    for source, low, high in ((1, 1.5, 2.1), (0, 0.95, 1.05)):
+        result = bench_loop.run_child(dataclasses.replace(pressed, settings=(("volume_source", source),)))
+        assert result.finished and low < measure.volume_range(result, "mesh")[1] < high
+
+
 def test_the_elastica_has_the_tabulated_end() -> None:
     assert given_laws.elastica(2.0) == pytest.approx((0.238507, 0.321594), abs=1e-5)
 
