@@ -28,7 +28,7 @@ geometry::TriangleMesh block(const Vec3d& center) {
 }
 
 // Gravity is tilted by 30 degrees against the floor.
-std::unique_ptr<sim::Simulation> block_on_slope(double friction, bool compressible) {
+SimulationPtr block_on_slope(double friction, bool compressible) {
   sim::Params p = vacuum({1.0, 0.2, 0.4});
   p.max_time_step = 1.0 / 96.0;
   p.gravity = kGravity * Vec3d(std::sin(M_PI / 6), -std::cos(M_PI / 6), 0.0);
