@@ -270,6 +270,7 @@ class TransportChange(Structure):
         ("volume_cells", c_double),
         ("momentum", Vec3),
         ("angular_momentum", Vec3),
+        ("mass", c_double),
     ]
 
 
@@ -329,6 +330,8 @@ class SimulationDef(Structure):
         ("memory_limit", c_uint64),
         ("log", LogCallback),
         ("log_user", c_void_p),
+        ("volume_source", c_int32),
+        ("reserved0", c_int32),
         ("reserved", c_uint64 * 2),
     ]
 

@@ -27,7 +27,18 @@ for folder in (ROOT / "batch", ROOT / "usd_plugin", Path(__file__).resolve().par
     if str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
 
-from loop import contact_laws, elastic_laws, energy_laws, laws, mirror_law, survival, table, wall_laws  # noqa: E402
+from loop import (  # noqa: E402
+    contact_laws,
+    elastic_laws,
+    energy_laws,
+    given_laws,
+    laws,
+    mirror_law,
+    probes,
+    survival,
+    table,
+    wall_laws,
+)
 from loop.experiment import TOKENS, Experiment, field_of, simulate  # noqa: E402
 from loop.laws import Law, Line, Results  # noqa: E402
 from loop.measure import Result, run_process  # noqa: E402
@@ -50,8 +61,13 @@ LAWS = (
     Law("energy", energy_laws.recorded_runs, energy_laws.judge_energy),
     Law("repairs", energy_laws.energy_runs, energy_laws.judge_repairs),
     Law("walls", wall_laws.wall_runs, wall_laws.judge_walls),
+    Law("mass", energy_laws.energy_runs, energy_laws.judge_mass),
     Law("stack", contact_laws.stack_runs, contact_laws.judge_stack),
     Law("hertz", contact_laws.hertz_runs, contact_laws.judge_hertz),
+    Law("pin", given_laws.pin_runs, given_laws.judge_pin),
+    Law("cantilever", given_laws.cantilever_runs, given_laws.judge_cantilever),
+    Law("jet", given_laws.jet_runs, given_laws.judge_jet),
+    Law("channel", given_laws.channel_runs, given_laws.judge_channel),
     Law("transport", energy_laws.energy_runs, energy_laws.judge_transport),
 )
 Settings = tuple[tuple[str, Any], ...]
@@ -81,7 +97,8 @@ def child() -> int:
     """Reads an experiment from standard input, writes what it measured to standard output."""
     values = {name: tuple(v) if isinstance(v, list) else v for name, v in json.load(sys.stdin).items()}
     values["settings"] = tuple((name, tuple(v) if isinstance(v, list) else v) for name, v in values["settings"])
-    json.dump(simulate(Experiment(**values)), sys.stdout)
+    run = Experiment(**values)
+    json.dump(probes.simulate(run) if run.probe else simulate(run), sys.stdout)
     return 0
 
 

@@ -301,6 +301,7 @@ static void check_fall(const char* folder) {
   EfsiTransportChange change;
   CHECK_OK(sim, efsi_solid_get_transport_change(sim, id, &change));
   CHECK(fabs(change.volume_mesh) < 1e-3 && fabs(change.momentum.y) < 0.01 * fabs(solid.momentum.y));
+  CHECK(fabs(change.mass) < 0.01);
   EfsiEnergyLedger ledger;
   CHECK_OK(sim, efsi_simulation_get_energy_ledger(sim, &ledger));
   CHECK(fabs(ledger.end.solid_kinetic / solid.kinetic_energy - 1.0) < 1e-3);

@@ -19,7 +19,7 @@ sys.path.insert(0, str(ROOT / "tests" / "bench"))
 import bench_loop  # noqa: E402
 from eulerfsi import binding  # noqa: E402
 from eulerfsi.solver import Surface  # noqa: E402
-from loop import energy_laws, measure, shapes, survival, table, wall_laws  # noqa: E402
+from loop import energy_laws, given_laws, measure, shapes, survival, table, wall_laws  # noqa: E402
 from loop.experiment import Experiment  # noqa: E402
 from loop.laws import Line  # noqa: E402
 
@@ -197,6 +197,25 @@ def test_a_run_measures_what_happens_and_reports_what_goes_wrong(library) -> Non
         lines = law.lines({run: broken for run in runs}, "quick")
         assert [line.verdict for line in lines] == ["MISSED"] * len(runs)
         assert law.lines({}, "quick") == []
+
+
+@pytest.mark.parametrize("name", ["jet", "channel"])
+def test_laws_of_what_flows_are_kept_and_name_the_preset(library, name: str) -> None:
+    law = next(law for law in bench_loop.LAWS if law.name == name)
+    run = law.experiments("quick")[0]
+    lines = law.lines({run: bench_loop.run_child(run)}, "quick")
+    assert lines and all(line.verdict == "pass" and ", production, " in line.conditions for line in lines)
+
+
+def test_without_the_volume_source_a_solid_keeps_the_volume_it_has(library) -> None:
+    pressed = Experiment("squash", stretch=(1.0, 0.5, 1.0), walls="openTop", duration=0.25)
+    for source, low, high in ((1, 1.5, 2.1), (0, 0.95, 1.05)):
+        result = bench_loop.run_child(dataclasses.replace(pressed, settings=(("volume_source", source),)))
+        assert result.finished and low < measure.volume_range(result, "mesh")[1] < high
+
+
+def test_the_elastica_has_the_tabulated_end() -> None:
+    assert given_laws.elastica(2.0) == pytest.approx((0.238507, 0.321594), abs=1e-5)
 
 
 def test_an_interrupt_keeps_the_runs_that_are_finished(library, tmp_path) -> None:

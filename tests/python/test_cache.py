@@ -169,6 +169,7 @@ def test_statistics_have_every_step_and_frame(cache):
     for line in steps:
         assert line["repairs"]["put_back"] == 0 and 0.9 < line["repairs"]["min_det_f_before"] <= 1.001
         assert abs(line["transport"]["/World/Ball"]["volume_mesh"]) < 0.01 and "energy" not in line
+        assert abs(line["transport"]["/World/Ball"]["mass"]) < 0.01
 
 
 def test_the_energy_ledger_adds_columns_and_changes_nothing(cache, tmp_path):

@@ -67,6 +67,7 @@ inline sim::Params to_params(const EfsiSimulationDef& def) {
   p.numerics = sim::numerics_of(static_cast<sim::Preset>(def.preset));
   if (def.velocity_tolerance > 0.0) p.numerics.velocity_tolerance = def.velocity_tolerance;
   if (def.pressure_tolerance > 0.0) p.numerics.pressure_tolerance = def.pressure_tolerance;
+  if (def.volume_source == 0) p.numerics.volume_source = false;
   return p;
 }
 
@@ -229,6 +230,7 @@ inline EfsiTransportChange to_c(const sim::TransportChange& t) {
   c.volume_cells = t.volume_cells;
   c.momentum = to_c(t.momentum);
   c.angular_momentum = to_c(t.angular_momentum);
+  c.mass = t.mass;
   return c;
 }
 

@@ -29,6 +29,7 @@ struct TransportChange {
   double volume_mesh = 0.0, volume_cells = 0.0;  // less what the pressure gave, over the volume at rest; incompressible
   Vec3d momentum = Vec3d::Zero();                // [kg m/s]
   Vec3d angular_momentum = Vec3d::Zero();        // about the centre of mass [kg m^2/s]
+  double mass = 0.0;                             // as the cells count it, over what the solid weighs, less 1
 };
 // Volumes that a transport without loss ends with, over those at rest.
 struct VolumeTarget {

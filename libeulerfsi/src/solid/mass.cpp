@@ -315,6 +315,7 @@ void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidSt
       sum += static_cast<double>(work.mass[n]);
     return sum;
   });
+  work.counted_mass = work.total_mass;
   const double weight = rest.density * state.rest_volume_cells;
   if (state.whole && work.total_mass > 0.0 && weight > 0.0) {
     const Real factor = static_cast<Real>(weight / work.total_mass);

@@ -194,6 +194,7 @@ struct SolidWork {
   double volume = 0.0;          // by cell fractions [m^3]
   double next_volume = 0.0;     // that a step without loss ends with, by the mesh, over that at rest; 0: not known
   double total_mass = 0.0;      // [kg]
+  double counted_mass = 0.0;    // the same as the cells count it, before it is scaled to what the solid weighs [kg]
   double element_weight = 1.0;  // mass of the solid over that of its elements, each as far as it is stiff
   double whole_weight = 1.0;    // over that of as many whole cells
   double elastic_energy = 0.0;  // [J]

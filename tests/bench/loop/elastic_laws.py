@@ -120,12 +120,13 @@ SQUASHES = {
     "squash b, half height": ((1.0, 0.5, 1.0), {"walls": "openTop"}),
     "squash c, constant volume": ((2**0.5, 0.5, 2**0.5), {}),
 }
+NO_CFL = 1000.0
 
 
 def squash_runs(tier: str) -> list[Experiment]:
-    """dt = 1/24 with the CFL limit at the largest value that the solver takes."""
+    """dt = 1/24 with the CFL limit off: at the largest value that the solver takes."""
     return [
-        Experiment(name, across=across, stretch=stretch, cfl=4.0, duration=24 * FRAME, limit=3600.0, **other)
+        Experiment(name, across=across, stretch=stretch, cfl=NO_CFL, duration=24 * FRAME, limit=3600.0, **other)
         for across in ((10,) if tier == "quick" else (10, 20))
         for name, (stretch, other) in SQUASHES.items()
     ]
@@ -137,6 +138,6 @@ def judge_squash(results: Results, tier: str) -> list[Line]:
         run = result.run
         left = float(result["misshape"][-1]) / SIZE if result.finished else np.nan
         result.numbers["misshape"] = left
-        at = conditions(result, "largest distance of a vertex from the rest shape over 0.2 m, cfl_solid 4")
+        at = conditions(result, "largest distance of a vertex from the rest shape over 0.2 m")
         lines.append(Line("squash", f"{run.scene}: returns to rest within 1e-2 of its size", left, "", 0, 1e-2, at))
     return lines

@@ -185,6 +185,19 @@ LOSS_BARS: Mapping[tuple[str, int], tuple[float, float, float, float]] = {  # a 
 }
 
 
+MOST_MASS = 0.01  # that cells count too much or too little, of the solid's
+
+
+def judge_mass(results: Results, tier: str) -> list[Line]:
+    lines = []
+    for result in found(results, energy_runs(tier)):
+        off = float(np.abs(result["transport_mass"]).max())
+        result.numbers["mass counted"] = off
+        bar = f"|mass before it is scaled / mass - 1| <= {MOST_MASS:g}"
+        lines.append(Line("mass", bar, off, "", 0, MOST_MASS, conditions(result, f"{result.run.scene}, worst step")))
+    return lines
+
+
 def losses(result: Result) -> dict[str, float]:
     """Of LOSSES, per second."""
     seconds = float(result["dt"].sum())

@@ -24,7 +24,8 @@ POISSONS_RATIO = LAME / (2 * (LAME + SHEAR_MODULUS))
 BULK_MODULUS = LAME + 2 * SHEAR_MODULUS / 3  # Pa
 
 TOKENS = {"preset": binding.PRESETS, "wall": binding.WALLS, "material": binding.MATERIALS}
-OPEN_FACE = {"openBottom": 2, "openTop": 3}  # walls -> face -x +x -y +y -z +z
+OPEN_FACE = {"openBottom": 2, "openTop": 3, "openRight": 1}  # walls -> face -x +x -y +y -z +z
+CHANNEL = ("periodic", "periodic", "noSlip", "noSlip", "slip", "slip")  # walls "channel"
 FASTEST = 5.0  # m/s: no solid of these scenes is faster; one that needs the steps of twice this speed has blown up
 TORN = 20.0  # an interior det F above this or below its inverse has blown up
 OUT_OF_TIME = "out of time"  # how the failure of a run begins that its wall-clock limit has ended
@@ -59,7 +60,7 @@ class Experiment:
     dt: float = FRAME  # largest step; the solver divides it further by its CFL limits
     density_ratio: float | None = 1000.0  # solid : fluid; None: vacuum. The denser of the two is 1000 kg/m^3
     gravity: float = 0.0  # along -y [m/s^2]
-    walls: str = "slip"  # slip, noSlip, openTop or openBottom (the rest slip), periodic
+    walls: str = "slip"  # slip, noSlip, openTop, openBottom or openRight (the rest slip), periodic, channel
     cfl: float | None = None  # cells a solid may move per step; None: the default
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     spin: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rad/s
@@ -72,6 +73,7 @@ class Experiment:
     settings: tuple[tuple[str, Any], ...] = ()  # fields of EfsiSimulationDef or EfsiSolidDef, the user's last word
     mirror: bool = False  # record how far the fields are from their mirror images
     halved: bool = False  # every step half as long as without this
+    probe: str = ""  # one of probes.PROBES, which set up their own solids and what is given
     group: str = ""  # of several solids, one of groups.GROUPS, instead of the shape
     limit: float = 600.0  # wall-clock seconds after which the run is given up
 
@@ -109,6 +111,8 @@ class Experiment:
     @property
     def face_kinds(self) -> tuple[str, ...]:
         """What the faces -x +x -y +y -z +z are."""
+        if self.walls == "channel":
+            return CHANNEL
         if self.walls not in OPEN_FACE:
             return (self.walls,) * 6
         return tuple("open" if face == OPEN_FACE[self.walls] else "slip" for face in range(6))

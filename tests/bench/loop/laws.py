@@ -72,9 +72,9 @@ def out_of_bounds(result: Result) -> dict[str, int]:
 def conditions(result: Result, more: str = "") -> str:
     """Resolution, steps, what was set and what went wrong."""
     run, dt = result.run, result["dt"]
-    parts = [run.choices, f"{run.duration:.3g} s"]
+    parts = [run.choices, dict(run.settings).get("preset", "production"), f"{run.duration:.3g} s"]
     parts += [f"dt {dt.min():.3g}..{dt.max():.3g} s"] if dt.size else []
-    parts += [f"{name}={value}" for name, value in run.settings]
+    parts += [f"{name}={value}" for name, value in run.settings if name != "preset"]
     parts += [more] if more else []
     parts += [f"NOT FINISHED: {result.failure}"] if result.failure else []
     return ", ".join(parts)

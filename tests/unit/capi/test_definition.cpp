@@ -31,6 +31,7 @@ TEST_CASE("Definitions start with the defaults of the parameter table") {
   CHECK(domain.cfl_solid == 1.8);
   CHECK(domain.cfl_fluid == 5.0);
   CHECK(domain.velocity_tolerance == 0.0);
+  CHECK(domain.volume_source == 1);
   CHECK(domain.domain_size.z == 1.0);
   CHECK(domain.gravity.y == 0.0);
   CHECK(domain.log == nullptr);

@@ -86,14 +86,21 @@ inline TriangleMesh torus(double ring, double tube, int around, int across) {
   return triangulate(points, std::vector<std::int32_t>(indices.size() / 4, 4), indices);
 }
 
-// A mesh of the shared folder, or nothing where that folder is absent.
-inline std::optional<TriangleMesh> shared_mesh(const std::string& name) {
-  const std::filesystem::path path = std::filesystem::path(EFSI_SHARED_DIR) / "meshes" / name;
+// The mesh of a file, or nothing where it is absent.
+inline std::optional<TriangleMesh> file_mesh(const std::filesystem::path& path) {
   if (!std::filesystem::exists(path)) return std::nullopt;
   const io::PolygonMesh file = io::read_mesh(path.string());
   std::vector<Vec3d> points;
   for (const auto& p : file.points) points.emplace_back(p[0], p[1], p[2]);
   return triangulate(points, file.face_vertex_counts, file.face_vertex_indices);
 }
+
+// A mesh of the shared folder.
+inline std::optional<TriangleMesh> shared_mesh(const std::string& name) {
+  return file_mesh(std::filesystem::path(EFSI_SHARED_DIR) / "meshes" / name);
+}
+
+// The bunny as Debian's package glmark2-data installs it.
+inline std::optional<TriangleMesh> installed_bunny() { return file_mesh("/usr/share/glmark2/models/bunny.obj"); }
 
 }  // namespace efsi::geometry::shapes

@@ -4,9 +4,11 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <memory>
+#include <sstream>
 
 #include "sim/checkpoint.hpp"
 #include "sim/simulation.hpp"
+#include "unit/law_lines.hpp"
 
 namespace efsi::test {
 
@@ -105,9 +107,22 @@ inline sim::SolidDesc ball_desc(const Vec3d& center, double radius = 0.1) {
   return d;
 }
 
-inline std::unique_ptr<sim::Simulation> make_simulation(const sim::Params& p,
-                                                        const std::vector<sim::SolidDesc>& solids = {}) {
-  auto s = std::make_unique<sim::Simulation>(p, Log{});
+// A simulation that notes for a law test how it was run.
+struct NoteConditions {
+  void operator()(sim::Simulation* s) const {
+    const sim::State& state = s->state();
+    std::ostringstream text;
+    text << "h " << s->params().voxel_size << " m";
+    if (state.steps > 0) text << ", dt " << state.time / static_cast<double>(state.steps) << " s (mean)";
+    text << ", " << (s->params().numerics.uses_particles() ? "paper2016" : "production");
+    note_conditions(text.str());
+    delete s;
+  }
+};
+using SimulationPtr = std::unique_ptr<sim::Simulation, NoteConditions>;
+
+inline SimulationPtr make_simulation(const sim::Params& p, const std::vector<sim::SolidDesc>& solids = {}) {
+  SimulationPtr s(new sim::Simulation(p, Log{}));
   geometry::MeshReport report;
   for (const auto& d : solids) s->add_solid(d, report);
   return s;

@@ -26,7 +26,7 @@ struct TemporaryFile {
   std::string name() const { return path.string(); }
 };
 
-std::unique_ptr<sim::Simulation> scene(double density = 1000.0, int threads = 1) {
+SimulationPtr scene(double density = 1000.0, int threads = 1) {
   sim::Params p = box_params({0.3, 0.3, 0.3}, 0.025);
   p.threads = threads;
   sim::SolidDesc d = ball_desc({0.15, 0.12, 0.15}, 0.08);

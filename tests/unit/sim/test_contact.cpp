@@ -98,13 +98,13 @@ Outcome run(sim::Simulation& s, double end) {
   return out;
 }
 
-std::unique_ptr<sim::Simulation> scene(sim::Params p, const std::vector<sim::SolidDesc>& solids) {
+SimulationPtr scene(sim::Params p, const std::vector<sim::SolidDesc>& solids) {
   p.energy_ledger = true;
   return make_simulation(p, solids);
 }
 
 // A block on a slab that lies on the floor; gravity is tilted by 30 degrees. The slab sticks to the floor.
-std::unique_ptr<sim::Simulation> block_on_slab(double friction, bool compressible,
+SimulationPtr block_on_slab(double friction, bool compressible,
                                                double cells_above = sim::kContactSkin) {
   sim::Params p = vacuum({1.0, 0.4, 0.4}, kCell);
   p.max_time_step = 1.0 / 96.0;
@@ -134,7 +134,7 @@ void advance_to(sim::Simulation& s, double time) {
 }
 
 // Two boxes on the floor in a fluid, or none: one on the other, or beside it.
-std::unique_ptr<sim::Simulation> two_boxes(double fluid, bool stacked) {
+SimulationPtr two_boxes(double fluid, bool stacked) {
   sim::Params p = vacuum({0.7, 0.4, 0.3}, kCell);
   p.fluid.present = fluid > 0.0;
   if (p.fluid.present) p.fluid.density = fluid;

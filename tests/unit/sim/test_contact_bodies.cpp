@@ -18,7 +18,7 @@ constexpr double kCell = 0.02, kFrame = 1.0 / 24.0;
 // vertical.
 struct Slope {
   Mat3d turn;
-  std::unique_ptr<sim::Simulation> s;
+  SimulationPtr s;
 
   Slope(double tilt, double friction, bool compressible) {
     sim::Params p = vacuum({1.1, 0.8, 0.7}, kCell);

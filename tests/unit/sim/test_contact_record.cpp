@@ -26,7 +26,7 @@ std::vector<sim::SolidDesc> balls(bool compressible = false) {
 }
 
 // A block at rest on a slab on the floor, gravity tilted by kSlope.
-std::unique_ptr<sim::Simulation> block_on_slab(double friction) {
+SimulationPtr block_on_slab(double friction) {
   sim::Params p = vacuum({0.8, 0.4, 0.4}, kCell);
   p.max_time_step = 1.0 / 96.0;
   p.gravity = kWeight * Vec3d(std::sin(kSlope), -std::cos(kSlope), 0.0);

@@ -246,7 +246,7 @@ constexpr int kStart = 40;             // of these the block has come to rest, a
 
 // A block in vacuum on a collider whose upper face is at y = 0.2, over x = `left`.
 struct Carried {
-  std::unique_ptr<sim::Simulation> s;
+  SimulationPtr s;
   std::size_t pin = 0;
 
   Carried(const geometry::TriangleMesh& collider, double left) {

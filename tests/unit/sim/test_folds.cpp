@@ -23,7 +23,7 @@ constexpr double kCell = 0.02;
 enum class Around { kVacuum, kAir, kLiquid };
 
 // A U in the middle of a box without weight; its legs, seven cells from each other, are thrown at each other.
-std::unique_ptr<sim::Simulation> closing_legs(Around around, double speed, int threads = 1) {
+SimulationPtr closing_legs(Around around, double speed, int threads = 1) {
   sim::Params p = still({1.0, 0.8, 0.8}, kCell);
   p.energy_ledger = true;
   p.threads = threads;

@@ -30,7 +30,7 @@ ForceField everywhere(ForceField::Kind kind) { return force_at(kind, kMiddle, Ve
 
 sim::Params box(bool fluid = false) { return still(Vec3d::Constant(0.6), 0.025, fluid); }
 
-std::unique_ptr<sim::Simulation> pushed_ball(const sim::Params& p, const ForceField& force) {
+SimulationPtr pushed_ball(const sim::Params& p, const ForceField& force) {
   auto s = make_simulation(p, {ball_desc(kMiddle, 0.1)});
   s->add_force(force);
   return s;

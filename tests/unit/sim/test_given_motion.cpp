@@ -27,7 +27,7 @@ geometry::TriangleMesh box_mesh(const Vec3d& low, const Vec3d& high) {
 
 // A bar that hangs from its upper end, which is held.
 struct HangingBar {
-  std::unique_ptr<sim::Simulation> s;
+  SimulationPtr s;
   std::size_t pin = 0;
   std::vector<std::uint8_t> held;
   explicit HangingBar(const sim::Params& p) : s(make_simulation(p)) {

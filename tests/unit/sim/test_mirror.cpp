@@ -12,7 +12,7 @@ namespace {
 
 // A ball above the middle of a box that is symmetric about the planes x = 0 and z = 0; the middle lies on nodes where
 // the number of cells is even, on the centres of cells where it is odd. lowest: of the ball [m].
-std::unique_ptr<sim::Simulation> symmetric_scene(double h, const Vec3i& cells, double lowest) {
+SimulationPtr symmetric_scene(double h, const Vec3i& cells, double lowest) {
   sim::Params p = box_params(h * Vec3d(cells[0], cells[1], cells[2]), h);
   p.domain_min = Vec3d(-0.5 * p.domain_size[0], 0.0, -0.5 * p.domain_size[2]);
   sim::SolidDesc d = ball_desc(Vec3d::Zero());

@@ -98,7 +98,8 @@ TEST_CASE("The stiffness of Eq. 14 does nothing where a step's spring impulse is
 }
 
 TEST_CASE("The constraint helps collisions: with it fewer particles are pushed, and less deep", "[law]") {
-  // Sec. 4.6 and 5.1. Off: foam in vacuum; on: solids that keep their volume, in a fluid of nearly their density.
+  // Sec. 4.6 and 5.1. Off: foam in vacuum, as without the constraint nothing keeps a fluid; on: solids that keep their
+  // volume, in a fluid of nearly their density.
   std::vector<sim::SolidDesc> foam = two_balls();
   for (auto& ball : foam) ball.compressible = true;
   const Outcome off = collide(paper_params(kBox, false), foam);
@@ -112,6 +113,22 @@ TEST_CASE("The constraint helps collisions: with it fewer particles are pushed, 
   CHECK(collide(p, two_balls(0.0)).distance < 0.2 + kCell);
   for (auto& ball : foam) ball.contact_stiffness = 0.0;
   CHECK(collide(paper_params(kBox, false), foam).distance < 0.2 + kCell);
+}
+
+TEST_CASE("The constraint of the solids alone changes a collision little: what helps is that of the fluid", "[law]") {
+  for (const double fluid : {0.0, 770.0}) {
+    sim::Params p = paper_params(kBox, fluid > 0.0);
+    if (fluid > 0.0) p.fluid.density = fluid;
+    std::vector<sim::SolidDesc> foam = two_balls();
+    for (auto& ball : foam) ball.compressible = true;
+    const Outcome off = collide(p, foam), on = collide(p, two_balls());
+    INFO("fluid " << fluid << " kg/m^3: off: " << off.pushed << " pushed, deepest " << off.deepest << ", "
+                  << off.speed[0] << " m/s; on: " << on.pushed << ", " << on.deepest << ", " << on.speed[0] << " m/s");
+    CHECK(static_cast<double>(on.pushed) == Approx(static_cast<double>(off.pushed)).epsilon(0.05));
+    CHECK(on.deepest < off.deepest);
+    CHECK(on.deepest > off.deepest - 0.1);
+    CHECK(on.speed[0] == Approx(off.speed[0]).margin(0.1));
+  }
 }
 
 TEST_CASE("Friction turns balls that meet off centre") {

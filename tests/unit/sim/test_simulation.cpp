@@ -17,7 +17,7 @@ sim::Params small_params(int threads) {
   return p;
 }
 
-std::unique_ptr<sim::Simulation> small_scene(const sim::Params& p) {
+SimulationPtr small_scene(const sim::Params& p) {
   sim::SolidDesc d = ball_desc({0.15, 0.12, 0.15}, 0.08);
   d.velocity = {0.3, -2.0, 0.1};
   auto s = make_simulation(p, {d});

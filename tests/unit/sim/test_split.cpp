@@ -27,7 +27,7 @@ enum class Split { kPaper, kProjection, kCoupled };  // Eq. 13, its projection b
 
 // A disc of R = 4.8 cells that is squashed by 15 % and thrown down through fluid that swirls. pace: cells that
 // compression waves pass in the step.
-std::unique_ptr<sim::Simulation> impact(double ratio, double pace, Split split) {
+SimulationPtr impact(double ratio, double pace, Split split) {
   const double edge = kCells * kH;
   sim::Params p = box_params({edge, edge, kH}, kH);
   p.numerics = sim::numerics_of(sim::Preset::kPaper2016);

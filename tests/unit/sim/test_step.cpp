@@ -17,6 +17,38 @@ TEST_CASE("Fluid at rest under gravity stays at rest, and so does a solid of its
   }
 }
 
+TEST_CASE("The pressure of a column of fluid is rho g h", "[law]") {
+  // The pressure leaves out what is hydrostatic in the density rho_a of docs/numerics/buoyancy.md: that of the fluid,
+  // or twice that of a lighter solid, here a ball that is held below an open top.
+  const bool light = GENERATE(false, true);
+  constexpr double kFluid = 1000.0, kSolid = 100.0, kHigh = 0.6;
+  sim::Params p = box_params({0.4, kHigh, 0.4});
+  p.fluid.density = kFluid;
+  p.walls.face[3] = grid::Wall::kOpen;
+  p.numerics.pressure_tolerance = 1e-4;
+  auto s = make_simulation(p);
+  if (light) {
+    sim::SolidDesc ball = ball_desc({0.2, 0.3, 0.2}, 0.06);
+    ball.density = kSolid;
+    geometry::MeshReport report;
+    s->add_solid(ball, report);
+    s->add_pin(0, std::vector<std::uint8_t>(ball.surface.points.size(), 1));
+  }
+  for (int n = 0; n < 4; ++n) s->step(0.02);
+  const double ambient = light ? 2.0 * kSolid : kFluid;
+  double worst = 0.0;
+  const grid::Grid& g = s->grid();
+  for (int j = 0; j < g.cells[1]; ++j)
+    for (const int i : {0, 4, g.cells[0] - 1}) {
+      const double depth = kHigh - (j + 0.5) * g.h;
+      const double whole = static_cast<double>(s->pressure()[g.padded(i, j, 2)]) + ambient * 9.8 * depth;
+      worst = std::max(worst, std::abs(whole - kFluid * 9.8 * depth));
+    }
+  INFO((light ? "beside a light ball" : "fluid alone") << ": off by " << worst << " Pa of " << kFluid * 9.8 * kHigh);
+  CHECK(worst < (light ? 5e-3 : 1e-6) * kFluid * 9.8 * kHigh);
+  if (!light) CHECK(s->diagnose_fluid().max_speed < 1e-4 * 9.8 * 0.08);  // of free fall; beside the ball: docs/bars.md
+}
+
 TEST_CASE("A heavy ball falls at 0.9985 g and stores no elastic energy in flight", "[law]") {
   // Buoyancy 1/1000 and added mass 1/2000: 0.999/1.0005 of g.
   auto s = make_simulation(box_params({0.6, 0.7, 0.6}), {ball_desc({0.3, 0.5, 0.3})});
@@ -83,7 +115,7 @@ TEST_CASE("The fluid around a ball that starts to move is a potential flow; with
 namespace {
 
 // Five cells per radius, where a wall takes matter, on its way to the floor.
-std::unique_ptr<sim::Simulation> thrown_ball() {
+SimulationPtr thrown_ball() {
   sim::SolidDesc d = ball_desc({0.2, 0.14, 0.2});
   d.velocity = {0, -2.0, 0};
   return make_simulation(box_params({0.4, 0.44, 0.4}), {d});

@@ -37,7 +37,7 @@ struct Elements {
   }
 };
 
-std::unique_ptr<sim::Simulation> thrown_ball(int threads, sim::Preset preset = sim::Preset::kProduction) {
+SimulationPtr thrown_ball(int threads, sim::Preset preset = sim::Preset::kProduction) {
   sim::Params p = vacuum({0.6, 0.7, 0.5}, 0.025);
   p.threads = threads;
   p.numerics = sim::numerics_of(preset);
@@ -123,7 +123,7 @@ TEST_CASE("Cells keep their values from one window to another; new ones and ghos
 }
 
 TEST_CASE("Without fluid the size of the box changes neither the motion nor the work", "[law]") {
-  std::unique_ptr<sim::Simulation> runs[2];
+  SimulationPtr runs[2];
   for (int large = 0; large < 2; ++large) {
     sim::Params p = vacuum(large ? Vec3d(1.5, 1.0, 1.25) : Vec3d(0.75, 0.5, 0.625), 0.015625);
     if (large) p.domain_min = {-0.25, 0.0, -0.4375};  // the floor stays where it is
@@ -143,7 +143,7 @@ TEST_CASE("Without fluid the size of the box changes neither the motion nor the 
 TEST_CASE("A step on the window leaves what a step on the whole box does", "[law]") {
   // The slow twin: along periodic axes the window is the whole box. A ball bounces off the floor. The coupling step
   // follows a rough estimate, which depends on how the preconditioner coarsens the grid.
-  std::unique_ptr<sim::Simulation> runs[2];
+  SimulationPtr runs[2];
   for (int whole = 0; whole < 2; ++whole) {
     sim::Params p = vacuum({0.5, 0.5, 0.5}, 0.025);
     p.numerics.coupling_step = false;

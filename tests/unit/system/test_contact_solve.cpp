@@ -18,7 +18,7 @@ namespace {
 constexpr double kDt = 0.01;
 
 // A ball above another one that is stiffer, three cells apart; both fall towards each other and one of them sideways.
-// Nine rows between the nodes that face each other, spread over four nodes each.
+// Four rows between the nodes that face each other, spread over four nodes each.
 struct Scene {
   grid::Grid g = cube_grid(16, 0.05);
   TestSolid solids[2];

@@ -1,0 +1,129 @@
+"""Runs of the laws of what is given and of what flows: a bar that hangs, a cantilever, a jet, a channel.
+
+Each gives, after every step, the columns that its law judges. Lengths [m], times [s].
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from eulerfsi import binding
+from eulerfsi.errors import LibraryError
+from eulerfsi.solver import Mesh, Simulation, Surface
+
+from .experiment import Experiment, step_ends
+from .shapes import blocks
+
+Probe = Callable[[Simulation], dict[str, Any]]  # the columns of the last step
+
+HANGING = {"low": (0.15, 0.25, 0.15), "high": (0.25, 0.55, 0.25)}
+HELD_ABOVE = 0.5
+
+BAR_HIGH, BAR_LONG = 0.1, 2.0
+BAR_ROOT, BAR_LOWEST = 0.2, 0.7  # where the clamp ends; lower face
+BAR_BETA = 2.0  # w L^3 / (E' I), E' = E / (1 - nu^2)
+
+JET_MIDDLE, JET_SIZE, JET_SPEED = (0.15, 0.21, 0.2), (0.1, 0.13, 0.11), 2.0
+
+CHANNEL_DENSITY, CHANNEL_VISCOSITY, CHANNEL_PUSH = 1.3, 0.06, 0.8  # kg/m^3, Pa s, m/s^2
+
+
+def bar(low: tuple[float, ...], high: tuple[float, ...], parts: int) -> Mesh:
+    """A box with vertices all along x."""
+    size = np.subtract(high, low)
+    points, triangles = blocks(np.ones((parts, 1, 1), bool), (size[0] / parts, size[1], size[2]))
+    return Mesh(points + np.array(low), np.full(len(triangles), 3), triangles.ravel())
+
+
+def region(middle: tuple[float, ...], size: tuple[float, ...]) -> np.ndarray:
+    """Transform of a region: the unit box, of this size and place."""
+    matrix = np.diag([*size, 1.0])
+    matrix[:3, 3] = middle
+    return matrix
+
+
+def hanging_bar(run: Experiment, simulation: Simulation) -> Probe:
+    mesh = bar(**HANGING, parts=1)
+    solid, _ = simulation.add_solid(mesh, **run.solid() | {"youngs_modulus": 2e5, "rayleigh_alpha": 3.0})
+    pin = simulation.add_pin(solid, mesh.points[:, 1] > HELD_ABOVE)
+    return lambda s: {"impulse": s.pin_reaction(pin)["impulse"], "mass": s.solid_diagnostics(solid)["mass"]}
+
+
+def cantilever(run: Experiment, simulation: Simulation) -> Probe:
+    h, nu = run.spacing, 0.3 if run.compressible else 0.5
+    mesh = bar((0.05, BAR_LOWEST, 0.0), (BAR_ROOT + BAR_LONG, BAR_LOWEST + BAR_HIGH, h), 80)
+    plane = 12 * 1000.0 * run.gravity * BAR_LONG**3 / (BAR_BETA * BAR_HIGH**2)
+    # Where the pressure keeps the volume the shear modulus counts.
+    values = {"youngs_modulus": plane * (1 - nu) * 1.3, "poissons_ratio": 0.3, "rayleigh_alpha": 10.0}
+    solid, _ = simulation.add_solid(mesh, **run.solid() | values)
+    clamp = bar((0.0, BAR_LOWEST - 0.1, -h), (BAR_ROOT, BAR_LOWEST + BAR_HIGH + 0.1, 2 * h), 1)
+    simulation.add_pin(solid, Surface(clamp, h))
+    end = mesh.points[:, 0] > mesh.points[:, 0].max() - 1e-6
+    upper = mesh.points[:, 1] > BAR_LOWEST + 0.5 * BAR_HIGH
+
+    def tip(s: Simulation) -> dict[str, Any]:
+        points = s.surface(solid, len(mesh.points))[0].astype(float)
+        low, high = points[end & ~upper].mean(axis=0), points[end & upper].mean(axis=0)
+        sag = BAR_LOWEST + 0.5 * BAR_HIGH - 0.5 * (low + high)[1]
+        return {"sag": sag / BAR_LONG, "angle": float(np.arctan2(*(high - low)[:2]))}
+
+    return tip
+
+
+def jet(run: Experiment, simulation: Simulation) -> Probe:
+    emitter = simulation.add_emitter(
+        shape=binding.EMITTER_SHAPES["box"],
+        mode=binding.EMITTER_MODES["continuous"],
+        transform=region(JET_MIDDLE, JET_SIZE),
+        velocity=(JET_SPEED, 0.0, 0.0),
+        has_velocity=1,
+        end_time=1e6,
+    )
+
+    def fluxes(s: Simulation) -> dict[str, Any]:
+        nodes = s.field("velocity")[0][0][-1].astype(float)  # of the open face
+        faces = 0.25 * (nodes[1:, 1:] + nodes[1:, :-1] + nodes[:-1, 1:] + nodes[:-1, :-1])
+        return {"brought": s.emitter_flux(emitter), "left": float(faces.sum()) * run.spacing**2}
+
+    return fluxes
+
+
+def channel(run: Experiment, simulation: Simulation) -> Probe:
+    simulation.add_force(
+        kind=binding.FORCE_KINDS["constant"],
+        acts_on=binding.ACTS_ON["fluid"],
+        transform=region((0.0, 0.0, 0.0), (100.0,) * 3),
+        acceleration=(CHANNEL_PUSH, 0.0, 0.0),
+        end_time=1e6,
+    )
+    return lambda s: {"profile": s.field("velocity")[0][0][4, :, 0].astype(float).tolist()}
+
+
+# Name -> how it is set up, and what differs from EfsiSimulationDef of an experiment.
+PROBES: dict[str, tuple[Callable[[Experiment, Simulation], Probe], dict[str, Any]]] = {
+    "bar that hangs": (hanging_bar, {}),
+    "cantilever": (cantilever, {}),
+    "jet": (jet, {}),
+    "channel": (channel, {"fluid_density": CHANNEL_DENSITY, "fluid_viscosity": CHANNEL_VISCOSITY}),
+}
+
+
+def simulate(run: Experiment) -> dict[str, Any]:
+    """Runs a probe: an answer as that of experiment.simulate. Volumes are not looked at."""
+    set_up, values = PROBES[run.probe]
+    columns, failure, volumes = [], "", {"volume_mesh": np.nan, "volume_cells": np.nan}
+    with Simulation(run.simulation() | values | run.set_in(binding.SimulationDef)) as simulation:
+        probe = set_up(run, simulation)
+        try:
+            for end in step_ends(run):
+                while end - simulation.time > 1e-9:
+                    clock = time.perf_counter()
+                    info = simulation.step(end - simulation.time)
+                    columns.append(info | volumes | {"seconds": time.perf_counter() - clock} | probe(simulation))
+        except LibraryError as error:
+            failure = str(error)
+    names = columns[0].keys() if columns else ()
+    return {"failure": failure, "start": volumes, "columns": {n: [row[n] for row in columns] for n in names}}
