@@ -20,6 +20,21 @@ def beside_rigid(rest: np.ndarray, now: np.ndarray) -> float:
     return float(np.linalg.norm(b - a @ (u @ vt).T, axis=1).max() / np.ptp(rest, axis=0).max())
 
 
+@pytest.mark.parametrize("name", ["ball", "bunny_light", "bunny_heavy", "cheb", "cheb_plastic", "cheb_free", "party"])
+def test_rows_of_table_1_are_what_the_scenes_author(name: str) -> None:
+    """Densities over the fluid's, k and mu of every solid."""
+    stage = open_stage(SCENES / f"{name}.usda")
+    domain = stage.GetPrimAtPath("/World/Domain")
+    row, fluid = domain.GetCustomDataByKey("paper"), domain.GetAttribute("eulerfsi:fluidDensity").Get()
+    solids = [prim for prim in stage.Traverse() if "EulerFsiSolidAPI" in prim.GetAppliedSchemas()]
+    ratios = {prim.GetAttribute("physics:density").Get() / fluid for prim in solids}
+    assert sorted(ratios) == pytest.approx(sorted(float(text.split(":")[0]) for text in row["densityRatio"].split(",")))
+    for prim in solids:
+        for key, attribute in (("k", "contactStiffness"), ("mu", "friction")):
+            authored = prim.GetAttribute(f"eulerfsi:{attribute}")
+            assert authored.HasAuthoredValue() and authored.Get() == row[key], f"{prim.GetPath()}.{attribute}"
+
+
 @pytest.mark.parametrize("preset", ["production", "paper2016"])
 @pytest.mark.parametrize("name", ["half", "height", "flat"])
 @pytest.mark.slow
