@@ -15,10 +15,10 @@ SCENES = Path(__file__).resolve().parents[2] / "examples" / "scenes"
 class Run:
     """A scene simulated into a folder: its statistics and its points."""
 
-    def __init__(self, name: str, folder: Path, *settings: str, **options: str | None):
+    def __init__(self, scene: str | Path, folder: Path, *settings: str, **options: str | None):
         options = Options(output=folder, settings=settings, progress="none", **options)
-        self.folder = simulate(SCENES / name, options).folder
-        self.stage = Usd.Stage.Open(str(self.folder / name))
+        self.folder = simulate(SCENES / scene, options).folder
+        self.stage = Usd.Stage.Open(str(self.folder / Path(scene).name))
         self.events = [json.loads(line) for line in (self.folder / "stats.jsonl").read_text().splitlines()]
         self.steps = [event for event in self.events if event["event"] == "step"]
         self.frames = {event["frame"]: event for event in self.events if event["event"] == "frame"}

@@ -9,7 +9,7 @@ import pytest
 from eulerfsi.log import Log
 from eulerfsi.scene import open_stage, read_scene
 from eulerfsi.simulate import build_simulation
-from pxr import Usd, UsdGeom
+from pxr import Usd, UsdGeom, UsdPhysics
 from scene_run import SCENES, Run
 
 
@@ -53,7 +53,8 @@ def test_squashed_bunny_takes_its_shape_again(name: str, preset: str, tmp_path: 
     last = run.points(f"{path}/surface", 48)
     assert beside_rigid(first / stretch, first) > 0.1
     assert beside_rigid(first / stretch, last) < 1e-2
-    assert run.solid(path, 48)["volume_mesh"] == pytest.approx(run.solid(path, 48)["rest_volume"], rel=1e-2)
+    settled = {"half": 6, "height": 10, "flat": 1 if preset == "production" else 8}[name]
+    assert run.volume_errors(path, settled).max() < 0.01
 
 
 @pytest.mark.slow
@@ -67,19 +68,14 @@ def test_party_piles_up_clay_keeps_dents_and_the_others_do_not(tmp_path: Path) -
     assert max(pair["surface_overlap"] for found in pairs for pair in found) < 2.0, "one is in another"
     for name in elastic + clay:
         path = f"/World/{name}/Body"
-        for frame in run.frames:
-            solid = run.solid(path, frame)
-            assert solid["volume_mesh"] == pytest.approx(solid["rest_volume"], rel=0.01), f"{name}, frame {frame}"
-            assert solid["volume_cells"] == pytest.approx(solid["rest_volume_cells"], rel=0.02), (
-                f"{name}, frame {frame}"
-            )
+        assert run.volume_errors(path).max() < 0.01, name
     first, last = 1, max(run.frames)
-    dents = {
-        name: beside_rigid(*(run.points(f"/World/{name}/Body", at) for at in (first, last))) for name in elastic + clay
-    }
+    shapes = {name: run.points(f"/World/{name}/Body", first) for name in elastic + clay}
+    dents = {name: beside_rigid(shapes[name], run.points(f"/World/{name}/Body", last)) for name in shapes}
     strains = {name: run.solid(f"/World/{name}/Body", last)["max_plastic_strain"] for name in elastic + clay}
     assert all(strains[name] == 0.0 for name in elastic) and all(strains[name] > 0.3 for name in clay), strains
-    assert max(dents[name] for name in elastic) < 0.12 < min(dents[name] for name in clay), dents
+    under_weight = {"Cheb": 0.04, "Whale": 0.065, "Octopus": 0.12}  # docs/bars.md
+    assert all(dents[name] < under_weight[name] for name in elastic) and all(dents[name] > 0.16 for name in clay), dents
     for name in elastic + clay:  # eyes stay where they sit
         body, eye = f"/World/{name}/Body", f"/World/{name}/Eyes/EyeLeft"
         apart = [
@@ -89,6 +85,16 @@ def test_party_piles_up_clay_keeps_dents_and_the_others_do_not(tmp_path: Path) -
         assert abs(apart[1] - apart[0]) < 0.5 * voxel, name
     kinetic = [sum(solid["kinetic_energy"] for solid in run.frames[at]["solids"].values()) for at in (first, last)]
     assert kinetic[1] < 1e-3 * kinetic[0], "they have not come to rest"
+
+    # Without weight and fluid, for a second more: what is elastic takes its shape, clay does not.
+    stage = Usd.Stage.Open(str(SCENES / "party.usda"))
+    UsdPhysics.Scene(stage.GetPrimAtPath("/World/PhysicsScene")).GetGravityMagnitudeAttr().Set(0.0)
+    stage.Flatten().Export(str(tmp_path / "weightless.usda"))
+    settings = f"/World/Domain.voxelSize={voxel}", "/World/Domain.ambientFluid=false"
+    cache = str(tmp_path / "cache")
+    free = Run(tmp_path / "weightless.usda", tmp_path / "free", *settings, start_from=cache, frames="1-25")
+    let_go = {name: beside_rigid(shapes[name], free.points(f"/World/{name}/Body", 25)) for name in shapes}
+    assert max(let_go[name] for name in elastic) < 1e-2 and min(let_go[name] for name in clay) > 0.16, let_go
 
 
 @pytest.mark.slow
