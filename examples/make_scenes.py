@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import paper_scenes
+import small_scenes
 from pieces import (
     BUNNY_FILE,
     DIGITS,
@@ -356,6 +357,7 @@ MAKERS: dict[str, Callable[[], Usd.Stage]] = {
     "meeting_balls.usda": make_meeting_balls,
     "tongs.usda": make_tongs,
     "tentacle.usda": make_tentacle,
+    **small_scenes.MAKERS,
     **paper_scenes.MAKERS,
 }
 
