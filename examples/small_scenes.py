@@ -99,8 +99,8 @@ def pin_vertices(mesh: UsdGeom.Mesh, held: Callable[[Gf.Vec3f], bool]) -> None:
 
 
 def make_dandelion() -> Usd.Stage:
-    """A dandelion on a plane in a gusty wind, with a cloud and a ladybird that is blown along."""
-    title = "A dandelion sways in a gusty wind, which comes in through a side, and a ladybird is blown over the ground."
+    """A dandelion in a gusty wind, with a cloud and a ladybird that is blown along a ledge, a plane, to a twig."""
+    title = "A dandelion sways in a gusty wind, which comes in through a side, and a ladybird is blown along a ledge."
     stage = new_stage(title, 48)
     lower, size, ground = (-0.3, 0.0, -0.16), (0.8, 0.54, 0.32), 0.04
     inflow = {"wallVelocityXMin": Gf.Vec3d(1.0, 0.0, 0.0), "wallXMax": "open"}
@@ -108,10 +108,10 @@ def make_dandelion() -> Usd.Stage:
 
     plane = UsdGeom.Plane.Define(stage, "/World/Ground")
     plane.CreateAxisAttr(UsdGeom.Tokens.y)
-    plane.CreateWidthAttr(1.0)
+    plane.CreateWidthAttr(0.6)
     plane.CreateLengthAttr(0.6)
-    plane.CreateExtentAttr(Vt.Vec3fArray([(-0.5, 0.0, -0.3), (0.5, 0.0, 0.3)]))
-    plane.AddTranslateOp().Set(Gf.Vec3d(0.1, ground, 0.0))
+    plane.CreateExtentAttr(Vt.Vec3fArray([(-0.3, 0.0, -0.3), (0.3, 0.0, 0.3)]))
+    plane.AddTranslateOp().Set(Gf.Vec3d(0.32, ground, 0.0))
     apply_schema(plane.GetPrim(), "collider", friction=0.6)
     bind_material(stage, plane.GetPrim(), (0.3, 0.45, 0.2))
 
@@ -120,14 +120,14 @@ def make_dandelion() -> Usd.Stage:
     twig.CreateRadiusAttr(0.03)
     twig.CreateHeightAttr(0.2)
     twig.CreateExtentAttr(Vt.Vec3fArray([(-0.03, -0.03, -0.13), (0.03, 0.03, 0.13)]))
-    twig.AddTranslateOp().Set(Gf.Vec3d(0.33, ground + 0.025, 0.0))
+    twig.AddTranslateOp().Set(Gf.Vec3d(0.42, ground + 0.065, 0.0))
     apply_schema(twig.GetPrim(), "collider", friction=0.6)
     bind_material(stage, twig.GetPrim(), (0.35, 0.25, 0.15))
 
     height, stalk, head = 0.34, 0.032, 0.075
     surface = box_mesh(20, on_dandelion(height, stalk, head))
     root = UsdGeom.Xform.Define(stage, "/World/Dandelion")
-    root.AddTranslateOp().Set(Gf.Vec3d(-0.1, ground, 0.0))
+    root.AddTranslateOp().Set(Gf.Vec3d(-0.1, 0.0, 0.0))
     flower = add_mesh(stage, "/World/Dandelion/Flower", surface, (0.4, 0.6, 0.25))
     elastic = {"youngsModulus": 2.5e5, "poissonsRatio": 0.3, "rayleighBeta": 0.002}
     apply_schema(flower.GetPrim(), "solid", **elastic)
@@ -142,7 +142,7 @@ def make_dandelion() -> Usd.Stage:
     flower.GetPrim().CreateRelationship("eulerfsi:carried", False).SetTargets(["/World/Dandelion/Down"])
 
     bird = add_mesh(stage, "/World/Ladybird/Body", box_mesh(10, on_sphere(0.045)), (0.8, 0.1, 0.08))
-    UsdGeom.Xform.Define(stage, "/World/Ladybird").AddTranslateOp().Set(Gf.Vec3d(-0.01, ground + 0.046, 0.05))
+    UsdGeom.Xform.Define(stage, "/World/Ladybird").AddTranslateOp().Set(Gf.Vec3d(0.09, ground + 0.046, 0.05))
     soft = {"material": "stableNeoHookean", "youngsModulus": 4e3, "poissonsRatio": 0.3, "rayleighBeta": 0.002}
     apply_schema(bird.GetPrim(), "solid", friction=0.6, **soft)
     set_density(bird.GetPrim(), 300.0)
