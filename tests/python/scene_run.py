@@ -31,7 +31,7 @@ class Run:
         """(frames, 2) by how much its volume differs from that at rest, relative to it, by mesh and by cells."""
         solids = [line["solids"][path] for frame, line in self.frames.items() if frame >= first]
         measures = (("volume_mesh", "rest_volume"), ("volume_cells", "rest_volume_cells"))
-        return np.abs([[solid[now] / solid[rest] - 1.0 for now, rest in measures] for solid in solids])
+        return np.abs([[solid[name] / solid[rest] - 1.0 for name, rest in measures] for solid in solids])
 
     def points(self, path: str, frame: int) -> np.ndarray:
         """World positions (n, 3) [m] of the Mesh at a path."""
