@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import paper_scenes
+import small_scenes
 from pieces import (
     BUNNY_FILE,
     DIGITS,
@@ -45,12 +46,14 @@ def make_ball() -> Usd.Stage:
     stage = new_stage("An elastic ball of radius 0.1 m is thrown down onto a carpet of smoke and bounces.", 48)
     lower, size = (-0.3, -0.5, -0.3), (0.6, 0.7, 0.6)
     domain = add_domain(stage, lower, size, "noSlip", voxelSize=0.01, fluidDensity=1.0, vorticityConfinement=1.5)
-    paper_scenes.note_table_1(domain, "1000:1", 10000.0, 0.5)
+    stiffness, friction = 10000.0, 0.5
+    paper_scenes.note_table_1(domain, "1000:1", stiffness, friction)
     lam, mu = 5000.0, 10000.0
     ball = add_mesh(stage, "/World/Ball", box_mesh(16, on_sphere(0.1)), (0.8, 0.15, 0.1)).GetPrim()
     youngs_modulus, poissons_ratio = mu * (3.0 * lam + 2.0 * mu) / (lam + mu), lam / (2.0 * (lam + mu))
     velocity = Gf.Vec3d(0.0, -2.03, 0.0)
-    apply_schema(ball, "solid", youngsModulus=youngs_modulus, poissonsRatio=poissons_ratio, velocity=velocity)
+    elastic = {"youngsModulus": youngs_modulus, "poissonsRatio": poissons_ratio}
+    apply_schema(ball, "solid", velocity=velocity, contactStiffness=stiffness, friction=friction, **elastic)
     set_density(ball, 1000.0)
     add_carpet(stage, lower, size)
     add_camera(stage, (0.35, 0.05, 1.5), (0.0, -0.17, 0.0))
@@ -354,6 +357,7 @@ MAKERS: dict[str, Callable[[], Usd.Stage]] = {
     "meeting_balls.usda": make_meeting_balls,
     "tongs.usda": make_tongs,
     "tentacle.usda": make_tentacle,
+    **small_scenes.MAKERS,
     **paper_scenes.MAKERS,
 }
 

@@ -183,8 +183,9 @@ def make_cheb(title: str, pinned: bool, **values: object) -> Usd.Stage:
     stage = new_stage(f"{title} The paper's Fig. 7, there with voxels of 0.005.", 48)
     lower, size = (-0.25, 0.0, -0.25), (0.5, 0.5, 0.6)
     domain = add_domain(stage, lower, size, "slip", voxelSize=0.0125, fluidDensity=1.0, wallYMax="open")
-    note_table_1(domain, "1.3:1", 2000.0, 0.5)
-    values |= {"poissonsRatio": 0.3, "rayleighBeta": 0.006, "contactStiffness": 2000.0, "friction": 0.5}
+    stiffness, friction = 2000.0, 0.5
+    note_table_1(domain, "1.3:1", stiffness, friction)
+    values |= {"poissonsRatio": 0.3, "rayleighBeta": 0.006, "contactStiffness": stiffness, "friction": friction}
     body = add_character(stage, "Cheb", (0.0, 0.0, -0.03), (0, 0, 0), 0.4, youngsModulus=400.0, **values)
     set_density(body, 1.3)
     if pinned:
@@ -222,7 +223,9 @@ def make_party() -> Usd.Stage:
     stage = new_stage(f"{title} The paper's Fig. 1, there with voxels of 0.005.", 120)
     lower, size = (-0.5, 0.0, -0.5), (1.0, 0.9, 1.0)
     domain = add_domain(stage, lower, size, "slip", voxelSize=0.02, fluidDensity=1.0, vorticityConfinement=0.5)
-    note_table_1(domain, "1000:1, 500:1", 10000.0, 0.2)
+    stiffness, friction = 10000.0, 0.2
+    note_table_1(domain, "1000:1, 500:1", stiffness, friction)
+    rub = {"contactStiffness": stiffness, "friction": friction}
     clay = {"plasticYieldStress": 3000.0, "plasticHardening": 3000.0}
     guests = {
         "Cheb": (1000.0, 2e5, {}),
@@ -237,7 +240,7 @@ def make_party() -> Usd.Stage:
         place = tuple(round(x, DIGITS) for x in out * 0.3 + Gf.Vec3d(0.0, 0.32, 0.0))
         velocity = Gf.Vec3d(*(round(x, DIGITS) for x in out * -2.2 + Gf.Vec3d(0.0, 1.2, 0.0)))
         turn = (0.0, round(180.0 + math.degrees(angle), 3), 0.0)
-        values = values | {"youngsModulus": modulus, "poissonsRatio": 0.3, "rayleighBeta": 0.002, "friction": 0.2}
+        values = values | {"youngsModulus": modulus, "poissonsRatio": 0.3, "rayleighBeta": 0.002} | rub
         body = add_character(stage, name, place, turn, 0.36, velocity=velocity, **values)
         set_density(body, density)
     add_camera(stage, (0.9, 0.9, 2.1), (0.0, 0.3, 0.0))

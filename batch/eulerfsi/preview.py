@@ -15,6 +15,7 @@ _COLORS = ((0.86, 0.36, 0.22), (0.25, 0.55, 0.80), (0.93, 0.72, 0.25), (0.45, 0.
 _COLLIDER = (0.45, 0.47, 0.50)
 _PASSENGER = (0.93, 0.93, 0.90)
 _BACKGROUND = (0.075, 0.085, 0.105)
+_DOT = 0.005  # radius of a point without faces, of the longer edge of the picture
 _LIGHT = np.array([-0.45, 0.75, 0.6]) / np.linalg.norm([-0.45, 0.75, 0.6])
 
 
@@ -23,6 +24,15 @@ def view_axes(gravity: np.ndarray) -> tuple[int, int, int]:
     up = int(np.argmax(np.abs(gravity))) if np.any(gravity) else 1
     right, depth = ((up + 2) % 3, (up + 1) % 3) if up != 2 else (0, 1)
     return right, up, depth
+
+
+def _dots(view: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """Points, and triangles of them, that draw a hexagon at each point of curves and clouds."""
+    angle = np.arange(6) * np.pi / 3
+    ring = radius * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    corners = (view[:, None] + np.concatenate([np.zeros((1, 3)), ring])).reshape(-1, 3)
+    fan = np.array([(0, 1 + i, 1 + (i + 1) % 6) for i in range(6)])
+    return corners, (7 * np.arange(len(view))[:, None, None] + fan).reshape(-1, 3)
 
 
 def write_preview(
@@ -77,10 +87,10 @@ def write_preview(
     shapes = [(solid, points) for solid, (points, _) in zip(scene.simulated, surfaces, strict=True)]
     shapes += [(body, body.points(frame)) for body in [*scene.riders, *scene.colliders]]
     for number, (solid, points) in enumerate(shapes):
-        if not len(solid.mesh.counts):
-            continue
         view = np.stack([points[:, right], flip * points[:, up], toward * points[:, depth]], axis=1).astype(float)
         triangles = solid.mesh.triangles()
+        if not len(solid.mesh.counts):
+            view, triangles = _dots(view, _DOT * max(width, height))
         corners = view[triangles]
         normal = vertex_normals(view, triangles, left_handed=False)[triangles].astype(float).mean(axis=1)
         length = np.sqrt((normal * normal).sum(axis=1, keepdims=True))

@@ -9,7 +9,7 @@ import pytest
 from eulerfsi.log import Log
 from eulerfsi.scene import open_stage, read_scene
 from eulerfsi.simulate import build_simulation
-from pxr import Usd, UsdGeom
+from pxr import Usd, UsdGeom, UsdPhysics
 from scene_run import SCENES, Run
 
 
@@ -18,6 +18,21 @@ def beside_rigid(rest: np.ndarray, now: np.ndarray) -> float:
     a, b = rest - rest.mean(axis=0), now - now.mean(axis=0)
     u, _, vt = np.linalg.svd(b.T @ a)
     return float(np.linalg.norm(b - a @ (u @ vt).T, axis=1).max() / np.ptp(rest, axis=0).max())
+
+
+@pytest.mark.parametrize("name", ["ball", "bunny_light", "bunny_heavy", "cheb", "cheb_plastic", "cheb_free", "party"])
+def test_rows_of_table_1_are_what_the_scenes_author(name: str) -> None:
+    """Densities over the fluid's, k and mu of every solid."""
+    stage = open_stage(SCENES / f"{name}.usda")
+    domain = stage.GetPrimAtPath("/World/Domain")
+    row, fluid = domain.GetCustomDataByKey("paper"), domain.GetAttribute("eulerfsi:fluidDensity").Get()
+    solids = [prim for prim in stage.Traverse() if "EulerFsiSolidAPI" in prim.GetAppliedSchemas()]
+    ratios = {prim.GetAttribute("physics:density").Get() / fluid for prim in solids}
+    assert sorted(ratios) == pytest.approx(sorted(float(text.split(":")[0]) for text in row["densityRatio"].split(",")))
+    for prim in solids:
+        for key, attribute in (("k", "contactStiffness"), ("mu", "friction")):
+            authored = prim.GetAttribute(f"eulerfsi:{attribute}")
+            assert authored.HasAuthoredValue() and authored.Get() == row[key], f"{prim.GetPath()}.{attribute}"
 
 
 @pytest.mark.parametrize("preset", ["production", "paper2016"])
@@ -38,7 +53,8 @@ def test_squashed_bunny_takes_its_shape_again(name: str, preset: str, tmp_path: 
     last = run.points(f"{path}/surface", 48)
     assert beside_rigid(first / stretch, first) > 0.1
     assert beside_rigid(first / stretch, last) < 1e-2
-    assert run.solid(path, 48)["volume_mesh"] == pytest.approx(run.solid(path, 48)["rest_volume"], rel=1e-2)
+    settled = {"half": 6, "height": 10, "flat": 1 if preset == "production" else 8}[name]
+    assert run.volume_errors(path, settled).max() < 0.01
 
 
 @pytest.mark.slow
@@ -52,19 +68,14 @@ def test_party_piles_up_clay_keeps_dents_and_the_others_do_not(tmp_path: Path) -
     assert max(pair["surface_overlap"] for found in pairs for pair in found) < 2.0, "one is in another"
     for name in elastic + clay:
         path = f"/World/{name}/Body"
-        for frame in run.frames:
-            solid = run.solid(path, frame)
-            assert solid["volume_mesh"] == pytest.approx(solid["rest_volume"], rel=0.01), f"{name}, frame {frame}"
-            assert solid["volume_cells"] == pytest.approx(solid["rest_volume_cells"], rel=0.02), (
-                f"{name}, frame {frame}"
-            )
+        assert run.volume_errors(path).max() < 0.01, name
     first, last = 1, max(run.frames)
-    dents = {
-        name: beside_rigid(*(run.points(f"/World/{name}/Body", at) for at in (first, last))) for name in elastic + clay
-    }
+    shapes = {name: run.points(f"/World/{name}/Body", first) for name in elastic + clay}
+    dents = {name: beside_rigid(shapes[name], run.points(f"/World/{name}/Body", last)) for name in shapes}
     strains = {name: run.solid(f"/World/{name}/Body", last)["max_plastic_strain"] for name in elastic + clay}
     assert all(strains[name] == 0.0 for name in elastic) and all(strains[name] > 0.3 for name in clay), strains
-    assert max(dents[name] for name in elastic) < 0.12 < min(dents[name] for name in clay), dents
+    under_weight = {"Cheb": 0.04, "Whale": 0.065, "Octopus": 0.12}  # docs/bars.md
+    assert all(dents[name] < under_weight[name] for name in elastic) and all(dents[name] > 0.16 for name in clay), dents
     for name in elastic + clay:  # eyes stay where they sit
         body, eye = f"/World/{name}/Body", f"/World/{name}/Eyes/EyeLeft"
         apart = [
@@ -75,11 +86,21 @@ def test_party_piles_up_clay_keeps_dents_and_the_others_do_not(tmp_path: Path) -
     kinetic = [sum(solid["kinetic_energy"] for solid in run.frames[at]["solids"].values()) for at in (first, last)]
     assert kinetic[1] < 1e-3 * kinetic[0], "they have not come to rest"
 
+    # Without weight and fluid, for a second more: what is elastic takes its shape, clay does not.
+    stage = Usd.Stage.Open(str(SCENES / "party.usda"))
+    UsdPhysics.Scene(stage.GetPrimAtPath("/World/PhysicsScene")).GetGravityMagnitudeAttr().Set(0.0)
+    stage.Flatten().Export(str(tmp_path / "weightless.usda"))
+    settings = f"/World/Domain.voxelSize={voxel}", "/World/Domain.ambientFluid=false"
+    cache = str(tmp_path / "cache")
+    free = Run(tmp_path / "weightless.usda", tmp_path / "free", *settings, start_from=cache, frames="1-25")
+    let_go = {name: beside_rigid(shapes[name], free.points(f"/World/{name}/Body", 25)) for name in shapes}
+    assert max(let_go[name] for name in elastic) < 1e-2 and min(let_go[name] for name in clay) > 0.16, let_go
+
 
 @pytest.mark.slow
 def test_jets_squeeze_a_disc_that_takes_its_shape_again_by_itself(tmp_path: Path) -> None:
     """Fig. 4: (a) aspect above 1.5; (b) from its last frame on, without fluid: L2 of u below 1e-3 R, drift included.
-    Volume within 1.5 %: docs/bars.md."""
+    Volume within 1.5 % while they press: docs/bars.md."""
     radius, disc, squares = 0.1, "/World/Circle/Disc", "/World/Circle/Squares"
     scene = Usd.Stage.Open(str(SCENES / "jets_circle.usda"))
     rest = np.asarray(UsdGeom.Mesh(scene.GetPrimAtPath(squares)).GetPointsAttr().Get(), float)
@@ -96,22 +117,22 @@ def test_jets_squeeze_a_disc_that_takes_its_shape_again_by_itself(tmp_path: Path
     assert off[1] > 0.1 * radius
     assert off[48] < 1e-3 * radius
     assert np.abs(free.points(disc, 48) - jets.points(disc, 1)).max() < 2e-3 * radius
-    for run in (jets, free):
-        for frame in run.frames:
-            solid = run.solid(disc, frame)
-            assert solid["volume_mesh"] == pytest.approx(solid["rest_volume"], rel=0.015), f"frame {frame}"
+    assert max(run.volume_errors(disc).max() for run in (jets, free)) < 0.015
+    assert free.volume_errors(disc, first=3).max() < 0.01
 
 
 @pytest.mark.parametrize(("preset", "response"), [("production", True), ("paper2016", True), ("paper2016", False)])
 @pytest.mark.slow
 def test_discs_stick_without_response_and_part_with_it(preset: str, response: bool, tmp_path: Path) -> None:
-    """Sec. 5.2: distance of the centres in diameters, and speed of parting."""
+    """Sec. 5.2: distance of the centres in diameters, and speed of parting. Volumes: docs/bars.md."""
     discs = "/World/Left/Disc", "/World/Right/Disc"
     settings = () if response else tuple(f"{disc}.contactStiffness=0" for disc in discs)
     run = Run("circles.usda", tmp_path / "cache", *settings, preset=preset, frames="1-12")
     apart = [(run.solid(discs[1], f)["center"][0] - run.solid(discs[0], f)["center"][0]) / 0.2 for f in range(1, 13)]
     speeds = [run.solid(disc, 12)["momentum"][0] / run.solid(disc, 12)["mass"] for disc in discs]
     assert min(apart) < 0.95, "they have not met"
+    for disc in discs:
+        assert run.volume_errors(disc).max() < (0.01 if preset == "production" else 0.06)
     assert sum(speeds) == pytest.approx(0.0, abs=0.01)
     if response:
         assert any("contacts" in frame for frame in run.frames.values())
@@ -122,28 +143,40 @@ def test_discs_stick_without_response_and_part_with_it(preset: str, response: bo
 
 @pytest.mark.slow
 def test_light_bunny_is_lifted_to_the_ceiling(tmp_path: Path) -> None:
-    """Fig. 6: its top comes within two cells of the ceiling, by the jet and not by its buoyancy."""
-    voxel, ceiling = 0.02, 1.0
-    run = Run("bunny_light.usda", tmp_path / "cache", f"/World/Domain.voxelSize={voxel}")
-    tops = [run.points("/World/Bunny/surface", frame)[:, 1].max() for frame in run.frames]
+    """Fig. 6: it comes to lie at the ceiling, by the jet and not by its buoyancy."""
+    voxel, ceiling = 0.015, 1.0
+    run = Run("bunny_light.usda", tmp_path / "cache")
+    for step in run.steps:
+        assert step["jets"]["/World/Jet"] == pytest.approx(2.5 * 0.3 * 0.3, rel=1e-3)
+    heights = {frame: run.points("/World/Bunny/surface", frame)[:, 1] for frame in run.frames}
+    tops = [height.max() for height in heights.values()]
     assert tops[0] < ceiling - 10 * voxel
-    assert ceiling - 2 * voxel < max(tops) < ceiling + voxel
+    assert ceiling - 0.5 * voxel < max(tops) < ceiling + 0.5 * voxel
+    touching = [(height > ceiling - 0.5 * voxel).mean() for height in heights.values()]
+    assert touching[19] == 0.0 and touching[-1] > 0.05, "it has not met the ceiling"
+    speeds = [run.solid("/World/Bunny", frame)["momentum"][1] for frame in run.frames]
+    assert speeds[-1] < 0.2 * max(speeds), "the ceiling has not stopped it"
     assert run.stage.GetPrimAtPath("/World/Bunny").GetAttribute("physics:density").Get() > 1.29
-    for frame in run.frames:
-        solid = run.solid("/World/Bunny", frame)
-        assert solid["volume_mesh"] == pytest.approx(solid["rest_volume"], rel=0.02), f"frame {frame}"
+    assert run.volume_errors("/World/Bunny").max() < 0.01
 
 
 @pytest.mark.slow
 def test_heavy_bunny_falls_as_in_vacuum_and_stays_on_the_ground(tmp_path: Path) -> None:
-    """Fig. 6: until it meets the floor, within 2 % of free fall; then it lies there."""
-    run = Run("bunny_heavy.usda", tmp_path / "cache", "/World/Domain.voxelSize=0.02", frames="1-24")
+    """Fig. 6: until it meets the floor, within 2 % of free fall; then it lies there, in the jet."""
+    voxel = 0.02
+    run = Run("bunny_heavy.usda", tmp_path / "cache", f"/World/Domain.voxelSize={voxel}", frames="1-24")
     heights = np.array([run.solid("/World/Bunny", frame)["center"][1] for frame in (1, 3, 4, 5, 6)])
     time = np.array([2, 3, 4, 5]) / 24
     assert np.allclose(heights[0] - heights[1:], 0.5 * 9.8 * time**2, rtol=0.02)
-    bottoms = [run.points("/World/Bunny/surface", frame)[:, 1].min() for frame in range(1, 25)]
+    clouds = [run.points("/World/Bunny/surface", frame)[:, 1] for frame in range(1, 25)]
+    bottoms = [cloud.min() for cloud in clouds]
     assert bottoms[0] > 0.3
-    assert min(bottoms[9:]) > -0.02 and max(bottoms[-6:]) < 0.03
+    assert min(bottoms[9:]) > -voxel and max(bottoms[-6:]) < 1.5 * voxel
+    touching = [(cloud < 0.5 * voxel).mean() for cloud in clouds]
+    assert touching[5] == 0.0 and min(touching[-6:]) > 0.05, "it has not met the floor"
+    assert run.steps[0]["jets"]["/World/Jet"] == pytest.approx(2.5 * 0.3 * 0.3, rel=1e-3)
+    assert min(step["jets"]["/World/Jet"] for step in run.steps) < 0.15, "it does not lie in the jet"
+    assert run.volume_errors("/World/Bunny").max() < 0.01
 
 
 CHEB, CHEB_VOXEL = "/World/Cheb/Body", 0.0125
@@ -153,9 +186,10 @@ def cheb(name: str, folder: Path, frames: str) -> tuple[np.ndarray, dict[int, np
     """His points at rest [m] and by frame how far they have moved [voxels]. Volume and eyes are looked at here."""
     run = Run(f"{name}.usda", folder, frames=frames)
     points = {frame: run.points(CHEB, frame) for frame in run.frames}
+    assert run.volume_errors(CHEB).max() < 0.01
+    strain = max(run.solid(CHEB, frame)["max_plastic_strain"] for frame in points)
+    assert strain > 0.1 if name == "cheb_plastic" else strain == 0.0, strain
     for frame in points:
-        solid = run.solid(CHEB, frame)
-        assert solid["volume_mesh"] == pytest.approx(solid["rest_volume"], rel=0.01), f"frame {frame}"
         for eye in ("/World/Cheb/Eyes/EyeLeft", "/World/Cheb/Eyes/EyeRight"):
             gaps = [np.linalg.norm(points[f] - run.points(eye, f).mean(axis=0), axis=1).min() for f in (1, frame)]
             assert abs(gaps[1] - gaps[0]) < 0.25 * CHEB_VOXEL, f"{eye}, frame {frame}"
@@ -199,24 +233,31 @@ def sectors(field: np.ndarray, place: dict) -> np.ndarray:
 
 @pytest.mark.slow
 def test_ball_rebounds_draws_smoke_up_and_leaves_vortices_in_the_quadrants() -> None:
-    """Fig. 5: the apex, curl about y around the axis, smoke above the ball's widest height."""
+    """Fig. 5: the apex, curl about y around the axis, smoke above the middle of a ball that lies on the floor."""
     path = SCENES / "ball.usda"
     scene = read_scene(open_stage(path), path)
     simulation, ids = build_simulation(scene, 0, 0, Log())
-    heights, vortices, smoke = [], [], []
+    radius, floor = 0.1, scene.domain["domain_min"][1]
+    heights, above_floor, vortices, smoke = [], [], [], []
     with simulation:
         for frame in range(1, 16):
             if frame > 1:
                 simulation.advance(1 / scene.fps)
-            heights.append(simulation.solid_diagnostics(ids.solids[0])["center"][1])
+            ball = simulation.solid_diagnostics(ids.solids[0])
+            heights.append(ball["center"][1])
+            above_floor.append(simulation.surface(ids.solids[0], len(scene.solids[0].mesh.points))[0][:, 1] - floor)
+            assert ball["volume_mesh"] == pytest.approx(ball["rest_volume"], rel=0.01), f"frame {frame}"
+            assert ball["volume_cells"] == pytest.approx(ball["rest_volume_cells"], rel=0.01), f"frame {frame}"
             vortices.append(sectors(*simulation.field("velocity")))
             density, place = simulation.field("smoke_density")
             level = place["origin"][1] + place["spacing"] * (np.arange(density.shape[2]) + 0.5)
-            smoke.append(float(density[0][:, level > heights[-1]].sum()))
+            smoke.append(float(density[0][:, level > floor + radius].sum()))
     lowest = int(np.argmin(heights))
     apex = lowest + int(np.argmax(heights[lowest:]))
+    touching = [(above < 0.5 * scene.domain["voxel_size"]).mean() for above in above_floor]
+    assert touching[lowest] > 0.2 and touching[apex] == touching[0] == 0.0, "it has not met the floor"
     assert max(heights[lowest:]) - heights[lowest] > 0.2 * (heights[0] - heights[lowest])
     for turning in vortices[lowest + 2 : apex - 1]:
         assert np.array_equal(np.sign(turning), np.sign(turning[0]) * np.array([1, -1] * 4))
         assert np.allclose(np.abs(turning), np.abs(turning).mean(), rtol=0.1)
-    assert max(smoke[apex:]) > 5 * max(smoke[lowest + 2 : apex])
+    assert 0.0 < 5.0 * smoke[lowest] < smoke[apex]
