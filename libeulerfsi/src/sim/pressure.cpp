@@ -46,6 +46,7 @@ std::vector<std::uint8_t> pressure_cells(const Parallel& parallel, const Scene& 
 }
 
 constexpr double kLastHolds = 0.7;    // of f*: the last pressure acts at once where it leaves less
+constexpr double kHolds = 4.0;        // penalty of a row in the coupling step over that of the solve, where it does not
 constexpr double kLastPresses = 0.5;  // of f* less M v, while solids push each other; with more it makes energy
 
 // The pressure system of this step and what it shall reach.
@@ -145,6 +146,14 @@ std::vector<std::uint8_t> find_held(const StepContext& step, const VelocityEquat
   return held;
 }
 
+// Where the last pressure acts already little is left that could lead rows astray.
+void stiffen_rows(const std::vector<std::uint8_t>& held, SolidContacts& contacts) {
+  for (std::size_t r = 0; r < contacts.rows.size(); ++r) {
+    const auto& [one, other] = contacts.places[r].solids;
+    contacts.rows[r].hold = held[one] && held[other] ? 1.0 : kHolds;
+  }
+}
+
 }  // namespace
 
 void prepare_pressure(const StepContext& step, const SolidStates& states, SolidWorks& solids, const Matter& matter,
@@ -174,6 +183,7 @@ void prepare_pressure(const StepContext& step, const SolidStates& states, SolidW
   for (std::size_t l = 0; l < all.size(); ++l) all[l] = solid::has_pressure(scene.solids[l]);
   last_of(all);
   const std::vector<std::uint8_t> held = find_held(step, elasticity, pressure.impulse);
+  stiffen_rows(held, elasticity.contacts);
   pressure.takes = std::find(held.begin(), held.end(), 1) != held.end();
   if (!pressure.takes) return;
   if (held != all) last_of(held);

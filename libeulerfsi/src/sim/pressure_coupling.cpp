@@ -17,6 +17,7 @@ namespace {
 constexpr double kEstimate = 0.2;        // of the divergence that the estimate of a coupling step leaves
 constexpr double kWorthCoupling = 0.01;  // of density |div v|^2: the solids over the fluid
 constexpr double kStrains = 1e-3;        // of the solids' energy: what the projection may add to that of all
+constexpr double kLeads = 0.01;          // cells in a step: what it may lead a row of contact that pushes beyond
 
 // The first part of the preconditioner of Cahouet and Chabat (1988) is the inverse of J M^-1 J^T: a pressure that the
 // projection takes, or an estimate of it. This is the second: to a gradient G is M (1 + d2 (2 mu + lambda) / h^3
@@ -36,6 +37,13 @@ void add_stiffness(const StepContext& step, const SolidStates& states, const Sol
       way[c] += share / (1 + share * given) * divergence[c];
     });
   }
+}
+
+// Whether taking `change` off the velocities leads surfaces that push each other into each other faster than `most`.
+bool leads_astray(const std::vector<system::ContactRow>& rows, const std::vector<Real>& change, double most) {
+  return std::any_of(rows.begin(), rows.end(), [&](const system::ContactRow& row) {
+    return row.push > 0.0 && row.normal.dot(system::row_velocity(row, change)) > most;
+  });
 }
 
 }  // namespace
@@ -170,6 +178,7 @@ bool strains_much(const StepContext& step, const SolidWorks& solids, const Grid&
   system.divide_by_mass(parallel, pressure.impulse, change);
   for (const WallRow& row : elasticity.walls)  // the pressure moves no node on a wall
     if (row.on_wall) change[3 * system.unknown_of(row.solid, row.node) + static_cast<std::size_t>(row.axis)] = 0;
+  if (leads_astray(elasticity.contacts.rows, change, kLeads * g.h / dt)) return true;
   std::vector<Real> pushed;
   system.multiply(parallel, change, moved);
   system.multiply_mass(parallel, change, pushed);

@@ -29,7 +29,7 @@ void couple_pressure(const StepContext& step, const SolidStates& states, const S
                      std::vector<Real>& way, VelocityEquation& elasticity, PressureEquation& pressure,
                      NodeVelocity& velocity);
 // Whether to project by pressure.q would strain the solids by more energy than it takes, and more than a part of
-// theirs.
+// theirs, or lead those that push each other into each other.
 bool strains_much(const StepContext& step, const SolidWorks& solids, const grid::Grid& g, const system::SlipNodes& slip,
                   VelocityEquation& elasticity, PressureEquation& pressure);
 

@@ -18,6 +18,7 @@ struct ContactRow {
   double push = 0.0;             // n.r, in and out [kg m/s]
   Vec3d pull = Vec3d::Zero();    // r_t, in and out [kg m/s]
   double penalty = 0.0;          // kappa [kg]; 0: nothing of the row can move
+  double hold = 1.0;             // of the penalty while the pressure acts, over kappa
   bool sticks = false;           // out
 
   Vec3d impulse() const { return push * normal + pull; }

@@ -12,7 +12,6 @@ namespace {
 constexpr double kStiff = 3.0;     // of a penalty, over the inverse of the mobility of its row by the diagonal of G
 constexpr int kMostUpdates = 20;   // of the impulses
 constexpr double kOfPush = 0.1;    // of what the rows push: the tolerance refers to that at least
-constexpr double kHolds = 10.0;    // of a penalty while the pressure acts, over that in the solve
 constexpr double kSettled = 1e-3;  // change of the impulses in an update, over the largest
 
 // What the rows start with: penalties, and impulses that they may have.
@@ -53,7 +52,7 @@ void hold_rows(const Parallel& parallel, const std::vector<ContactRow>& rows, co
                VelocitySystem& system) {
   const std::vector<RowAct> now = acts(rows, x);
   std::vector<ContactRow> stiff = rows;
-  for (ContactRow& row : stiff) row.penalty *= kHolds;
+  for (ContactRow& row : stiff) row.penalty *= row.hold;
   close_rows(parallel, stiff, now, system);
 }
 
