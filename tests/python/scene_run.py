@@ -28,7 +28,7 @@ class Run:
             for path, facts in frame.get("solids", {}).items()
             if facts["false_edges"]
         }
-        assert not torn, f"{name}: edges that the largest stretch does not explain: {torn}"
+        assert not torn, f"{scene}: edges that the largest stretch does not explain: {torn}"
 
     def solid(self, path: str, frame: int) -> dict:
         """Diagnostics of a solid at the end of a frame."""

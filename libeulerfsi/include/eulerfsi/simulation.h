@@ -48,7 +48,8 @@ typedef struct EfsiSimulationDef {
   uint64_t memory_limit;        /* bytes; 0: no check */
   EfsiLogCallback log;
   void* log_user;
-  int32_t volume_source; /* 1: the pressure pulls solids back to their volume at rest; 0, and in preset paper2016: not */
+  int32_t
+      volume_source; /* 1: the pressure pulls solids back to their volume at rest; 0, and in preset paper2016: not */
   int32_t reserved0;
   uint64_t reserved[2];
 } EfsiSimulationDef;

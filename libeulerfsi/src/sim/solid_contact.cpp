@@ -189,9 +189,9 @@ std::optional<FoundRow> find_row(const StepContext& step, const SolidStates& sta
   return row;
 }
 
-// Rows of a pair in the order of their cells.
+// Rows of a pair in the order of their cells. Adds the nodes that it looks at.
 std::vector<FoundRow> find_pair_rows(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
-                                     const Grid& common, std::size_t one, std::size_t other) {
+                                     const Grid& common, std::size_t one, std::size_t other, std::size_t& looked) {
   const Grid& band = states[one].band.grid;
   const Overlap o = overlap(band, states[other].band.grid);
   if (!o.any()) return {};
@@ -201,6 +201,7 @@ std::vector<FoundRow> find_pair_rows(const StepContext& step, const SolidStates&
   pair.nodes.cells = {o.high[0] - o.low[0], o.high[1] - o.low[1], o.high[2] - o.low[2]};
   const Vec3i lo = grid::offset(pair.nodes, band);
   pair.nodes.origin = band.node_position(lo[0], lo[1], lo[2]);
+  looked += pair.nodes.node_count();
   pair.from_one = look(step.parallel, step.scene.solids[one], states[one], pair.nodes);
   pair.from_other = look(step.parallel, step.scene.solids[other], states[other], pair.nodes);
   std::vector<std::vector<FoundRow>> planes(static_cast<std::size_t>(pair.nodes.cells[2]));
@@ -248,7 +249,7 @@ SolidContacts find_solid_contacts(const StepContext& step, const SolidStates& st
     std::vector<FoundRow> folds = find_folds(step, one, states[one], solids[one], common.grid, velocity), rows;
     for (std::size_t other = one + 1; other < states.size(); ++other) {
       if (is_collider(step.scene.pins, one) && is_collider(step.scene.pins, other)) continue;
-      for (FoundRow& row : find_pair_rows(step, states, solids, common.grid, one, other))
+      for (FoundRow& row : find_pair_rows(step, states, solids, common.grid, one, other, contacts.looked))
         rows.push_back(std::move(row));
     }
     recall(states[one], step.dt, rows);

@@ -78,6 +78,7 @@ struct RowPlace {
 struct SolidContacts {
   std::vector<RowPlace> places;
   std::vector<system::ContactRow> rows;
+  std::size_t looked = 0;  // nodes that the bands of two solids have in common, which were looked at for rows
 };
 
 // Eq. 8 on its unknowns.

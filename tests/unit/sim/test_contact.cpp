@@ -104,8 +104,7 @@ SimulationPtr scene(sim::Params p, const std::vector<sim::SolidDesc>& solids) {
 }
 
 // A block on a slab that lies on the floor; gravity is tilted by 30 degrees. The slab sticks to the floor.
-SimulationPtr block_on_slab(double friction, bool compressible,
-                                               double cells_above = sim::kContactSkin) {
+SimulationPtr block_on_slab(double friction, bool compressible, double cells_above = sim::kContactSkin) {
   sim::Params p = vacuum({1.0, 0.4, 0.4}, kCell);
   p.max_time_step = 1.0 / 96.0;
   p.gravity = 9.8 * Vec3d(std::sin(M_PI / 6), -std::cos(M_PI / 6), 0.0);
@@ -305,11 +304,13 @@ TEST_CASE("Solids far from each other have no rows, and with the paper's preset 
   auto apart = make_simulation(p, {ball_desc({0.2, 0.35, 0.25}), ball_desc({0.8, 0.35, 0.25})});
   apart->step(1e-3);
   CHECK(apart->workspace().elasticity.contacts.rows.empty());
+  CHECK(apart->workspace().elasticity.contacts.looked == 0);
   const std::vector<sim::SolidDesc> near = {ball_desc({0.4, 0.35, 0.25}), ball_desc({0.615, 0.35, 0.25})};
   auto beside = make_simulation(p, near);
   beside->step(1e-3);
   const auto& contacts = beside->workspace().elasticity.contacts;
   REQUIRE_FALSE(contacts.rows.empty());
+  CHECK(contacts.looked > 0);
   double least = 1.0;
   for (const sim::RowPlace& place : contacts.places) least = std::min(least, place.gap);
   CHECK(least == Approx(0.015 - sim::kContactSkin * kCell).margin(0.25 * kCell));

@@ -13,8 +13,7 @@ constexpr double kRadius = 0.1;
 constexpr double kShearModulus = 1e4;
 
 // A ball in the middle of a cube of half-width `half`, `across` cells over its diameter.
-SimulationPtr ball_in_cube(sim::Params p, double half, int across, double density = 1000.0,
-                                              double damping = 0.0) {
+SimulationPtr ball_in_cube(sim::Params p, double half, int across, double density = 1000.0, double damping = 0.0) {
   p.domain_size = Vec3d::Constant(2.0 * half);
   p.voxel_size = 2.0 * kRadius / across;
   sim::SolidDesc d = ball_desc(Vec3d::Constant(half), kRadius);
