@@ -48,8 +48,7 @@ typedef struct EfsiSimulationDef {
   uint64_t memory_limit;        /* bytes; 0: no check */
   EfsiLogCallback log;
   void* log_user;
-  int32_t
-      volume_source; /* 1: the pressure pulls solids back to their volume at rest; 0, and in preset paper2016: not */
+  int32_t volume_source; /* 1: solids are pulled back to their volume at rest; not with preset paper2016 */
   int32_t reserved0;
   uint64_t reserved[2];
 } EfsiSimulationDef;
