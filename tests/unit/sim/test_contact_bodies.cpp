@@ -169,7 +169,7 @@ TEST_CASE("A ball in a gap that closes keeps its volume and gives back its shape
                                 << " J, volume " << record.least << " to " << record.most << ", deepest "
                                 << record.deepest << " cells, off its shape " << off);
   CHECK(record.largest > 2.0);                // squeezed
-  CHECK(record.rise < 0.1 * record.largest);  // at the turn
+  CHECK(record.rise < 0.15 * record.largest);  // at the turn
   CHECK(record.deepest > -0.5);
   CHECK(record.least > 0.98);
   CHECK(record.most < 1.02);
