@@ -65,7 +65,7 @@ def test_party_piles_up_clay_keeps_dents_and_the_others_do_not(tmp_path: Path) -
     elastic, clay = ("Cheb", "Whale", "Octopus"), ("Duck", "Penguin")
     pairs = [frame["contacts"]["pairs"] for frame in run.frames.values() if "contacts" in frame]
     assert max(len(found) for found in pairs) >= 4, "they have not met"
-    assert max(pair["surface_overlap"] for found in pairs for pair in found) < 2.0, "one is in another"
+    assert max(pair["surface_overlap"] for found in pairs for pair in found) < 1.2, "one is in another"
     for name in elastic + clay:
         path = f"/World/{name}/Body"
         assert run.volume_errors(path).max() < 0.01, name
@@ -75,7 +75,7 @@ def test_party_piles_up_clay_keeps_dents_and_the_others_do_not(tmp_path: Path) -
     strains = {name: run.solid(f"/World/{name}/Body", last)["max_plastic_strain"] for name in elastic + clay}
     assert all(strains[name] == 0.0 for name in elastic) and all(strains[name] > 0.3 for name in clay), strains
     under_weight = {"Cheb": 0.04, "Whale": 0.065, "Octopus": 0.12}  # docs/bars.md
-    assert all(dents[name] < under_weight[name] for name in elastic) and all(dents[name] > 0.16 for name in clay), dents
+    assert all(dents[name] < under_weight[name] for name in elastic) and all(dents[name] > 0.13 for name in clay), dents
     for name in elastic + clay:  # eyes stay where they sit
         body, eye = f"/World/{name}/Body", f"/World/{name}/Eyes/EyeLeft"
         apart = [
@@ -94,7 +94,7 @@ def test_party_piles_up_clay_keeps_dents_and_the_others_do_not(tmp_path: Path) -
     cache = str(tmp_path / "cache")
     free = Run(tmp_path / "weightless.usda", tmp_path / "free", *settings, start_from=cache, frames="1-25")
     let_go = {name: beside_rigid(shapes[name], free.points(f"/World/{name}/Body", 25)) for name in shapes}
-    assert max(let_go[name] for name in elastic) < 1e-2 and min(let_go[name] for name in clay) > 0.16, let_go
+    assert max(let_go[name] for name in elastic) < 1e-2 and min(let_go[name] for name in clay) > 0.13, let_go
 
 
 @pytest.mark.slow
