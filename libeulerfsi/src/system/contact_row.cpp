@@ -33,13 +33,14 @@ std::vector<RowAct> acts(const std::vector<ContactRow>& rows, const std::vector<
 }
 
 void close_rows(const Parallel& parallel, const std::vector<ContactRow>& rows, const std::vector<RowAct>& acts,
-                VelocitySystem& system) {
+                VelocitySystem& system, bool held) {
   std::vector<Penalty> penalties;
   for (std::size_t r = 0; r < rows.size(); ++r) {
     if (!acts[r].closed()) continue;
     const ContactRow& row = rows[r];
     const Mat3d along = row.normal * row.normal.transpose(), beside = Mat3d::Identity() - along;
-    penalties.push_back({row.parts, (row.penalty * (along + acts[r].share * beside)).cast<Real>()});
+    const double penalty = held ? row.penalty * row.hold : row.penalty;
+    penalties.push_back({row.parts, (penalty * (along + acts[r].share * beside)).cast<Real>()});
   }
   system.set_penalties(parallel, std::move(penalties));
 }

@@ -38,9 +38,10 @@ RowAct act(const ContactRow& row, const Vec3d& w);
 // B v of a row.
 Vec3d row_velocity(const ContactRow& row, const std::vector<Real>& v);
 std::vector<RowAct> acts(const std::vector<ContactRow>& rows, const std::vector<Real>& v);
-// The rows that are closed stand in G as penalties from now on, friction with its share.
+// The rows that are closed stand in G as penalties from now on, friction with its share. held: as stiff as they are
+// while the pressure acts.
 void close_rows(const Parallel& parallel, const std::vector<ContactRow>& rows, const std::vector<RowAct>& acts,
-                VelocitySystem& system);
+                VelocitySystem& system, bool held = false);
 // f += B^T r of a row.
 void add_impulse(const ContactRow& row, const Vec3d& impulse, std::vector<Real>& f);
 // f += B^T r with the impulses of all rows.

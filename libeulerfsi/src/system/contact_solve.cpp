@@ -47,15 +47,6 @@ bool update(const std::vector<Real>& x, double negligible, std::vector<ContactRo
   return fastest <= negligible || change <= kSettled * largest;
 }
 
-// What is closed stays so when the pressure pushes: its impulses are not sought anew then, the penalties alone answer.
-void hold_rows(const Parallel& parallel, const std::vector<ContactRow>& rows, const std::vector<Real>& x,
-               VelocitySystem& system) {
-  const std::vector<RowAct> now = acts(rows, x);
-  std::vector<ContactRow> stiff = rows;
-  for (ContactRow& row : stiff) row.penalty *= row.hold;
-  close_rows(parallel, stiff, now, system);
-}
-
 // |f + B^T r - G x| of what moves, r the impulses that the rows have.
 double first_residual(const Parallel& parallel, const std::vector<Real>& f, const std::vector<Real>& x,
                       const std::vector<ContactRow>& rows, VelocitySystem& system) {
@@ -85,7 +76,8 @@ linalg::SolveStats solve_contact(const Parallel& parallel, VelocitySolver solver
     settled = update(x, negligible, rows);
   }
   stats.converged = stats.converged && settled;
-  hold_rows(parallel, rows, x, system);
+  // When the pressure pushes, the impulses are not sought anew: the penalties alone answer.
+  close_rows(parallel, rows, acts(rows, x), system, true);
   return stats;
 }
 

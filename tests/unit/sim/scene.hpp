@@ -128,6 +128,10 @@ inline SimulationPtr make_simulation(const sim::Params& p, const std::vector<sim
   return s;
 }
 
+inline void advance_to(sim::Simulation& s, double time) {
+  while (s.state().time < time - 1e-9) s.step(time - s.state().time);
+}
+
 // The same values at every call, within range / 2 of 0.
 inline std::vector<float> noise(std::size_t count, float range) {
   std::vector<float> values(count);

@@ -128,10 +128,6 @@ double speed(sim::Simulation& s, std::size_t solid, int axis = 0) {
   return now.momentum[axis] / now.mass;
 }
 
-void advance_to(sim::Simulation& s, double time) {
-  while (s.state().time < time - 1e-9) s.step(time - s.state().time);
-}
-
 // Two boxes on the floor in a fluid, or none: one on the other, or beside it.
 SimulationPtr two_boxes(double fluid, bool stacked) {
   sim::Params p = vacuum({0.7, 0.4, 0.3}, kCell);

@@ -164,15 +164,11 @@ TEST_CASE("What a wall has pulled it lets go in the next step", "[law]") {
 
 namespace {
 
-void run_to(sim::Simulation& s, double time) {
-  while (s.state().time < time - 1e-9) s.step(time - s.state().time);
-}
-
 // Of the block along the slope, from 0.2 to 0.4 s [m/s^2].
 double sliding_acceleration(sim::Simulation& s) {
-  run_to(s, 0.2);
+  advance_to(s, 0.2);
   const double early = speed(s)[0];
-  run_to(s, 0.4);
+  advance_to(s, 0.4);
   return (speed(s)[0] - early) / 0.2;
 }
 
@@ -226,9 +222,9 @@ TEST_CASE("A block slides down a slope or stays as its friction is a hundredth b
                Slope{30.0, true, 0.01, 1e-3}, Slope{40.0, true, 0.02, 1e-3});
   const double threshold = std::tan(degrees * M_PI / 180.0);
   const auto slides = make_simulation(slope(degrees), {block_desc(threshold - 0.01, compressible)});
-  run_to(*slides, 0.5);
+  advance_to(*slides, 0.5);
   const double early = speed(*slides)[0];
-  run_to(*slides, 1.0);
+  advance_to(*slides, 1.0);
   const double gains = (speed(*slides)[0] - early) / 0.5, exact = by_coulomb(degrees, threshold - 0.01);
   INFO(degrees << " degrees" << (compressible ? ", compressible" : "") << ": gains " << gains << " for " << exact
                << " m/s^2");
@@ -236,10 +232,10 @@ TEST_CASE("A block slides down a slope or stays as its friction is a hundredth b
   CHECK(gains > 0.5 * exact);
   // It is let go and slips before it knows what the floor carries.
   const auto stays = make_simulation(slope(degrees), {block_desc(threshold + above, compressible)});
-  run_to(*stays, 2.0);
+  advance_to(*stays, 2.0);
   double creep = 0.0, from = stays->diagnose_solid(0).center[0];
   for (int frame = 1; frame <= 12; ++frame) {
-    run_to(*stays, 2.0 + frame / 24.0);
+    advance_to(*stays, 2.0 + frame / 24.0);
     const double now = stays->diagnose_solid(0).center[0];
     creep = std::max(creep, std::abs(now - from) / 0.02);
     from = now;
@@ -254,9 +250,9 @@ TEST_CASE("A block that slides on flat ground stops where Coulomb's law says", "
   sim::SolidDesc d = block_desc(friction, compressible);
   d.velocity = {friction > 0.3 ? 1.5 : 1.0, 0.0, 0.0};
   const auto s = make_simulation(slope(0.0, fluid), {d});
-  run_to(*s, 0.1);  // it has settled under its weight
+  advance_to(*s, 0.1);  // it has settled under its weight
   const double from = s->diagnose_solid(0).center[0], fast = speed(*s)[0];
-  run_to(*s, 0.2 + fast / (friction * kGravity));
+  advance_to(*s, 0.2 + fast / (friction * kGravity));
   const double way = s->diagnose_solid(0).center[0] - from, exact = fast * fast / (2.0 * friction * kGravity);
   INFO((compressible ? "compressible, " : "")
        << (fluid ? "1000:1" : "vacuum") << ", friction " << friction << ": slides " << way << " m for " << exact);
