@@ -112,8 +112,12 @@ void PressureMultigrid::build(const Parallel& parallel, const Grid& g, const Wal
   compute_pressure_diagonal(parallel, finest_);
   if (slip_ && !slip_->empty()) {
     std::vector<Real>& d = finest_.inverse_diagonal;
+    const std::vector<std::uint8_t>& on = finest_.active;
     slip_->for_smoother_terms(parallel, [&](std::size_t c, Real value) {
-      if (d[c] > 0) d[c] = 1 / (1 / d[c] + value);
+      if (d[c] > 0)
+        d[c] = 1 / (1 / d[c] + value);
+      else if (value > 0 && (on.empty() || on[c]))  // nothing but what slips along given motion moves at its corners
+        d[c] = 1 / value;
     });
   }
   compliance_.set(compliance, finest_);

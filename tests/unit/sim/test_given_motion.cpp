@@ -310,6 +310,36 @@ TEST_CASE("Given motion: the same bits with any number of threads, and after a r
   CHECK(run(1, true) == once);
 }
 
+// In the gap beside where they touch there are cells of the fluid all of whose corners are given.
+TEST_CASE("Wind past colliders that touch each other, and past a pinned foot on a collider", "[law]") {
+  for (const double gap : {-0.25, 0.0, 0.5}) {  // cells between them
+    for (const bool pinned : {false, true}) {
+      sim::Params p = box_params({0.8, 0.5, 0.3}, kCell);
+      p.walls.velocity[0] = {1, 0, 0};
+      p.walls.face[1] = grid::Wall::kOpen;
+      const auto s = make_simulation(p);
+      geometry::MeshReport report;
+      const double ground = 0.05;
+      s->add_collider(desc_of(box_mesh({0.2, -0.1, -0.1}, {0.6, ground, 0.4})), report);
+      const sim::SolidDesc ball = ball_desc({0.4, ground + 0.06 + gap * kCell, 0.15}, 0.06);
+      if (pinned) {
+        s->add_solid(ball, report);
+        s->add_pin(1, std::vector<std::uint8_t>(ball.surface.points.size(), 1));
+      } else {
+        s->add_collider(ball, report);
+      }
+      for (int frame = 0; frame < 4; ++frame) {
+        const sim::StepInfo info = s->advance(kFrame, {});
+        INFO("gap " << gap << " h, pinned " << pinned << ", frame " << frame + 1 << ": " << info.steps << " steps, "
+                    << info.pressure_iterations << " iterations, fluid " << info.max_speed_fluid << " m/s");
+        CHECK(info.unconverged == 0);
+        CHECK(info.pressure_iterations <= 15 * info.steps);
+        CHECK(info.max_speed_fluid < 6.0);
+      }
+    }
+  }
+}
+
 TEST_CASE("A region that holds nothing, and a collider that is pinned, are refused") {
   HangingBar bar(vacuum({0.6, 0.7, 0.6}, kCell));
   std::vector<std::uint8_t> none(bar.held.size(), 0);
