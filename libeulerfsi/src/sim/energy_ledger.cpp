@@ -114,6 +114,8 @@ double EnergyLedger::potential(std::size_t l, const Vec3d& center) const {
   return -(work.total_mass - displaced) * scene_.params.gravity.dot(center);
 }
 
+bool EnergyLedger::counts(std::size_t l) const { return !is_collider(scene_.pins, l); }
+
 Energy EnergyLedger::shape_of(std::size_t l) const {
   const solid::ShapeEnergies shape = solid::measure_shape(parallel_, scene_.solids[l], states_[l], solids_[l],
                                                           scene_.params.numerics.points_per_element);
@@ -123,6 +125,7 @@ Energy EnergyLedger::shape_of(std::size_t l) const {
 Energy EnergyLedger::with_solids(Energy now) const {
   now.solid_kinetic = now.elastic = now.potential = 0.0;
   for (std::size_t l = 0; l < states_.size(); ++l) {
+    if (!counts(l)) continue;
     const solid::SolidState& state = states_[l];
     const solid::Momenta momenta = solid::measure_momenta(parallel_, state.band, solids_[l], state.band.grid, state.v);
     now.solid_kinetic += momenta.kinetic_energy;
@@ -145,7 +148,7 @@ void EnergyLedger::book_weight(const StepWeight& weight, const grid::VectorField
   if (!on()) return;
   Energy now = record_->end;
   for (std::size_t l = 0; l < weight.solids.size(); ++l)
-    now.solid_kinetic += push_work(weight.solids[l], first_[l].mass, first_[l].linear);
+    if (counts(l)) now.solid_kinetic += push_work(weight.solids[l], first_[l].mass, first_[l].linear);
   if (!weight.fluid.isZero(0))
     now.fluid_kinetic = kinetic_energy(parallel_, common_, fluid_mass_, fluid_velocity, weight.fluid);
   book(EnergyStage::kWeight, now);
@@ -157,6 +160,7 @@ void EnergyLedger::book_nodes(EnergyStage stage, NodeVelocity& velocity) {
   now.fluid_kinetic = fluid_energy(fluid_mass_, velocity.field);
   now.solid_kinetic = 0.0;
   for (std::size_t l = 0; l < states_.size(); ++l) {
+    if (!counts(l)) continue;
     const system::SolidView view(parallel_, velocity.slip, l, velocity.field);
     now.solid_kinetic +=
         solid::measure_momenta(parallel_, states_[l].band, solids_[l], common_, velocity.field).kinetic_energy;
@@ -178,6 +182,7 @@ void EnergyLedger::meet(NodeVelocity& velocity, std::span<const solid::RigidStep
   }
   record_->at_start.solid_kinetic = 0.0;
   for (std::size_t l = 0; l < states_.size(); ++l) {
+    if (!counts(l)) continue;
     const system::SolidView view(parallel_, velocity.slip, l, velocity.field);
     const solid::RigidStep& f = frames[l];
     const solid::RigidMotion back{f.velocity.center, f.shift / dt_ - f.velocity.linear,
@@ -188,7 +193,7 @@ void EnergyLedger::meet(NodeVelocity& velocity, std::span<const solid::RigidStep
 }
 
 void EnergyLedger::leave(std::size_t l) {
-  if (on()) left_ += shape_of(l);
+  if (on() && counts(l)) left_ += shape_of(l);
 }
 
 void EnergyLedger::book_fluid(const grid::VectorField& fluid_velocity) {
@@ -216,7 +221,8 @@ void EnergyLedger::book_inflow(const Jets& jets, const grid::VectorField& flow) 
 void EnergyLedger::arrive() {
   if (!on()) return;
   Energy transported = record_->end;
-  for (std::size_t l = 0; l < states_.size(); ++l) transported += shape_of(l);
+  for (std::size_t l = 0; l < states_.size(); ++l)
+    if (counts(l)) transported += shape_of(l);
   book(EnergyStage::kSolidTransport, transported - left_);
   book_solids(EnergyStage::kRemap);
 }

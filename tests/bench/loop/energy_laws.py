@@ -104,7 +104,7 @@ def in_words(parts: Mapping[str, float], rise: float) -> str:
 
 
 def told(result: Result) -> np.ndarray:
-    """Energies by the diagnostics of all solids and of the fluid, from the start on, (steps + 1, forms) [J]."""
+    """By the diagnostics of all solids but colliders and of the fluid, from the start on, (steps + 1, forms) [J]."""
     scene, energies = result.run.simulation(), dict.fromkeys(FORMS, 0.0)
     fluid, pull = scene["ambient_fluid"] * scene["fluid_density"], np.array(scene["gravity"])
     energies["fluid_kinetic"] = result.with_start("fluid_energy")
@@ -114,18 +114,12 @@ def told(result: Result) -> np.ndarray:
         energies["solid_kinetic"] += seen("kinetic_energy")
         energies["elastic"] += seen("elastic_energy")
         energies["potential"] -= (seen("mass") - fluid * volume) * (seen("center") @ pull)
-    if "given_kinetic" in result.columns:  # a collider's own; the ledger's first step begins with it in motion
-        own = result.with_start("given_kinetic")
-        energies["solid_kinetic"] += np.concatenate([own[1:2], own[1:]])
-        energies["potential"] += result.with_start("given_potential")
     return np.stack([energies[form] for form in FORMS], axis=1)
 
 
 def gap(result: Result) -> np.ndarray:
     """Between sums of the columns and what the diagnostics changed by since the start, per step, of all forms [J]."""
     changes, seen = ledger(result).sum(axis=1), told(result)
-    if "given_kinetic" in result.columns:  # what moves a collider moves it otherwise from the start of a step on
-        changes[1:, FORMS.index("solid_kinetic")] += np.diff(result["given_kinetic"])
     return np.abs(np.cumsum(changes, axis=0) - (seen[1:] - seen[0])).sum(axis=1)
 
 

@@ -59,7 +59,6 @@ class Company(experiment.Company):
     given, 0 between them [m];
     collider_gap (`of` every solid): nearest that a vertex is to the collider, negative inside [m];
     given_work: of what holds a pin or a collider, in the step [J];
-    given_kinetic, given_potential: energies of the collider, which the ledger counts with the solids [J];
     jet_flux [m^3/s], jet_on: part of the step; jet_covered: a solid is near its region.
     """
 
@@ -111,7 +110,6 @@ class Company(experiment.Company):
             for k, points in enumerate(surfaces, 1):
                 gaps = held.region.distance(taken_back(self.pose(held, time), points))
                 seen[of("collider_gap", k)] = float(gaps.min())
-            seen |= self.energies_of_collider()
         if self.scene.jet:
             on = min(time, self.scene.jet.until) - min(self.time, self.scene.jet.until)
             seen["jet_on"] = on / (time - self.time) if time > self.time else 0.0
@@ -128,12 +126,6 @@ class Company(experiment.Company):
             return 0.0
         wanted = place(self.scene.pin.path.pose(time), self.rest[0][self.pinned])
         return float(np.linalg.norm(points[self.pinned] - wanted, axis=1).max())
-
-    def energies_of_collider(self) -> dict[str, float]:
-        facts = self.simulation.solid_diagnostics(self.collider)
-        heavy = facts["mass"] - self.scene.fluid_density * facts["volume_cells"]
-        lifted = -heavy * float(np.dot(self.scene.pull, facts["center"]))
-        return {"given_kinetic": facts["kinetic_energy"], "given_potential": lifted}
 
     def covered(self, surfaces: list[np.ndarray], time: float) -> bool:
         region, near = self.scene.jet.region, NEAR * self.scene.spacing

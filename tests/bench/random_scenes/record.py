@@ -21,7 +21,6 @@ STEADY = 0.995  # of the largest speed: where the push of a wall is over, withou
 MOST_TURN = 0.3  # rad until a body is clear of the wall, for its corners not to strike it again
 CLEAR = 2.0  # cells
 STILL = 1e-12  # of Young's modulus times the volume
-TAKEN_OFF = 1e-5  # of a collider's own energy: single precision, summed
 SAMPLES = 400  # of a ballistic rise
 OPPOSITE = 2.0  # cells from the opposite wall, where a rise ends
 
@@ -167,17 +166,12 @@ class Record:
 
     @functools.cached_property
     def energy_of_matter(self) -> np.ndarray:
-        """By the ledger, u and v of one time, without the collider's own, potential energy above the lowest of the run.
+        """By the ledger, u and v of one time, potential energy above the lowest of the run.
 
         (n,) [J]; the end of the last step, of which no velocity is known, has the energy of its start.
         """
         at_start = self.result["energy_at_start"]
-        forms, potential = at_start.sum(axis=1), at_start[:, FORMS.index("potential")]
-        if "given_potential" in self.result.columns:
-            raised = self.series("given_potential")[:-1]
-            forms = forms - self.result["given_kinetic"] - raised  # it has a step's velocity from its start on
-            potential = potential - raised
-        return with_end(forms - potential.min())
+        return with_end(at_start.sum(axis=1) - at_start[:, FORMS.index("potential")].min())
 
     @functools.cached_property
     def outside_work(self) -> np.ndarray:
@@ -202,12 +196,8 @@ class Record:
 
     @property
     def energy_noise(self) -> float:
-        """What rounding comes to: of the elastic energy, and of the collider's own, which is taken off [J]."""
-        noise = STILL * self.scene.youngs_modulus * self.result.start["solid_volume"]
-        if "given_kinetic" not in self.result.columns:
-            return noise
-        own = np.abs(self.result["given_kinetic"]) + np.ptp(self.result["given_potential"])
-        return max(noise, TAKEN_OFF * float(own.max()))
+        """What rounding of the elastic energy comes to [J]."""
+        return STILL * self.scene.youngs_modulus * self.result.start["solid_volume"]
 
     @functools.cached_property
     def strain(self) -> np.ndarray:
