@@ -4,12 +4,17 @@
 using namespace efsi;
 using namespace efsi::test;
 
-TEST_CASE("Fluid at rest under gravity stays at rest, and so does a solid of its density", "[law]") {
+TEST_CASE("Fluid at rest under gravity stays at rest, and so does a solid of its density, beside a light collider too",
+          "[law]") {
   for (const auto wall : {grid::Wall::kSlip, grid::Wall::kNoSlip, grid::Wall::kOpen}) {
-    sim::Params p = box_params({0.24, 0.3, 0.2});
+    sim::Params p = box_params({0.24, 0.5, 0.2});
     p.fluid.density = 1000.0;
     p.walls.face.fill(wall);
     auto s = make_simulation(p, {ball_desc({0.13, 0.14, 0.11}, 0.06)});
+    sim::SolidDesc light = ball_desc({0.11, 0.34, 0.1}, 0.06);
+    light.density = 50.0;
+    geometry::MeshReport report;
+    s->add_collider(light, report);
     for (int n = 0; n < 4; ++n) s->step(0.02);
     const auto ball = s->diagnose_solid(0);
     CHECK(s->diagnose_fluid().max_speed < 1e-4 * 9.8 * 0.08);  // of free fall
