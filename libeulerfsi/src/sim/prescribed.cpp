@@ -234,13 +234,6 @@ void close_given_cells(const StepContext& step, const SolidStates& states, const
     });
 }
 
-bool is_sealed(const Scene& scene) {
-  if (scene.pins.empty() || !scene.params.fluid.present) return false;
-  for (std::size_t l = 0; l < scene.solids.size(); ++l)
-    if (scene.solids[l].compressible && !is_collider(scene.pins, l)) return false;
-  return true;
-}
-
 void add_given_reactions(const Reaction& reaction, std::vector<GivenNode>& given) {
   for (GivenNode& g : given) g.impulse += reaction(g.solid, g.node).cast<double>();
 }

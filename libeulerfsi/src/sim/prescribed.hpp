@@ -30,8 +30,6 @@ void drop_blocked_rows(const std::vector<GivenNode>& given, const system::Veloci
 // Cells at which nothing can move have no pressure. active: as PressureSystem has it; filled where it is empty.
 void close_given_cells(const StepContext& step, const SolidStates& states, const Matter& matter,
                        const system::SlipNodes& slip, std::vector<std::uint8_t>& active);
-// Whether cells without pressure are all closed off: no solid is a compressible one that moves.
-bool is_sealed(const Scene& scene);
 // What holds the nodes, in the velocity solve or against the pressure.
 void add_given_reactions(const Reaction& reaction, std::vector<GivenNode>& given);
 // What held each pin in the step.

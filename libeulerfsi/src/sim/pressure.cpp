@@ -60,7 +60,7 @@ void assemble_pressure_system(const StepContext& step, const SolidStates& states
     close_given_cells(step, states, matter, slip, active);
     compute_compliance(step, states, solids, matter, pressure.compliance);
     pressure.system.assemble(parallel, matter.common.grid, matter.common.walls, matter.fixed, matter.specific_volume,
-                             std::move(active), matter.owned, &slip, is_sealed(scene),
+                             std::move(active), matter.owned, &slip, !scene.pins.empty(),
                              scene.params.fluid.viscosity > 0.0, pressure.compliance);
     pressure.lasts = scene.solids.empty();
   }

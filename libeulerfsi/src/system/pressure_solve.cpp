@@ -29,9 +29,9 @@ EFSI_KERNEL void subtract_row(int n, Real value, Real* r) {
 void PressureSystem::assemble(const Parallel& parallel, const Grid& g, const Walls& walls,
                               const std::vector<std::uint8_t>& fixed, const std::vector<Real>& specific_volume,
                               std::vector<std::uint8_t> active, std::vector<std::uint8_t> solid_cell, SlipNodes* slip,
-                              bool sealed, bool sticks, const std::vector<Real>& compliance) {
+                              bool given, bool sticks, const std::vector<Real>& compliance) {
   slip_ = slip;
-  sealed_ = sealed;
+  given_ = given;
   sticks_ = sticks;
   if (g.cells != grid_.cells) {  // ghosts lie elsewhere, and those that nobody writes must be zero
     rhs_.clear();
@@ -44,11 +44,24 @@ void PressureSystem::assemble(const Parallel& parallel, const Grid& g, const Wal
   for (std::size_t c = 0; c < solid_cell.size(); ++c)
     if (solid_cell[c]) solid_cells_.push_back(c);
   multigrid_.build(parallel, g, walls, fixed, specific_volume, std::move(active), slip, compliance);
+  parts_.clear();
+  if (given_) find_parts(parallel);
 }
 
 bool PressureSystem::closed() const {
-  const bool gives_way = !multigrid_.compliance().empty();
-  return !walls_.any_open() && !gives_way && (sealed_ || multigrid_.finest().active.empty());
+  return !walls_.any_open() && multigrid_.compliance().empty() && multigrid_.finest().active.empty();
+}
+
+void PressureSystem::find_parts(const Parallel& parallel) {
+  const PressureLevel& level = multigrid_.finest();
+  std::vector<std::uint8_t> moves(grid_.node_count());
+  parallel.for_ranges(static_cast<std::int64_t>(moves.size()), [&](std::int64_t begin, std::int64_t end) {
+    for (auto n = static_cast<std::size_t>(begin); n < static_cast<std::size_t>(end); ++n)
+      moves[n] = level.mobility[n] > 0 && level.fixed[n] != 7;
+  });
+  if (slip_)
+    for (const SlipNode& n : slip_->nodes()) moves[n.node] = 1;
+  parts_.find(parallel, level, moves, operator_of(parallel));
 }
 
 bool PressureSystem::keep_last(const Parallel& parallel, std::vector<Real>& q) {
@@ -84,19 +97,18 @@ DivergenceNorms PressureSystem::set_right_side(const Parallel& parallel, const V
   compute_residual(parallel, velocity, source, rhs_);
   const DivergenceNorms norms = residual_norms(parallel, rhs_);
   if (walls_.any_moves() || sticks_) subtract_alternating(parallel);
-  if (!closed()) return norms;
-  // In a closed box it must sum to zero.
-  const auto& active = multigrid_.finest().active;
-  if (!active.empty()) {
-    subtract_mean(parallel, active);
-    return norms;
-  }
+  subtract_means(parallel);
+  return norms;
+}
+
+void PressureSystem::subtract_means(const Parallel& parallel) {
+  if (given_) return parts_.subtract_means(parallel, rhs_);
+  if (!closed()) return;
   const Real mean = static_cast<Real>(linalg::sum(parallel, rhs_) / static_cast<double>(grid_.cell_count()));
   parallel.for_each(grid_.cells[2], [&](std::int64_t k) {
     for (int j = 0; j < grid_.cells[1]; ++j)
       subtract_row(grid_.cells[0], mean, rhs_.data() + grid_.padded(0, j, static_cast<int>(k)));
   });
-  return norms;
 }
 
 void PressureSystem::subtract_alternating(const Parallel& parallel) {
@@ -109,7 +121,7 @@ void PressureSystem::subtract_alternating(const Parallel& parallel) {
   // Where cells have no equation these and the mean are not orthogonal.
   const int rounds = active.empty() ? 1 : kAlternatingRounds;
   for (int round = 0; round < rounds; ++round) {
-    if (round > 0 && closed()) subtract_mean(parallel, active);
+    if (round > 0) subtract_means(parallel);
     for (std::size_t a = 0; a < 3; ++a)
       if (alternates((a + 1) % 3) && alternates((a + 2) % 3))
         parallel.for_each(grid_.cells[a],
@@ -136,27 +148,6 @@ void PressureSystem::subtract_alternating(std::size_t axis, int layer, const std
   if (!(count > 0.0)) return;
   const double part = sum / count;
   for_cells([&](Real& value, double sign) { value -= static_cast<Real>(sign * part); });
-}
-
-void PressureSystem::subtract_mean(const Parallel& parallel, const std::vector<std::uint8_t>& active) {
-  const auto for_rows = [&](const auto& body) {
-    return parallel.sum(grid_.cells[2], [&](std::int64_t k) {
-      double sum = 0.0;
-      for (int j = 0; j < grid_.cells[1]; ++j) {
-        const std::size_t row = grid_.padded(0, j, static_cast<int>(k));
-        for (std::size_t c = row; c < row + static_cast<std::size_t>(grid_.cells[0]); ++c)
-          if (active[c]) sum += body(c);
-      }
-      return sum;
-    });
-  };
-  const double count = for_rows([](std::size_t) { return 1.0; });
-  if (!(count > 0.0)) return;
-  const Real mean = static_cast<Real>(for_rows([&](std::size_t c) { return static_cast<double>(rhs_[c]); }) / count);
-  for_rows([&](std::size_t c) {
-    rhs_[c] -= mean;
-    return 0.0;
-  });
 }
 
 double PressureSystem::solid_norm(const Parallel& parallel, const std::vector<Real>& r) const {
@@ -287,8 +278,8 @@ void PressureSystem::exchange_scratch(const std::array<std::vector<Real>*, 3>& a
 }
 
 std::size_t PressureSystem::bytes() const {
-  return rhs_.size() * sizeof(Real) + solid_cells_.size() * sizeof(std::size_t) + multigrid_.bytes() + pcg_.bytes() +
-         pcr_.bytes();
+  return rhs_.size() * sizeof(Real) + parts_.bytes() + solid_cells_.size() * sizeof(std::size_t) + multigrid_.bytes() +
+         pcg_.bytes() + pcr_.bytes();
 }
 
 }  // namespace efsi::system

@@ -10,6 +10,7 @@
 #include "linalg/pcg.hpp"
 #include "linalg/pcr.hpp"
 #include "system/pressure_multigrid.hpp"
+#include "system/sealed_parts.hpp"
 
 namespace efsi::system {
 
@@ -23,15 +24,15 @@ class PressureSystem {
  public:
   // specific_volume: 1/density per node, 0 where nothing moves [m^3/kg]; active: cells with an equation, empty: all.
   // solid_cell: padded cells owned by solids, may be empty; the tolerance is demanded of them by themselves, too.
-  // sealed: nothing flows into cells without an equation. fixed: per node, components that walls fix. slip: nodes with
-  // two velocities, or none; used until the next call. sticks: the fluid slips along no solid. compliance: D per padded
+  // given: nodes may move as given, which have no W. fixed: per node, components that walls fix. slip: nodes with two
+  // velocities, or none; used until the next call. sticks: the fluid slips along no solid. compliance: D per padded
   // cell [m^4/kg], by which it gives way to q; empty: none does.
   void assemble(const Parallel& parallel, const Grid& g, const Walls& walls, const std::vector<std::uint8_t>& fixed,
                 const std::vector<Real>& specific_volume, std::vector<std::uint8_t> active,
-                std::vector<std::uint8_t> solid_cell, SlipNodes* slip = nullptr, bool sealed = false,
+                std::vector<std::uint8_t> solid_cell, SlipNodes* slip = nullptr, bool given = false,
                 bool sticks = false, const std::vector<Real>& compliance = {});
-  // What the next solve has on the right: h^3 (J v - source), in a closed box less its mean. source: wanted div v per
-  // padded cell [1/s], may be empty.
+  // What the next solve has on the right: h^3 (J v - source), in a closed box, or a closed part of it, less its mean.
+  // source: wanted div v per padded cell [1/s], may be empty.
   DivergenceNorms set_right_side(const Parallel& parallel, const VectorField& velocity,
                                  const std::vector<Real>& source);
   const std::vector<Real>& right_side() const { return rhs_; }  // padded cells [m^3/s]
@@ -55,14 +56,15 @@ class PressureSystem {
 
  private:
   bool closed() const;
+  void find_parts(const Parallel& parallel);
   // Of the right-hand side: what no pressure can take, since it would push no node that is free. Where the fluid sticks
   // to the walls along two axes a pressure that alternates along both, cell by cell, and is what it likes along the
   // third, does not. Fluxes of nodes that move have nothing of it, those of walls that move and sources may have.
   void subtract_alternating(const Parallel& parallel);
   // In one layer of cells normal to an axis, along the two others.
   void subtract_alternating(std::size_t axis, int layer, const std::vector<std::uint8_t>& active);
-  // Of the right-hand side over the cells with an equation.
-  void subtract_mean(const Parallel& parallel, const std::vector<std::uint8_t>& active);
+  // Of the right-hand side, in a closed box or its closed parts: what flows in, which no pressure can take.
+  void subtract_means(const Parallel& parallel);
   void compute_residual(const Parallel& parallel, const VectorField& velocity, const std::vector<Real>& source,
                         std::vector<Real>& r);
   double solid_norm(const Parallel& parallel, const std::vector<Real>& r) const;  // of the solids' cells
@@ -79,7 +81,8 @@ class PressureSystem {
   std::vector<Real> rhs_;                 // padded cells
   PressureMultigrid multigrid_;
   SlipNodes* slip_ = nullptr;
-  bool sealed_ = false, sticks_ = false;
+  bool given_ = false, sticks_ = false;
+  SealedParts parts_;  // where something moves as given
   linalg::PcgWorkspace pcg_;
   linalg::PcrWorkspace pcr_;
 };

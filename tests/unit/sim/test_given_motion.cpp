@@ -340,6 +340,38 @@ TEST_CASE("Wind past colliders that touch each other, and past a pinned foot on 
   }
 }
 
+// A piston as wide as a box with an open top leaves its floor, or comes down on a cup, and what is below it is shut
+// off.
+TEST_CASE("Fluid that colliders shut in or let in is spread over its pocket, and nothing bursts", "[law]") {
+  for (const bool cup : {false, true}) {
+    sim::Params p = box_params({0.4, 0.5, 0.4}, kCell);
+    p.walls.face[3] = grid::Wall::kOpen;
+    const auto s = make_simulation(p);
+    geometry::MeshReport report;
+    const double low = cup ? 0.3 : 0.02, speed = cup ? -0.3 : 0.3;
+    if (cup) {
+      s->add_collider(desc_of(box_mesh({0.1, -0.1, 0.1}, {0.3, 0.05, 0.3})), report);
+      for (const auto& [x0, x1, z0, z1] : {std::array{0.1, 0.15, 0.1, 0.3}, std::array{0.25, 0.3, 0.1, 0.3},
+                                           std::array{0.15, 0.25, 0.1, 0.15}, std::array{0.15, 0.25, 0.25, 0.3}})
+        s->add_collider(desc_of(box_mesh({x0, 0.05, z0}, {x1, 0.25, z1})), report);
+    }
+    const Vec3d inner = cup ? Vec3d(0.08, low, 0.08) : Vec3d(-0.05, low, -0.05);
+    const std::size_t lid =
+        s->add_collider(desc_of(box_mesh(inner, {0.4 - inner[0], low + 0.08, 0.4 - inner[2]})), report);
+    for (int frame = 0; frame < 6; ++frame) {
+      const auto at = [&](int f) {
+        return sim::Pose{Mat3d::Identity(), {0, std::max(speed * f * kFrame, cup ? -0.06 : -1.0), 0}};
+      };
+      s->set_motion(lid, frame * kFrame, (frame + 1) * kFrame, at(frame), at(frame + 1));
+      const sim::StepInfo info = s->advance(kFrame, {});
+      INFO((cup ? "cup" : "piston") << ", frame " << frame + 1 << ": " << info.steps << " steps, "
+                                    << info.pressure_iterations << " iterations, fluid " << info.max_speed_fluid);
+      CHECK(info.unconverged == 0);
+      CHECK(info.max_speed_fluid < 3.0);
+    }
+  }
+}
+
 TEST_CASE("A region that holds nothing, and a collider that is pinned, are refused") {
   HangingBar bar(vacuum({0.6, 0.7, 0.6}, kCell));
   std::vector<std::uint8_t> none(bar.held.size(), 0);
