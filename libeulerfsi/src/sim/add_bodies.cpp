@@ -228,6 +228,7 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
     throw Error(ErrorCode::kMesh, text.str());
   }
   state.rest_volume_cells = start == surface ? work.volume : rest.volume;  // few cells measure what is pressed
+  rest.weighed_volume = collider ? state.rest_volume_cells : rest.volume;  // a collider may reach out of the box
   state.speed = speed;
   starts_.push_back(start == surface ? nullptr : std::move(start));
   solids_.push_back(std::move(rest));

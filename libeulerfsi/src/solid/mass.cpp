@@ -316,7 +316,7 @@ void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidSt
     return sum;
   });
   work.counted_mass = work.total_mass;
-  const double weight = rest.density * state.rest_volume_cells;
+  const double weight = rest.density * rest.weighed_volume;
   if (state.whole && work.total_mass > 0.0 && weight > 0.0) {
     const Real factor = static_cast<Real>(weight / work.total_mass);
     for (Real& m : work.mass) m *= factor;

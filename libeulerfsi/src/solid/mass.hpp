@@ -18,8 +18,8 @@ inline constexpr Threshold kElementPart = {Real(0.3), Real(0.1)};
 inline constexpr Threshold kElementPartInFluid = {Real(0.6), Real(0.1)};
 
 // Reads state.u; writes fraction, volume_ratio, element, element_cell, element_corner, carries, mass, volume,
-// total_mass. Counted in cells the mass wavers by some 0.2 % as the solid moves over the grid, by 3 % where it folds; a
-// solid that is whole keeps what it weighed at first (state.rest_volume_cells, once that is known).
+// total_mass. Counted in cells the mass of a ball wavers by some 0.2 % as it moves over the grid, that of a thin box by
+// 10 %, of a fold by 3 %; a solid that is whole keeps what it weighs (rest.weighed_volume, once that is known).
 void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work);
 
 // Of the stiffness against change of volume that the pressure has in an element, over the material's. In vacuum the

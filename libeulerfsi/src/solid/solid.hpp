@@ -50,6 +50,7 @@ struct SolidRest {
   bool wet = false;                    // a fluid fills its cut cells
   bool stiff_by_part = false;          // an element is as stiff as it is solid
   double volume = 0.0;                 // of the closed rest shape [m^3]
+  double weighed_volume = 0.0;         // what it weighs, over its density; 0: as its cells count it [m^3]
   double area = 0.0;                   // of the surface at rest [m^2]
   std::vector<std::shared_ptr<const geometry::SignedDistance>> held;  // regions of pins, material space; < 0 inside
 };
