@@ -31,7 +31,17 @@ SlipNodes::SlipNodes(const Parallel& parallel, const grid::Grid& g, std::vector<
     const auto& c = grid::kCorner[corner];
     back_[corner] = g.padded(c[0], c[1], c[2]) - g.padded(0, 0, 0);
   }
-  for (const SlipNode& n : nodes_) cell_.push_back(g.padded(n.i, n.j, n.k));
+  for (const SlipNode& n : nodes_) {
+    cell_.push_back(g.padded(n.i, n.j, n.k));
+    std::uint8_t inside = 0;
+    for (std::size_t corner = 0; corner < 8; ++corner) {
+      const auto& c = grid::kCorner[corner];
+      const int i = n.i - c[0], j = n.j - c[1], k = n.k - c[2];
+      if (i >= 0 && j >= 0 && k >= 0 && i < g.cells[0] && j < g.cells[1] && k < g.cells[2])
+        inside = static_cast<std::uint8_t>(inside | (1u << corner));
+    }
+    inside_.push_back(inside);
+  }
   terms_.resize(nodes_.size());
   for_nodes(parallel, [&](const SlipNode& n, std::size_t t) {
     if (!n.shared())
@@ -388,7 +398,7 @@ Vec3d SlipNodes::relative_momentum(const grid::VectorField& velocity) const {
 }
 
 std::size_t SlipNodes::bytes() const {
-  return nodes_.size() * (sizeof(SlipNode) + sizeof(Terms)) + plane_begin_.size() * sizeof(std::size_t) +
+  return nodes_.size() * (sizeof(SlipNode) + sizeof(Terms) + sizeof(std::size_t) + 1) + plane_begin_.size() * sizeof(std::size_t) +
          solid_velocity_.size() * sizeof(Vec3);
 }
 

@@ -128,7 +128,7 @@ class SlipNodes {
   // side_of(corner) along the axes along which something moves.
   Vec3 side(std::size_t corner) const { return side_of(corner).cwiseProduct(moving_); }
   Real area() const { return static_cast<Real>(grid_.h * grid_.h / 4.0); }
-  // Calls body(index, corner, padded cell) for the cells around the nodes; layers of cells in parallel.
+  // Calls body(index, corner, padded cell) for the cells of the grid around the nodes; layers of cells in parallel.
   template <class Body>
   void for_cells(const Parallel& parallel, const Body& body) const {
     if (nodes_.empty()) return;
@@ -137,7 +137,7 @@ class SlipNodes {
       for (const std::size_t upper : {0u, 1u})  // the nodes below the layer and above it
         for (std::size_t t = plane_begin_[k + upper]; t < plane_begin_[k + upper + 1]; ++t)
           for (std::size_t corner = 4 * upper; corner < 4 * upper + 4; ++corner)
-            body(t, corner, cell_[t] - back_[corner]);
+            if (inside_[t] >> corner & 1u) body(t, corner, cell_[t] - back_[corner]);
     });
   }
   template <class Body>
@@ -184,6 +184,7 @@ class SlipNodes {
   std::vector<Vec3> solid_velocity_;
   std::vector<Terms> terms_;
   std::vector<std::size_t> cell_;      // padded cell of which the node is corner 0
+  std::vector<std::uint8_t> inside_;   // bits: the cell of which the node is that corner is one of the grid
   std::array<std::size_t, 8> back_{};  // from there to the cell of which it is another corner
 };
 
