@@ -104,9 +104,12 @@ class Cache:
         return all(not self.manifest.damaged_files(frame) for frame in self.scene.frames)
 
     def write_frame(
-        self, frame: int, simulation: Simulation, solids: list[int], passengers: list[int]
+        self, frame: int, simulation: Simulation, solids: list[int], passengers: list[int], left: list[str]
     ) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Writes all files of a frame and registers them; returns (points, velocities) of scene.simulated."""
+        """Writes all files of a frame and registers them; returns (points, velocities) of scene.simulated.
+
+        left: paths of the solids that have left the box.
+        """
         surfaces = [
             simulation.surface(identifier, len(solid.mesh.points))
             for identifier, solid in zip(solids, self.scene.solids, strict=True)
@@ -129,6 +132,7 @@ class Cache:
             "files": {
                 name: {**files.record(self.folder / name), "content": content} for name, content in written.items()
             },
+            **({"left": left} if left else {}),
         }
         self._flush_stats()
         self.manifest.save()
@@ -141,7 +145,8 @@ class Cache:
         provenance = {key: data[key] for key in ("program", "scene_hash", "parameters", "overrides")}
         volumes = frames if self.scene.has_smoke else []
         last = max(frames, default=self.scene.frames.first)
-        self.writer.write_root(f"./{data['scene_copy']}", last, volumes, data["grids"], provenance)
+        left = self.manifest.left()
+        self.writer.write_root(f"./{data['scene_copy']}", last, volumes, data["grids"], provenance, left)
         return self.folder / f"{self.scene.name}.usda"
 
     def save_checkpoint(self, frame: int, simulation: Simulation) -> None:

@@ -15,7 +15,7 @@ from pxr import Usd
 
 from . import binding, memory
 from .errors import CacheIOError, SceneError
-from .scene_parts import Collider, Emitter, Scene, Solid, slab_axis
+from .scene_parts import Collider, Emitter, Scene, Solid, face_name, slab_axis
 from .solver import Surface
 from .usd_messages import composition_faults
 
@@ -79,7 +79,7 @@ def _check_walls(scene: Scene) -> list[Issue]:
     issues, net, gross, first = [], 0.0, 0.0, ""
     for face in range(6):
         normal, velocity = face // 2, domain[f"wall_velocity[{face}]"]
-        field = f"eulerfsi:wallVelocity{'XYZ'[normal]}{('Min', 'Max')[face % 2]}"
+        field = f"eulerfsi:wallVelocity{face_name(face)}"
         wall = kinds[domain[f"wall[{face}]"]]
         across, along = velocity[normal] != 0.0, any(v != 0.0 for axis, v in enumerate(velocity) if axis != normal)
         limit = ""

@@ -16,7 +16,8 @@ _FORMAT = "eulerfsi-cache"
 class Manifest:
     """The manifest of one cache folder; `data` is the JSON object. `save` replaces the file.
 
-    data["frames"]["12"]: {"time", "state", "files": {relative path: {"bytes", "sha256", "content"}}}.
+    data["frames"]["12"]: {"time", "state", "files": {relative path: {"bytes", "sha256", "content"}}}; once solids
+    have left the box also "left": their paths.
     data["checkpoints"]: [{"frame", "time", "file", "bytes", "sha256"}], oldest first; "frame" is the last frame that
     is complete at that time.
     """
@@ -55,6 +56,14 @@ class Manifest:
     def last_frame(self) -> int | None:
         """Last completed frame, None when there is none."""
         return max(map(int, self.frames), default=None)
+
+    def left(self) -> dict[str, int]:
+        """Paths of the solids that have left the box, with the first frame in which they had."""
+        first: dict[str, int] = {}
+        for frame in sorted(map(int, self.frames)):
+            for path in self.frames[str(frame)].get("left", ()):
+                first.setdefault(path, frame)
+        return first
 
     def save(self) -> None:
         """Writes the file."""

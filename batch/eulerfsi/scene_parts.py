@@ -337,3 +337,8 @@ def slab_axis(domain: dict[str, Any]) -> int | None:
         if thin and walls == {binding.WALLS["slip"]}:
             return axis
     return None
+
+
+def face_name(face: int) -> str:
+    """A face of the domain as parameters name it: 0 XMin, 1 XMax, 2 YMin ..."""
+    return f"{'XYZ'[face // 2]}{('Min', 'Max')[face % 2]}"

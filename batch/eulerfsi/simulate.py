@@ -22,7 +22,7 @@ from .overrides import apply_overrides, set_domain_parameter
 from .progress import Progress
 from .reasons import mesh_reason
 from .scene import open_stage, read_scene, set_frames
-from .scene_parts import Collider, Pin, Scene
+from .scene_parts import Collider, Pin, Scene, face_name
 from .signals import Signals
 from .solver import Simulation
 from .start_from import find_start, take_over
@@ -177,6 +177,16 @@ def _grids(scene: Scene) -> list[str]:
     """Names of the grids in each volume file."""
     heated = any(emitter.over_time("temperature").any() for emitter in scene.emitters)
     return ["density", "vel", *(["temperature"] if heated else [])]
+
+
+def _way_out(scene: Scene, facts: dict[str, Any]) -> str:
+    """The open wall beyond which a solid is farthest."""
+    low = np.array(scene.domain["domain_min"])
+    high = low + np.array(scene.domain["domain_size"])
+    middle = 0.5 * (np.array(facts["extent_min"]) + np.array(facts["extent_max"]))
+    beyond = np.stack([low - middle, middle - high], axis=1).ravel()  # in the order of the faces
+    is_open = [face for face in range(6) if scene.domain[f"wall[{face}]"] == binding.WALLS["open"]]
+    return f"wall{face_name(max(is_open or range(6), key=lambda face: beyond[face]))}"
 
 
 class _Run:
@@ -334,11 +344,13 @@ class _Run:
             self.log.info(f"frame {frame}: stopped in its first steps; a resumed run takes up an earlier checkpoint")
 
     def _finish_frame(self, frame: int, seconds: float) -> None:
-        self.surfaces = self.cache.write_frame(frame, self.simulation, self.ids.solids, self.ids.passengers)
         solids = {
             solid.path: self.simulation.solid_diagnostics(identifier)
             for solid, identifier in zip(self.scene.solids, self.ids.solids, strict=True)
         }
+        left = [path for path, facts in solids.items() if facts["elements"] == 0]  # else the run would have ended
+        self._report_left(frame, {path: solids[path] for path in left})
+        self.surfaces = self.cache.write_frame(frame, self.simulation, self.ids.solids, self.ids.passengers, left)
         self._look_at_meshes(frame, solids)
         line = {"event": "frame", "frame": frame, "time": self.simulation.time, "seconds": round(seconds, 4)}
         line |= {"steps": self.simulation.steps, "solids": solids, "fluid": self.simulation.fluid_diagnostics()}
@@ -351,6 +363,17 @@ class _Run:
         self.progress.frame_done(
             frame, time=self.simulation.time, seconds=round(seconds, 4), steps=self.simulation.steps
         )
+
+    def _report_left(self, frame: int, left: dict[str, dict[str, Any]]) -> None:
+        """Warns, once a solid, that it has left the box."""
+        known = self.cache.manifest.left()
+        for path, facts in left.items():
+            if path not in known:
+                self.log.warning(
+                    f"{path}: frame {frame}: by {self.simulation.time:.4g} s it has left the box through "
+                    f"{_way_out(self.scene, facts)}: it takes no further part, and is invisible from this frame on; a "
+                    "larger domain keeps it"
+                )
 
     def _look_at_meshes(self, frame: int, solids: dict[str, dict[str, Any]]) -> None:
         """Warns, once a mesh, of edges that the solid does not explain; every frame's count is in the statistics."""

@@ -132,17 +132,28 @@ class UsdWriter:
             files.export_layer(layer, temporary)
 
     def write_root(
-        self, sublayer: str, last: int, vdb_frames: list[int], grids: list[str], data: dict[str, Any]
+        self,
+        sublayer: str,
+        last: int,
+        vdb_frames: list[int],
+        grids: list[str],
+        data: dict[str, Any],
+        left: dict[str, int],
     ) -> None:
         """Writes <scene>.usda for frames first..last. sublayer: relative path of the copied scene.
 
-        data: provenance, stored as customLayerData["eulerfsi"].
+        data: provenance, stored as customLayerData["eulerfsi"]. left: solids and the frames from which on they, and
+        what rides along with them, are invisible.
         """
         layer = Sdf.Layer.CreateAnonymous(".usda")
         layer.subLayerPaths.append(sublayer)
         self._write_stage_metadata(layer, last, data)
         for solid in self.scene.drawn:
             self._write_clips(layer, solid, last)
+        for part in self.scene.simulated:
+            carrier = part.solid if isinstance(part, Passenger) else part.path
+            if carrier in left:
+                self._hide(layer, part, left[carrier])
         if vdb_frames:
             self._write_volume(layer, vdb_frames, grids)
         with files.replacing(self.folder / f"{self.scene.name}.usda") as temporary:
@@ -194,6 +205,18 @@ class UsdWriter:
                 }
             },
         )
+
+    def _hide(self, layer: Sdf.Layer, part: Solid | Passenger, frame: int) -> None:
+        """Invisible from a frame on; before that as the scene has it."""
+        spec = Sdf.AttributeSpec(Sdf.CreatePrimInLayer(layer, part.output_path), "visibility", Sdf.ValueTypeNames.Token)
+        own = self.scene.stage.GetAttributeAtPath(f"{part.output_path}.visibility")
+        before = None
+        for shown in range(self.scene.frames.first, frame):
+            value = own.Get(shown) if own else UsdGeom.Tokens.inherited
+            if value != before:
+                layer.SetTimeSample(spec.path, shown, value)
+            before = value
+        layer.SetTimeSample(spec.path, frame, UsdGeom.Tokens.invisible)
 
     def _block(self, spec: Sdf.PrimSpec, solid: Solid | Passenger | Rider, name: str) -> None:
         """Takes away an attribute that the scene authors."""

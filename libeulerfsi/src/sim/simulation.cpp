@@ -185,7 +185,8 @@ StepInfo Simulation::checked_step(double remaining) {
         reason = "a solve met values that are not finite";
       for (std::size_t l = 0; l < solids_.size() && reason.empty(); ++l) {
         const bool given = is_collider(pins_, l);
-        if (work_.solids[l].element_cell.empty() && !given) reason = "solid " + std::to_string(l + 1) + " has vanished";
+        if (work_.solids[l].element_cell.empty() && !given && state_.solids[l].whole)
+          reason = "solid " + std::to_string(l + 1) + " has vanished";
         if (!finite(parallel_, state_.solids[l].u) || !finite(parallel_, state_.solids[l].v))
           reason = "solid " + std::to_string(l + 1) + ": a value is not finite";
         if (solids_[l].compressible && !given && params_.cfl_solid <= kRetryTravel &&
@@ -225,7 +226,8 @@ StepInfo Simulation::checked_step(double remaining) {
 // Why the run cannot go on: a solid touches a periodic face, whose two copies of a node would then hold different
 // matter. Empty: it can.
 std::string Simulation::crosses_periodic_face() const {
-  for (std::size_t l = 0; l < solids_.size(); ++l)
+  for (std::size_t l = 0; l < solids_.size(); ++l) {
+    if (solid::has_left(state_.solids[l])) continue;
     for (const Vec3d& x : state_.solids[l].surface)
       for (int a = 0; a < 3; ++a) {
         const auto axis = static_cast<std::size_t>(a);
@@ -234,6 +236,7 @@ std::string Simulation::crosses_periodic_face() const {
         return "solid " + std::to_string(l + 1) + " has come within a cell of the periodic faces along " + "xyz"[a] +
                ", which solids cannot cross; a larger box, or walls there, keep it away";
       }
+  }
   return {};
 }
 

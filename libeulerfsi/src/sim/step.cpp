@@ -10,6 +10,7 @@
 #include "sim/fold_contact.hpp"
 #include "sim/force_field.hpp"
 #include "sim/jets.hpp"
+#include "sim/left_box.hpp"
 #include "sim/masses.hpp"
 #include "sim/momentum_balance.hpp"
 #include "sim/node_velocity.hpp"
@@ -115,6 +116,10 @@ void transport_solid(const StepContext& step, std::size_t l, const solid::RigidS
     if (slab >= 0) flatten(parallel, scene.solids[l], slab, state);
     return;
   }
+  if (solid::has_left(state)) {
+    fly_on(dt, state);
+    return;
+  }
   {
     ScopedTimer timer(profile, Stage::kSolidAdvection);
     if (scene.params.numerics.uses_particles()) {
@@ -149,6 +154,7 @@ void settle(const StepContext& step, const std::vector<VolumeTarget>& targets, S
   ready = numerics.repair_map || numerics.conserve_momentum;
   if (ready) {
     compute_masses(step, states, solids);
+    let_leave(step, states, solids);
     ledger.arrive();
   }
   inspect_before(scene.solids, solids, info.repairs);
@@ -206,7 +212,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   StepInfo info;
   begin_given(parallel, scene, state.time, remaining, states);
   for (std::size_t l = 0; l < scene.solids.size(); ++l)
-    find_near_folds(parallel, scene.solids[l], states[l], solids[l]);
+    if (!solid::has_left(states[l])) find_near_folds(parallel, scene.solids[l], states[l], solids[l]);
   const double fluid_speed = std::max(state.fluid_speed, fastest_jet(scene, state.time, remaining));
   double dt = compute_time_step(parallel, scene, states, fluid_speed, state.steps, remaining, solids);  // Alg. 1 line 1
   if (shrink < 1.0) dt = std::min(dt, shrink * remaining);
@@ -215,6 +221,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
 
   if (!ready) {                            // else the last step has left them
     compute_masses(step, states, solids);  // Alg. 1 line 3
+    let_leave(step, states, solids);
     combine_masses(step, states, solids, state.window, fluid.pressure, matter, velocity.slip);  // Alg. 1 line 7
   }
   elasticity.given = find_given(step, states, solids, matter, velocity.slip);

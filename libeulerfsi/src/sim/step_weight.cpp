@@ -8,7 +8,8 @@ StepWeight weight_in_step(const Scene& scene, double dt, const SolidWorks& solid
   const fluid::FluidParams& fluid = scene.params.fluid;
   double ambient = fluid.present ? fluid.density : 0.0;
   for (std::size_t l = 0; l < scene.solids.size(); ++l)
-    if (!is_collider(scene.pins, l)) ambient = std::min(ambient, (1.0 + kMostLift) * scene.solids[l].density);
+    if (!is_collider(scene.pins, l) && solids[l].total_mass > 0.0)
+      ambient = std::min(ambient, (1.0 + kMostLift) * scene.solids[l].density);
   const Vec3d kick = dt * scene.params.gravity;
   StepWeight weight;
   weight.fluid = ((fluid.present ? 1.0 - ambient / fluid.density : 0.0) * kick).cast<Real>();

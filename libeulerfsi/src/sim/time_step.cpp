@@ -96,11 +96,14 @@ double wall_limit(const Parallel& parallel, const Scene& scene, std::size_t l, c
   return limit;
 }
 
+// Empty, and far from all, for what has left the box.
 using Box = Eigen::AlignedBox3d;
 std::vector<Box> surface_boxes(const SolidStates& states) {
   std::vector<Box> boxes(states.size());
-  for (std::size_t l = 0; l < boxes.size(); ++l)
+  for (std::size_t l = 0; l < boxes.size(); ++l) {
+    if (solid::has_left(states[l])) continue;
     for (const Vec3d& x : states[l].surface) boxes[l].extend(x);
+  }
   return boxes;
 }
 
@@ -175,6 +178,7 @@ double compute_time_step(const Parallel& parallel, const Scene& scene, const Sol
   double limit = params.max_time_step > 0.0 ? std::min(params.max_time_step, remaining) : remaining;
   const std::vector<Box> boxes = surface_boxes(states);
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
+    if (solid::has_left(states[l])) continue;
     const bool given = is_collider(scene.pins, l);
     for (std::size_t other = 0; other < l; ++other)
       if (!given || !is_collider(scene.pins, other))

@@ -3,6 +3,7 @@
 // Symbols: u displacement (x - X) [m]; v velocity [m/s]; X material position; phi signed distance at rest [m].
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <memory>
@@ -115,6 +116,13 @@ struct SolidState {
   // In place of that at rest, of a collider whose points are given. It follows from those: no part of a checkpoint.
   std::shared_ptr<const GivenShape> shape;
 };
+
+// Whether all of it has left the box through open faces: then its band is one cell, whose nodes hold its velocity only
+// (sim/left_box.hpp).
+inline bool has_left(const SolidState& state) {
+  return !state.whole && state.band.grid.cells == Vec3i{1, 1, 1} &&
+         std::all_of(state.valid.begin(), state.valid.end(), [](std::uint8_t mark) { return mark == kNoData; });
+}
 
 // The surface in material space that a solid's map leads to: signed distance, points, nearest triangle.
 inline const geometry::SignedDistance& distance_of(const SolidRest& rest, const SolidState& state) {
