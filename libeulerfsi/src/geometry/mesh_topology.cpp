@@ -193,14 +193,18 @@ std::vector<std::int32_t> weld_points(const TriangleMesh& mesh) {
   return parent;
 }
 
-TriangleMesh weld(const TriangleMesh& mesh) {
+TriangleMesh weld(const TriangleMesh& mesh, std::vector<std::int32_t>* kept) {
   const std::vector<std::int32_t> lowest = weld_points(mesh);
   TriangleMesh welded;
   welded.points = mesh.points;
   welded.triangles.reserve(mesh.triangles.size());
-  for (const Triangle& t : mesh.triangles) {
+  if (kept) kept->clear();
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    const Triangle& t = mesh.triangles[i];
     const Triangle joined = {lowest[t[0]], lowest[t[1]], lowest[t[2]]};
-    if (joined[0] != joined[1] && joined[1] != joined[2] && joined[2] != joined[0]) welded.triangles.push_back(joined);
+    if (joined[0] == joined[1] || joined[1] == joined[2] || joined[2] == joined[0]) continue;
+    welded.triangles.push_back(joined);
+    if (kept) kept->push_back(static_cast<std::int32_t>(i));
   }
   return welded;
 }
@@ -327,7 +331,8 @@ OrientationRepair turn_outwards(TriangleMesh& welded) {
 OrientationRepair orient_outwards(TriangleMesh& welded) {
   const std::vector<Triangle> before = welded.triangles;
   OrientationRepair repair = turn_outwards(welded);
-  for (std::size_t i = 0; i < before.size(); ++i) repair.changed_triangles += before[i] != welded.triangles[i];
+  for (std::size_t i = 0; i < before.size(); ++i)
+    if (before[i] != welded.triangles[i]) repair.changed.push_back(i);
   return repair;
 }
 

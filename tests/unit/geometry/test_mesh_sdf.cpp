@@ -148,6 +148,27 @@ TEST_CASE("A cavity stays empty, an inside-out mesh is turned with a warning", "
   CHECK(right.warnings.empty());
 }
 
+TEST_CASE("Pieces and triangles that are inside out count in volume and mesh as if they were not", "[law]") {
+  const TriangleMesh ball = shapes::sphere(0.4, 12), other = shapes::sphere(0.4, 12, {1.2, 0, 0});
+  const TriangleMesh right = shapes::together(ball, other);
+  TriangleMesh mixed = right;
+  for (std::size_t t = 0; t < mixed.triangles.size(); t += 3) std::swap(mixed.triangles[t][1], mixed.triangles[t][2]);
+  const auto as_it_should = examine(right, 0.06);
+  for (TriangleMesh wrong : {shapes::inside_out(right), shapes::together(ball, shapes::inside_out(other)), mixed}) {
+    wrong.triangles.insert(wrong.triangles.begin(), {0, 0, 0});  // is left out: the others have other numbers then
+    const auto surface = examine(wrong, 0.06);
+    CHECK(surface->report.surface_volume == signed_volume(wrong));
+    CHECK(surface->report.surface_volume < 0.7 * as_it_should->report.surface_volume);
+    CHECK(surface->report.solid_volume == Approx(as_it_should->report.solid_volume).epsilon(1e-12));
+    CHECK(signed_volume(surface->mesh) == surface->report.solid_volume);
+    CHECK(surface->distance.values == as_it_should->distance.values);
+    const std::vector<Vec3d> normals = vertex_normals(surface->mesh), expected = vertex_normals(as_it_should->mesh);
+    double most = 0.0;
+    for (std::size_t v = 0; v < normals.size(); ++v) most = std::max(most, (normals[v] - expected[v]).norm());
+    CHECK(most < 1e-12);
+  }
+}
+
 TEST_CASE("The thinnest feature of plate, sphere, torus and box, whatever the grid", "[law]") {
   CHECK(build(shapes::box({0, 0, 0}, {1, 1, 0.07}), 0.03).report.thinnest_feature == Approx(0.07).epsilon(0.1));
   CHECK(build(shapes::box({0, 0, 0}, {0.3, 0.5, 0.8}), 0.03).report.thinnest_feature == Approx(0.3).epsilon(0.1));
