@@ -110,6 +110,10 @@ def build_simulation(scene: Scene, threads: int, memory_limit: int, log: Log) ->
     simulation = Simulation(definition, forward)
     try:
         ids = Ids()
+        kinds = {"solid": [*scene.solids, *scene.colliders], "pin": [*scene.pins, *scene.colliders]}
+        kinds["collider"] = kinds["solid"]  # numbers are those of solids
+        for kind, bodies in kinds.items():  # in the order in which they are added
+            simulation.names |= {f"{kind} {number}": body.path for number, body in enumerate(bodies, 1)}
         for solid in scene.solids:
             place[0] = f"{solid.path}: "
             ids.solids.append(simulation.add_solid(solid.surface, **solid.values)[0])
