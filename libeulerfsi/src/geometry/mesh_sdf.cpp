@@ -155,6 +155,7 @@ SignedDistance build(TriangleMesh& mesh, double spacing, double margin, Effort e
     apply_sign(winding.at_nodes(), grid);
     if (std::none_of(grid.values.begin(), grid.values.end(), [](float phi) { return phi < 0.0f; }))
       refuse_empty(report, spacing);
+    if (effort == Effort::kThorough) report.separate_pieces = count_separate_pieces(surface, topology, grid);
   } catch (const std::bad_alloc&) {
     throw Error(ErrorCode::kMemory, text("signed distance: not enough memory for ", grid.size[0], " x ", grid.size[1],
                                          " x ", grid.size[2], " nodes at spacing ", spacing, " m"));

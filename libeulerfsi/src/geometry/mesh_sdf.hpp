@@ -37,9 +37,9 @@ struct Surface {
 std::shared_ptr<const Surface> examine(TriangleMesh mesh, double spacing, const Parallel& parallel = Parallel(),
                                        const Progress& progress = Progress());
 
-// The same solid and report, less its thinnest feature, for a mesh that moves in every step: distances are exact within
-// three spacings of the solid's boundary, farther away linear between nodes two to eight spacings apart
-// (geometry/distance_by_levels.hpp).
+// The same solid and report, less its thinnest feature and separate pieces, for a mesh that moves in every step:
+// distances are exact within three spacings of the solid's boundary, farther away linear between nodes two to eight
+// spacings apart (geometry/distance_by_levels.hpp).
 std::shared_ptr<const Surface> examine_moved(TriangleMesh mesh, double spacing, const Parallel& parallel = Parallel());
 
 }  // namespace efsi::geometry

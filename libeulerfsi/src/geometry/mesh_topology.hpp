@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "geometry/signed_distance.hpp"
 #include "geometry/triangle_mesh.hpp"
 
 namespace efsi::geometry {
@@ -48,6 +49,10 @@ struct OrientationRepair {
 // Turns triangles of a welded mesh so that neighbours agree and the normals point out of the solid: the whole mesh when
 // its volume is negative, then every closed part that is inside out and is not the wall of a cavity.
 OrientationRepair orient_outwards(TriangleMesh& welded);
+
+// Solids that a welded mesh consists of, which do not touch on the scale of the grid: a part inside another, or
+// crossing it, is of the same one. phi: of the solid that the mesh bounds.
+std::uint32_t count_separate_pieces(const TriangleMesh& welded, const Topology& topology, const SignedDistance& phi);
 
 // A report of what the mesh is like as given; what only the solid shows is left to its builder.
 MeshReport inspect(const TriangleMesh& mesh);

@@ -219,6 +219,7 @@ TEST_CASE("The report says what was repaired, and nothing of clean pieces") {
   CHECK(apart.warnings.empty());
   CHECK_FALSE(apart.report.repaired);
   CHECK(apart.report.pieces == 2);
+  CHECK(apart.report.separate_pieces == 2);
   CHECK(apart.report.inner_triangles == 0);
 
   const Built turned = build(shapes::together(ball, shapes::inside_out(other)), 0.05);
@@ -245,6 +246,25 @@ TEST_CASE("The report says what was repaired, and nothing of clean pieces") {
   const Built crossing = build(shapes::together(ball, shapes::sphere(0.3, 10, {0.5, 0, 0})), 0.05);
   CHECK_THAT(crossing.warnings, Contains("triangles inside the solid") && !Contains("0 edges"));
   CHECK(crossing.report.inner_triangles > 0);
+}
+
+TEST_CASE("Separate pieces are those that do not touch, however they are wound") {
+  const TriangleMesh box = shapes::box({0, 0, 0}, {1, 1, 1}), inner = shapes::sphere(0.3, 8, {0.5, 0.5, 0.5});
+  const TriangleMesh rod = shapes::box({0.4, 0.4, -1}, {0.6, 0.6, 2}), away = shapes::sphere(0.3, 8, {3, 0, 0});
+  const auto pieces = [](const TriangleMesh& mesh) { return build(mesh, 0.1).report.separate_pieces; };
+  CHECK(pieces(box) == 1);
+  CHECK(pieces(shapes::together(box, inner)) == 1);
+  CHECK(pieces(shapes::together(box, shapes::inside_out(inner))) == 1);  // a cavity
+  CHECK(pieces(shapes::together(box, rod)) == 1);
+  CHECK(pieces(shapes::together(box, shapes::box({1, 0, 0}, {2, 1, 1}))) == 1);
+  CHECK(pieces(shapes::together(box, shapes::inside_out(away))) == 2);
+  CHECK(pieces(shapes::together(shapes::together(box, rod), shapes::together(away, inner))) == 2);
+  const TriangleMesh cavity = shapes::inside_out(shapes::box({0.2, 0.2, 0.2}, {0.8, 0.8, 0.8}));
+  const TriangleMesh loose = shapes::sphere(0.1, 8, {0.5, 0.5, 0.5});
+  CHECK(pieces(shapes::together(shapes::together(box, cavity), loose)) == 2);
+  // A dumb-bell whose bar the grid does not see is one piece.
+  const TriangleMesh bar = shapes::box({0.5, 0.49, 0.49}, {2.5, 0.5, 0.5});
+  CHECK(pieces(shapes::together(shapes::together(box, bar), shapes::box({2, 0, 0}, {3, 1, 1}))) == 1);
 }
 
 TEST_CASE("The examination of a mesh can be stopped and tells how far it is") {
