@@ -22,7 +22,7 @@ from .overrides import apply_overrides, set_domain_parameter
 from .progress import Progress
 from .reasons import mesh_reason
 from .scene import open_stage, read_scene, set_frames
-from .scene_parts import Collider, Pin, Scene
+from .scene_parts import Collider, Pin, Scene, is_open
 from .signals import Signals
 from .solver import Simulation
 from .start_from import find_start, take_over
@@ -194,7 +194,8 @@ class _Run:
         self.signals = Signals()
         self.threads = threads
         self.surfaces: list[tuple[np.ndarray, np.ndarray]] = []
-        self.warned: set[str] = set()  # solids whose mesh was warned of
+        self.warned: set[str] = set()  # solids whose mesh was warned of, jets
+        self.brought: dict[str, float] = {}  # by every jet in this frame so far: the largest flux of a step
         self.contacts = FrameContacts()
 
     def execute(self, resumed: bool) -> Result:
@@ -323,6 +324,7 @@ class _Run:
         jets = {emitter.path: self.simulation.emitter_flux(number) for emitter, number in emitters if emitter.is_jet}
         if jets:
             columns["jets"] = jets
+            self.brought = {path: max(abs(flux), self.brought.get(path, 0.0)) for path, flux in jets.items()}
         if self.scene.domain["energy_ledger"]:
             columns["energy"] = self.simulation.energy_ledger()
         return columns
@@ -344,6 +346,7 @@ class _Run:
             for solid, identifier in zip(self.scene.solids, self.ids.solids, strict=True)
         }
         self._look_at_meshes(frame, solids)
+        self._look_at_jets(frame)
         line = {"event": "frame", "frame": frame, "time": self.simulation.time, "seconds": round(seconds, 4)}
         line |= {"steps": self.simulation.steps, "solids": solids, "fluid": self.simulation.fluid_diagnostics()}
         bodies = [*self.scene.solids, *self.scene.colliders]
@@ -365,6 +368,20 @@ class _Run:
                     f"{path}: frame {frame}: {facts['false_edges']} edges of the mesh are longer than 4 times what "
                     f"the largest stretch of the solid ({facts['max_stretch']:.3g}) explains: parts of it have "
                     f"exchanged points; {stats_file.NAME} counts them in every frame"
+                )
+
+    def _look_at_jets(self, frame: int) -> None:
+        """Warns, once a jet, of one that always blows and has brought nothing in; in a closed box none does."""
+        brought, self.brought = self.brought, {}
+        if not is_open(self.scene.domain):
+            return
+        for emitter in self.scene.emitters:
+            path, steady = emitter.path, not emitter.keys and emitter.over_time("velocity").any()
+            if steady and brought.get(path) == 0.0 and path not in self.warned:
+                self.warned.add(path)
+                self.log.warning(
+                    f"{path}: frame {frame}: the emitter blows but brings no fluid in: no place in it is free of "
+                    "solids and colliders"
                 )
 
     def _leave(self, status: str) -> None:
