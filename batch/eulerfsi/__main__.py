@@ -188,8 +188,8 @@ def _info(options: argparse.Namespace) -> int:
     from .usd_messages import usd_messages
 
     with usd_messages():
-        lines = info(options.path)
-    say("\n".join(lines), sys.stdout)
+        for line in info(options.path):
+            say(line, sys.stdout)
     return errors.EXIT_OK
 
 

@@ -367,6 +367,7 @@ class MeshReport(Structure):
         ("joined_points", c_uint32),
         ("turned_triangles", c_uint32),
         ("inner_triangles", c_uint32),
+        ("separate_pieces", c_uint32),
     ]
 
 

@@ -15,7 +15,11 @@ from pxr import Usd
 
 from . import binding, memory
 from .errors import CacheIOError, SceneError
+<<<<<<< HEAD
 from .scene_parts import Collider, Emitter, Scene, Solid, face_name, slab_axis
+=======
+from .scene_parts import Collider, Emitter, Scene, Solid, is_open, slab_axis
+>>>>>>> mend
 from .solver import Surface
 from .usd_messages import composition_faults
 
@@ -60,11 +64,14 @@ def check_scene(scene: Scene) -> list[Issue]:
         issues += _check_flat(scene, solid)
         issues += _check_mesh(scene, solid)
         issues += _check_inside(scene, solid)
+        issues += _check_periodic(scene, solid)
         issues += _check_stretch(scene, solid)
+        issues += _check_compressible(scene, solid)
     for first, second in itertools.combinations(scene.solids, 2):
         issues += _check_apart(scene, first, second)
     for collider in scene.colliders:
         issues += _check_closed(collider)
+        issues += _check_periodic(scene, collider)
         for solid in scene.solids:
             issues += _check_apart(scene, collider, solid)
     for emitter in scene.emitters:
@@ -98,8 +105,7 @@ def _check_walls(scene: Scene) -> list[Issue]:
         area = np.prod([edge for axis, edge in enumerate(domain["domain_size"]) if axis != normal])
         flux = (-1.0 if face % 2 else 1.0) * velocity[normal] * area
         net, gross, first = net + flux, gross + abs(flux), first or (field if flux else "")
-    is_open = binding.WALLS["open"] in [domain[f"wall[{face}]"] for face in range(6)]
-    if not issues and abs(net) > 1e-6 * gross and not is_open:
+    if not issues and abs(net) > 1e-6 * gross and not is_open(domain):
         value = f"a net inflow of {net / unit**3:.4g}"
         limit = "0 in a box without an open face: open one, or let as much out through another wall"
         message = f"{scene.domain_path}: {first}: {value} (volume per second): must be {limit}"
@@ -147,6 +153,13 @@ def _check_mesh(scene: Scene, solid: Solid) -> list[Issue]:
         found = solid.surface.repairs
         message = f"{where}: the surface was repaired: {found}"
         issues.append(Issue(solid.path, field, found, "a closed surface", message, "warning", "RepairedMesh"))
+    if report["separate_pieces"] > 1:
+        value, limit = str(report["separate_pieces"]), "one: give each piece a prim of its own"
+        message = (
+            f"{where}: the mesh has {value} pieces that do not touch: must be {limit}. Pieces of a solid share one map "
+            "of the material, which they spoil where they move relative to each other"
+        )
+        issues.append(Issue(solid.path, field, value, limit, message, "warning", "SeparatePieces"))
     voxel, thinnest = scene.domain["voxel_size"], solid.start.report["thinnest_feature"]
     if 0 < thinnest < 2 * voxel:
         fitting = thinnest / 2 / unit
@@ -172,6 +185,44 @@ def _check_inside(scene: Scene, solid: Solid) -> list[Issue]:
     message = f"{solid.path}: the solid reaches from {value}: must be {limit} ({problem})"
     field = "eulerfsi:surfaceFile" if solid.surface_file else "points"
     return [Issue(solid.path, field, value, limit, message, "error", "OutsideDomain")]
+
+
+def _check_periodic(scene: Scene, body: Solid | Collider) -> list[Issue]:
+    """A voxel lies between a body and periodic faces: their nodes are the same ones."""
+    domain, unit = scene.domain, scene.units.meters_per_unit
+    voxel, size = domain["voxel_size"], np.array(domain["domain_size"])
+    report = _at_start(body).report
+    low, high = (np.subtract(report[end], domain["domain_min"]) for end in ("extent_min", "extent_max"))
+    for axis in range(3):
+        field = f"eulerfsi:wall{'XYZ'[axis]}{'Min' if low[axis] <= voxel else 'Max'}"
+        if domain[f"wall[{2 * axis}]"] != binding.WALLS["periodic"]:
+            continue
+        if voxel < low[axis] and high[axis] < size[axis] - voxel:
+            continue
+        value = f"{low[axis] / unit:.4g} to {high[axis] / unit:.4g} along the box's {'xyz'[axis]}"
+        between = f"{voxel / unit:.4g} to {(size[axis] - voxel) / unit:.4g}"
+        limit = f"more than a voxel away from the periodic faces ({field} of {scene.domain_path}), within {between}"
+        message = (
+            f"{body.path}: the {type(body).__name__.lower()} reaches from {value}: must be {limit}; "
+            "a larger box, or walls there, let it be"
+        )
+        return [Issue(body.path, field, value, limit, message, "error", "AtPeriodicFace")]
+    return []
+
+
+def _check_compressible(scene: Scene, solid: Solid) -> list[Issue]:
+    """What shall change its volume has room for that."""
+    domain = scene.domain
+    if not solid.values["compressible"] or not domain["ambient_fluid"] or is_open(domain):
+        return []
+    field, value = "eulerfsi:compressible", "true"
+    limit = f"false in a box of fluid without an open face ({scene.domain_path})"
+    message = (
+        f"{solid.path}: {field} = {value}: should be {limit}: the fluid keeps its volume, so that the solid can hardly "
+        "change its own. Open a face of the domain (eulerfsi:wallYMax = open), or leave the fluid out "
+        "(eulerfsi:ambientFluid = false)"
+    )
+    return [Issue(solid.path, field, value, limit, message, "warning", "NoRoom")]
 
 
 def _check_closed(body: Collider | Emitter) -> list[Issue]:

@@ -35,10 +35,13 @@ class Manifest:
 
     @classmethod
     def load(cls, folder: Path) -> Manifest:
-        """Raises CacheIOError that names the file and the fault."""
+        """Raises SceneError for a folder that is no cache, CacheIOError that names the file and the fault."""
         path = folder / FILE_NAME
         try:
             data = json.loads(path.read_text(encoding="utf-8"))
+        except (FileNotFoundError, NotADirectoryError) as error:
+            reason = f"is no cache of eulerfsi: it holds no {FILE_NAME}" if folder.is_dir() else "no such folder"
+            raise SceneError(f"{folder}: {reason}") from error
         except OSError as error:
             raise CacheIOError(f"{path}: {error.strerror}") from error
         except ValueError as error:

@@ -23,7 +23,7 @@ class Statistics:
     """Lines of stats.jsonl, in order of time. steps, frames: those of the two kinds."""
 
     def __init__(self, folder: Path) -> None:
-        """Raises CacheIOError where the folder is no cache, or holds no frame that was simulated."""
+        """Raises SceneError where the folder is no cache, CacheIOError where it holds no frame that was simulated."""
         self.manifest = Manifest.load(folder)
         lines = stats_file.read(folder)
         self.steps = [line for line in lines if line.get("event") == "step"]
@@ -45,7 +45,7 @@ class Statistics:
 
 
 def plot(kind: str, folder: Path, output: Path | None) -> Path:
-    """Draws one of KINDS; returns the file, by default ./<cache>_<kind>.png. Raises CacheIOError, UsageError."""
+    """Draws one of KINDS; returns the file, by default ./<cache>_<kind>.png. Raises as Statistics, and UsageError."""
     output = output or Path(f"{folder.resolve().name}_{kind}.png")
     if output.suffix.lower() not in FORMATS:
         raise UsageError(f"--output {output}: must end with one of {', '.join(FORMATS)}")

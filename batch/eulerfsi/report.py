@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -120,45 +121,43 @@ def time_estimate(scene: Scene, threads: int, memory_limit: int) -> str:
     return estimate.describe(plan, taken, threads, cells)
 
 
-def info(path: Path | None) -> list[str]:
-    """About the program, a cache folder or a scene."""
+def info(path: Path | None) -> Iterator[str]:
+    """Lines about the program, a cache folder or a scene.
+
+    Raises SceneError, after some lines for a cache that is damaged.
+    """
     if path is None:
-        lines = [
-            f"eulerfsi {__version__}",
-            f"threads: {available_threads()}",
-            f"memory: {format_bytes(available_memory())}",
-        ]
+        yield f"eulerfsi {__version__}"
         try:
-            lines.insert(1, f"library {binding.library_version()}: {binding.library().efsi_path}")
+            yield f"library {binding.library_version()}: {binding.library().efsi_path}"
         except EulerFsiError as error:
-            lines.insert(1, f"library: {error}")
-        return lines
-    if path.is_dir() or path.name == FILE_NAME:
-        return _cache_info(Manifest.load(path if path.is_dir() else path.parent))
-    stage = open_stage(path)
-    checks.raise_errors(checks.stage_issues(stage))
-    if not stage.HasAuthoredTimeCodeRange():
-        set_frames(stage, FrameRange(1, 2), None)
-    return describe_scene(read_scene(stage, path))
+            yield f"library: {error}"
+        yield f"threads: {available_threads()}"
+        yield f"memory: {format_bytes(available_memory())}"
+    elif path.is_dir() or path.name == FILE_NAME:
+        yield from _cache_info(Manifest.load(path if path.is_dir() else path.parent))
+    else:
+        stage = open_stage(path)
+        checks.raise_errors(checks.stage_issues(stage))
+        if not stage.HasAuthoredTimeCodeRange():
+            set_frames(stage, FrameRange(1, 2), None)
+        yield from describe_scene(read_scene(stage, path))
 
 
-def _cache_info(manifest: Manifest) -> list[str]:
+def _cache_info(manifest: Manifest) -> Iterator[str]:
     data: dict[str, Any] = manifest.data
     files = [facts for frame in manifest.frames.values() for facts in frame["files"].values()]
-    lines = [
-        f"{manifest.folder}: cache of {data['scene']}, {data['status']}, eulerfsi {data['program']['eulerfsi']}",
-        f"frames: {len(manifest.frames)} of {data['first']}-{data['last']} at {data['fps']:g} per second, "
-        f"{format_bytes(sum(facts['bytes'] for facts in files))}",
-        f"grids: {', '.join(data['grids']) or 'none'}",
-        f"checkpoints: {', '.join(str(c['frame']) for c in data['checkpoints']) or 'none'}",
-        f"scene hash: {data['scene_hash']}",
-    ]
+    yield f"{manifest.folder}: cache of {data['scene']}, {data['status']}, eulerfsi {data['program']['eulerfsi']}"
+    size = format_bytes(sum(facts["bytes"] for facts in files))
+    yield f"frames: {len(manifest.frames)} of {data['first']}-{data['last']} at {data['fps']:g} per second, {size}"
+    yield f"grids: {', '.join(data['grids']) or 'none'}"
+    yield f"checkpoints: {', '.join(str(c['frame']) for c in data['checkpoints']) or 'none'}"
+    yield f"scene hash: {data['scene_hash']}"
     damaged = [str(frame) for frame in manifest.frames if manifest.damaged_files(int(frame))]
     if damaged:
-        raise SceneError("\n".join([*lines, f"damaged or missing frames: {', '.join(damaged)}"]))
+        raise SceneError(f"{manifest.folder}: damaged or missing frames: {', '.join(damaged)}")
     for path, values in data["parameters"].items():
-        lines += describe_parameters(path, values)
-    return lines
+        yield from describe_parameters(path, values)
 
 
 def describe_parameters(path: str, values: dict[str, Any]) -> list[str]:

@@ -329,6 +329,11 @@ class Scene:
         return digest.hexdigest()
 
 
+def is_open(domain: dict[str, Any]) -> bool:
+    """Whether a face of the domain lets fluid in and out."""
+    return binding.WALLS["open"] in [domain[f"wall[{face}]"] for face in range(6)]
+
+
 def slab_axis(domain: dict[str, Any]) -> int | None:
     """The axis along which the domain is one cell thick between slip walls: a 2-D scene; None: there is none."""
     for axis in (2, 1, 0):

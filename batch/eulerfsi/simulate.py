@@ -22,7 +22,11 @@ from .overrides import apply_overrides, set_domain_parameter
 from .progress import Progress
 from .reasons import mesh_reason
 from .scene import open_stage, read_scene, set_frames
+<<<<<<< HEAD
 from .scene_parts import Collider, Pin, Scene, face_name
+=======
+from .scene_parts import Collider, Pin, Scene, is_open
+>>>>>>> mend
 from .signals import Signals
 from .solver import Simulation
 from .start_from import find_start, take_over
@@ -110,6 +114,10 @@ def build_simulation(scene: Scene, threads: int, memory_limit: int, log: Log) ->
     simulation = Simulation(definition, forward)
     try:
         ids = Ids()
+        kinds = {"solid": [*scene.solids, *scene.colliders], "pin": [*scene.pins, *scene.colliders]}
+        kinds["collider"] = kinds["solid"]  # numbers are those of solids
+        for kind, bodies in kinds.items():  # in the order in which they are added
+            simulation.names |= {f"{kind} {number}": body.path for number, body in enumerate(bodies, 1)}
         for solid in scene.solids:
             place[0] = f"{solid.path}: "
             ids.solids.append(simulation.add_solid(solid.surface, **solid.values)[0])
@@ -200,7 +208,8 @@ class _Run:
         self.signals = Signals()
         self.threads = threads
         self.surfaces: list[tuple[np.ndarray, np.ndarray]] = []
-        self.warned: set[str] = set()  # solids whose mesh was warned of
+        self.warned: set[str] = set()  # solids whose mesh was warned of, jets
+        self.brought: dict[str, float] = {}  # by every jet in this frame so far: the largest flux of a step
         self.contacts = FrameContacts()
 
     def execute(self, resumed: bool) -> Result:
@@ -329,6 +338,7 @@ class _Run:
         jets = {emitter.path: self.simulation.emitter_flux(number) for emitter, number in emitters if emitter.is_jet}
         if jets:
             columns["jets"] = jets
+            self.brought = {path: max(abs(flux), self.brought.get(path, 0.0)) for path, flux in jets.items()}
         if self.scene.domain["energy_ledger"]:
             columns["energy"] = self.simulation.energy_ledger()
         return columns
@@ -352,6 +362,7 @@ class _Run:
         self._report_left(frame, {path: solids[path] for path in left})
         self.surfaces = self.cache.write_frame(frame, self.simulation, self.ids.solids, self.ids.passengers, left)
         self._look_at_meshes(frame, solids)
+        self._look_at_jets(frame)
         line = {"event": "frame", "frame": frame, "time": self.simulation.time, "seconds": round(seconds, 4)}
         line |= {"steps": self.simulation.steps, "solids": solids, "fluid": self.simulation.fluid_diagnostics()}
         bodies = [*self.scene.solids, *self.scene.colliders]
@@ -384,6 +395,20 @@ class _Run:
                     f"{path}: frame {frame}: {facts['false_edges']} edges of the mesh are longer than 4 times what "
                     f"the largest stretch of the solid ({facts['max_stretch']:.3g}) explains: parts of it have "
                     f"exchanged points; {stats_file.NAME} counts them in every frame"
+                )
+
+    def _look_at_jets(self, frame: int) -> None:
+        """Warns, once a jet, of one that always blows and has brought nothing in; in a closed box none does."""
+        brought, self.brought = self.brought, {}
+        if not is_open(self.scene.domain):
+            return
+        for emitter in self.scene.emitters:
+            path, steady = emitter.path, not emitter.keys and emitter.over_time("velocity").any()
+            if steady and brought.get(path) == 0.0 and path not in self.warned:
+                self.warned.add(path)
+                self.log.warning(
+                    f"{path}: frame {frame}: the emitter blows but brings no fluid in: no place in it is free of "
+                    "solids and colliders"
                 )
 
     def _leave(self, status: str) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import dataclasses
+import re
 from collections.abc import Callable, Mapping, Sequence
 from ctypes import POINTER, byref, c_double, c_float, c_int32, c_uint32, c_uint64, c_void_p
 from pathlib import Path
@@ -183,13 +184,18 @@ class Simulation:
     """One simulation. `values`: fields of EfsiSimulationDef by name (SI); what is left out keeps its default.
 
     log(level, message): receives the library's messages. A context manager; close() frees the memory.
+    names: {"solid 1": what the caller calls it}, likewise "collider 1" and "pin 1"; messages of the library have that
+    behind the number.
     """
 
     def __init__(self, values: Mapping[str, Any], log: LogFunction | None = None) -> None:
         self._lib = library()
         self._handle = c_void_p()
+        self.names: dict[str, str] = {}
         self._log = (
-            binding.LogCallback(lambda _user, level, text: log(level, text.decode("utf-8", "replace"))) if log else None
+            binding.LogCallback(lambda _user, level, text: log(level, self._named(text.decode("utf-8", "replace"))))
+            if log
+            else None
         )
         definition, error = _simulation_def(values), binding.Error()
         if self._log:
@@ -210,7 +216,13 @@ class Simulation:
     def _check(self, status: int) -> None:
         if status != binding.OK:
             text = self._lib.efsi_simulation_last_error(self._handle).decode("utf-8", "replace")
-            raise LibraryError(status, text or binding.status_text(status))
+            raise LibraryError(status, self._named(text) or binding.status_text(status))
+
+    def _named(self, text: str) -> str:
+        def with_name(match: re.Match[str]) -> str:
+            return f"{match[0]} ({self.names[match[0]]})" if match[0] in self.names else match[0]
+
+        return re.sub(r"\b(?:solid|collider|pin) \d+\b", with_name, text)
 
     def add_solid(self, shape: Mesh | Surface, **values: Any) -> tuple[int, dict[str, Any]]:
         """Adds a solid before the first step. values: fields of EfsiSolidDef (SI). Returns (id, mesh report).

@@ -62,5 +62,4 @@ def take_over(start: Start, simulation: Simulation, scene: Scene) -> None:
     except LibraryError as error:
         if error.status != binding.ERROR_CHECKPOINT:
             raise
-        reason = re.sub(r"\bsolid (\d+)\b", lambda match: scene.solids[int(match[1]) - 1].path, str(error))
-        raise SceneError(f"{scene.path}: --start-from {start.text}: {reason}") from error
+        raise SceneError(f"{scene.path}: --start-from {start.text}: {error}") from error

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
-from conftest import make_scene
+from conftest import author, box, make_scene
 from eulerfsi import report
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
 
@@ -120,6 +121,21 @@ def half_periodic(stage: Usd.Stage) -> None:
     stage.GetPrimAtPath("/World/Domain").GetAttribute("eulerfsi:wallXMin").Set("periodic")
 
 
+def periodic_x(stage: Usd.Stage) -> None:
+    for end in ("Min", "Max"):
+        stage.GetPrimAtPath("/World/Domain").GetAttribute(f"eulerfsi:wallX{end}").Set("periodic")
+
+
+def solid_at_a_periodic_face(stage: Usd.Stage) -> None:
+    periodic_x(stage)
+    UsdGeom.Xformable(stage.GetPrimAtPath("/World/Ball")).AddTranslateOp().Set(Gf.Vec3d(0.11, 0, 0))
+
+
+def collider_at_a_periodic_face(stage: Usd.Stage) -> None:
+    periodic_x(stage)
+    box(stage, "/World/Step", (-0.19, -0.4, 0), (0.2, 0.2, 0.2), 1.0, "EulerFsiColliderAPI")
+
+
 CASES = {
     no_mesh: ["/World/Ball", "points"],
     no_file: ["/World/Ball", "surfaceFile", "none.obj"],
@@ -142,6 +158,8 @@ CASES = {
     no_domain: ["EulerFsiDomainAPI"],
     sheared_domain: ["/World/Domain", "shear"],
     bad_token: ["/World/Domain", "wallXMin", "sticky", "slip, noSlip, open, periodic"],
+    solid_at_a_periodic_face: ["/World/Ball: the solid", "0.26 to 0.56", "wallXMax of /World/Domain", "0.05 to 0.55"],
+    collider_at_a_periodic_face: ["/World/Step: the collider", "0.01 to 0.21", "wallXMin of /World/Domain"],
     half_periodic: ["/World/Domain", "wallXM", "periodic"],
 }
 
@@ -190,6 +208,40 @@ def test_thin_feature_is_a_warning_with_the_voxel_size_that_resolves_it(cli, tmp
     resolving = float(warning.split("eulerfsi:voxelSize = ")[1].split()[0])
     again = cli("validate", "thin.usda", "--set", f"Domain.voxelSize={0.9 * resolving}")
     assert again.returncode == 0 and "thinnest feature is" not in again.stdout
+
+
+def test_pieces_that_do_not_touch_are_told_of_once(cli, tmp_path):
+    stage = make_scene(tmp_path / "two.usda", smoke=False)
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/World/Ball"))
+    points, counts, indices = (
+        np.array(attribute.Get())
+        for attribute in (mesh.GetPointsAttr(), mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr())
+    )
+    apart = [points * 0.5 + (x, 0.0, 0.0) for x in (-0.1, 0.1)]
+    mesh.GetPointsAttr().Set(np.concatenate(apart))
+    mesh.GetFaceVertexCountsAttr().Set(np.tile(counts, 2))
+    mesh.GetFaceVertexIndicesAttr().Set(np.concatenate([indices, indices + len(points)]))
+    UsdGeom.PrimvarsAPI(mesh).RemovePrimvar("st")
+    stage.GetRootLayer().Save()
+    warning = "warning: /World/Ball: the mesh has 2 pieces that do not touch: must be one: give each piece a prim"
+    assert cli("validate", "two.usda").stdout.count(warning) == 1
+    assert cli("simulate", "two.usda", "--frames", "1-2").stderr.count(warning) == 1
+    mesh.GetPointsAttr().Set(np.concatenate([points, points * 0.5]))  # one inside the other
+    stage.GetRootLayer().Save()
+    assert "pieces" not in cli("validate", "two.usda").stdout
+
+
+def test_a_compressible_solid_without_room_is_told_of(cli, tmp_path):
+    stage = make_scene(tmp_path / "foam.usda", smoke=False)
+    author(stage.GetPrimAtPath("/World/Ball"), compressible=True)
+    stage.GetRootLayer().Save()
+    warning = (
+        "warning: /World/Ball: eulerfsi:compressible = true: should be false in a box of fluid without an open face"
+    )
+    assert cli("validate", "foam.usda").stdout.count(warning) == 1
+    for way_out in ("Domain.wallYMax=open", "Domain.ambientFluid=false", "Ball.compressible=false"):
+        done = cli("validate", "foam.usda", "--set", way_out)
+        assert done.returncode == 0 and "compressible" not in done.stdout, done.stdout
 
 
 def test_open_mesh_is_closed_with_a_warning_that_names_the_hole(cli, tmp_path):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import author, content_hashes, make_scene, sphere
+from conftest import author, box, content_hashes, make_scene, sphere
 from eulerfsi.errors import EulerFsiError
 from eulerfsi.report import validate
 from eulerfsi.scene import read_scene
@@ -156,6 +156,17 @@ def test_in_a_closed_box_a_jet_is_a_fan_and_the_user_is_told(room: Path, tmp_pat
     _, events = run(room, tmp_path / "cache")
     assert all(event["jets"]["/World/Source"] == 0.0 for event in events if event["event"] == "step")
     assert [event["fluid"]["kinetic_energy"] for event in events if event["event"] == "frame"][-1] > 0.0
+
+
+def test_a_jet_inside_a_collider_is_told_of_once(room: Path, tmp_path: Path, cli) -> None:
+    stage = emit(room, "Sphere", emitVelocity=True, velocity=(0.0, 1.5, 0.0))
+    cover = box(stage, "/World/Cover", (0, 0, 0), (0.4, 0.4, 0.4), 1.0, "EulerFsiColliderAPI")
+    save(stage)
+    warning = "warning: /World/Source: frame 2: the emitter blows but brings no fluid in"
+    assert cli("simulate", room, "-o", tmp_path / "covered").stderr.count(warning) == 1
+    cover.GetAttribute("size").Set(0.25)  # a quarter of what it was: the jet looks out
+    save(stage)
+    assert "brings no fluid in" not in cli("simulate", room, "-o", tmp_path / "free").stderr
 
 
 def messages(path: Path) -> str:

@@ -181,6 +181,5 @@ def test_faulty_pins_are_named(held: Path, cli) -> None:
     stage.GetRootLayer().Save()
     result = cli("simulate", held, "--progress", "none")
     assert result.returncode == 3
-    assert (
-        "/World/Ball: pinned by /World/Away: pin 1 of solid 1: the region holds 0 nodes of the solid" in result.stderr
-    )
+    named = "pin 1 (/World/Away) of solid 1 (/World/Ball)"
+    assert f"/World/Ball: pinned by /World/Away: {named}: the region holds 0 nodes of the solid" in result.stderr

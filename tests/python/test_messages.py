@@ -9,12 +9,13 @@ import sys
 from pathlib import Path
 
 import pytest
-from conftest import environment, make_scene, write_obj
+from conftest import environment, make_scene, sphere, write_obj
 from eulerfsi import memory, report
 from eulerfsi.__main__ import main
 from eulerfsi.command import command_line
 from eulerfsi.errors import LibraryError, SceneError
 from eulerfsi.reasons import mesh_reason
+from eulerfsi.solver import Mesh, Simulation
 from eulerfsi.usd_messages import usd_messages
 from pxr import Tf, Usd, UsdGeom
 
@@ -130,9 +131,9 @@ def test_bad_file_is_one_clean_line(shown, tmp_path, case, command):
     make, words = CASES[case]
     file = make(tmp_path)
     code, out, err = shown(command, file)
-    assert code == 5 if (case, command) == ("folder", "info") else code == 3, out + err
-    if code == 5:
-        return  # a folder without a manifest
+    assert code == 3, out + err
+    if (case, command) == ("folder", "info"):
+        words = ("is no cache of eulerfsi: it holds no manifest.json",)
     assert out == "" and len(err.splitlines()) == 1 and err.startswith("error: "), err
     for word in words:
         assert word in err, err
@@ -324,6 +325,23 @@ def test_parameters_without_a_row_are_named_by_their_field():
         "wallYMax periodic",
         "new field 2",
     ]
+
+
+def test_errors_and_log_of_the_library_name_what_it_numbers(library):
+    ball = Mesh(*sphere(0.1))
+    domain = {"domain_min": [-0.5] * 3, "domain_size": [1.0] * 3, "voxel_size": 0.05}
+    logged = []
+    with Simulation({**domain, "threads": 1}, lambda _level, text: logged.append(text)) as simulation:
+        simulation.names |= {"solid 1": "/World/A", "solid 11": "/World/K", "pin 1": "/World/P"}
+        simulation.add_solid(ball)
+        with pytest.raises(LibraryError, match=r"as in the mesh of solid 1 \(/World/A\)$"):
+            simulation.surface(1, 5)
+        with pytest.raises(LibraryError, match=r"solid 2 overlaps solid 1 \(/World/A\) by"):
+            simulation.add_solid(ball)
+        thin = Mesh(ball.points * (1, 0.4, 1) + (0, 0.3, 0), ball.counts, ball.indices)
+        simulation.names["solid 2"] = "/World/B"
+        simulation.add_solid(thin)
+    assert any("solid 2 (/World/B): its thinnest feature" in text for text in logged), logged
 
 
 def test_reasons_of_the_library_are_reworded():

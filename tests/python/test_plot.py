@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from conftest import make_scene
 from eulerfsi.__main__ import main
-from eulerfsi.errors import CacheIOError, UsageError
+from eulerfsi.errors import CacheIOError, SceneError, UsageError
 from eulerfsi.plot import KINDS, Statistics, plot
 from PIL import Image
 
@@ -108,8 +108,10 @@ def test_svg_and_pdf(cache, tmp_path):
 def test_what_is_refused(cache, tmp_path):
     with pytest.raises(UsageError, match=r"a\.gif: must end with one of \.png, \.svg, \.pdf"):
         plot("step", cache, tmp_path / "a.gif")
-    with pytest.raises(CacheIOError, match=r"manifest\.json: No such file"):
+    with pytest.raises(SceneError, match=r"is no cache of eulerfsi: it holds no manifest\.json"):
         plot("step", tmp_path, None)
+    with pytest.raises(SceneError, match=r"none: no such folder"):
+        plot("step", tmp_path / "none", None)
     broken = tmp_path / "broken"
     broken.mkdir()
     (broken / "manifest.json").write_text((cache / "manifest.json").read_text())

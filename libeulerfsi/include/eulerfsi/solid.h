@@ -36,10 +36,11 @@ typedef struct EfsiMeshReport {
   int32_t repaired;           /* 1: something was repaired; efsi_surface_get_repairs says what */
   double thinnest_feature;    /* estimate of the smallest thickness of the solid [m] */
   double closing_radius;      /* offset used to close the mesh [m]; 0: none */
-  uint32_t pieces;            /* that no edge connects; a closed mesh of several is no fault */
+  uint32_t pieces;            /* that no edge connects */
   uint32_t joined_points;     /* points of faces that lay on another one and were joined with it */
   uint32_t turned_triangles;  /* turned because they were inside out, alone or with their piece or the whole mesh */
   uint32_t inner_triangles;   /* left out, whole or in part: they lie inside the solid */
+  uint32_t separate_pieces;   /* groups of pieces that do not touch; of a solid more than one is a poor one */
 } EfsiMeshReport;
 
 /* A mesh read from a file. The suffix of path, in upper or lower case, is its format:

@@ -148,6 +148,7 @@ inline EfsiMeshReport to_c(const geometry::MeshReport& r) {
   c.joined_points = r.joined_points;
   c.turned_triangles = r.turned_triangles;
   c.inner_triangles = r.inner_triangles;
+  c.separate_pieces = r.separate_pieces;
   return c;
 }
 

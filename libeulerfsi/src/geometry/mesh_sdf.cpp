@@ -103,20 +103,26 @@ std::string describe_repairs(const MeshReport& report, const OrientationRepair& 
 
 enum class Effort { kThorough, kByLevels };
 
-SignedDistance build(const TriangleMesh& mesh, double spacing, double margin, Effort effort, MeshReport& report,
+// Turns the triangles of the mesh that are inside out.
+SignedDistance build(TriangleMesh& mesh, double spacing, double margin, Effort effort, MeshReport& report,
                      const Parallel& parallel, const Progress& progress) {
   progress.at(0.0);
   report = inspect(mesh);
-  TriangleMesh surface = weld(mesh);
+  std::vector<std::int32_t> kept;
+  TriangleMesh surface = weld(mesh, &kept);
   if (surface.triangles.empty())
     throw Error(ErrorCode::kMesh, text("mesh: has ", mesh.triangles.size(), " triangles, none of them with an area"));
   const OrientationRepair turned = orient_outwards(surface);
+  for (const std::size_t i : turned.changed) {
+    Triangle& t = mesh.triangles[static_cast<std::size_t>(kept[i])];
+    std::swap(t[1], t[2]);
+  }
   const Topology topology = analyse_topology(surface);
   const TriangleTree tree(surface);
   if (effort == Effort::kThorough)
     report.thinnest_feature = thinnest_feature(surface, tree, parallel, progress.part(0.05, 0.1));
   report.pieces = static_cast<std::uint32_t>(topology.parts);
-  report.turned_triangles = static_cast<std::uint32_t>(turned.changed_triangles);
+  report.turned_triangles = static_cast<std::uint32_t>(turned.changed.size());
 
   SignedDistance grid = make_grid(extents(surface), spacing, margin);
   std::uint64_t caps = 0;
@@ -149,12 +155,13 @@ SignedDistance build(const TriangleMesh& mesh, double spacing, double margin, Ef
     apply_sign(winding.at_nodes(), grid);
     if (std::none_of(grid.values.begin(), grid.values.end(), [](float phi) { return phi < 0.0f; }))
       refuse_empty(report, spacing);
+    if (effort == Effort::kThorough) report.separate_pieces = count_separate_pieces(surface, topology, grid);
   } catch (const std::bad_alloc&) {
     throw Error(ErrorCode::kMemory, text("signed distance: not enough memory for ", grid.size[0], " x ", grid.size[1],
                                          " x ", grid.size[2], " nodes at spacing ", spacing, " m"));
   }
   // A closed mesh knows its volume better than the grid does.
-  report.solid_volume = as_given ? std::abs(report.surface_volume) : grid.volume();
+  report.solid_volume = as_given ? signed_volume(mesh) : grid.volume();
   report.repairs = describe_repairs(report, turned, caps);
   report.repaired = !report.repairs.empty();
   progress.at(1.0);
@@ -173,7 +180,8 @@ std::shared_ptr<const Surface> examine(TriangleMesh mesh, double spacing, Effort
 
 SignedDistance build_signed_distance(const TriangleMesh& mesh, double spacing, MeshReport& report,
                                      const Parallel& parallel, const Progress& progress, double margin) {
-  return build(mesh, spacing, margin, Effort::kThorough, report, parallel, progress);
+  TriangleMesh turned = mesh;
+  return build(turned, spacing, margin, Effort::kThorough, report, parallel, progress);
 }
 
 std::shared_ptr<const Surface> examine(TriangleMesh mesh, double spacing, const Parallel& parallel,

@@ -27,7 +27,7 @@ SignedDistance build_signed_distance(const TriangleMesh& mesh, double spacing, M
 
 // A mesh and the solid that it bounds.
 struct Surface {
-  TriangleMesh mesh;  // as given
+  TriangleMesh mesh;  // as given, but for triangles that were inside out: they are turned
   SignedDistance distance;
   MeshReport report;
   std::vector<double> along;  // of a slab's surface: where the points of the mesh were along its axis [m]
@@ -37,9 +37,9 @@ struct Surface {
 std::shared_ptr<const Surface> examine(TriangleMesh mesh, double spacing, const Parallel& parallel = Parallel(),
                                        const Progress& progress = Progress());
 
-// The same solid and report, less its thinnest feature, for a mesh that moves in every step: distances are exact within
-// three spacings of the solid's boundary, farther away linear between nodes two to eight spacings apart
-// (geometry/distance_by_levels.hpp).
+// The same solid and report, less its thinnest feature and separate pieces, for a mesh that moves in every step:
+// distances are exact within three spacings of the solid's boundary, farther away linear between nodes two to eight
+// spacings apart (geometry/distance_by_levels.hpp).
 std::shared_ptr<const Surface> examine_moved(TriangleMesh mesh, double spacing, const Parallel& parallel = Parallel());
 
 }  // namespace efsi::geometry

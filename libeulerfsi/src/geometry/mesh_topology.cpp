@@ -193,14 +193,18 @@ std::vector<std::int32_t> weld_points(const TriangleMesh& mesh) {
   return parent;
 }
 
-TriangleMesh weld(const TriangleMesh& mesh) {
+TriangleMesh weld(const TriangleMesh& mesh, std::vector<std::int32_t>* kept) {
   const std::vector<std::int32_t> lowest = weld_points(mesh);
   TriangleMesh welded;
   welded.points = mesh.points;
   welded.triangles.reserve(mesh.triangles.size());
-  for (const Triangle& t : mesh.triangles) {
+  if (kept) kept->clear();
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    const Triangle& t = mesh.triangles[i];
     const Triangle joined = {lowest[t[0]], lowest[t[1]], lowest[t[2]]};
-    if (joined[0] != joined[1] && joined[1] != joined[2] && joined[2] != joined[0]) welded.triangles.push_back(joined);
+    if (joined[0] == joined[1] || joined[1] == joined[2] || joined[2] == joined[0]) continue;
+    welded.triangles.push_back(joined);
+    if (kept) kept->push_back(static_cast<std::int32_t>(i));
   }
   return welded;
 }
@@ -327,8 +331,52 @@ OrientationRepair turn_outwards(TriangleMesh& welded) {
 OrientationRepair orient_outwards(TriangleMesh& welded) {
   const std::vector<Triangle> before = welded.triangles;
   OrientationRepair repair = turn_outwards(welded);
-  for (std::size_t i = 0; i < before.size(); ++i) repair.changed_triangles += before[i] != welded.triangles[i];
+  for (std::size_t i = 0; i < before.size(); ++i)
+    if (before[i] != welded.triangles[i]) repair.changed.push_back(i);
   return repair;
+}
+
+std::uint32_t count_separate_pieces(const TriangleMesh& welded, const Topology& topology, const SignedDistance& phi) {
+  if (topology.parts < 2) return 1;
+  // Nodes inside hang together along the lines of the grid, parts by the nodes beside their points.
+  std::vector<std::int32_t> body(phi.values.size());
+  std::iota(body.begin(), body.end(), 0);
+  const std::array<std::size_t, 3> stride = {phi.index(1, 0, 0), phi.index(0, 1, 0), phi.index(0, 0, 1)};
+  const auto inside = [&](std::size_t node) { return phi.values[node] < 0.0f; };
+  for (int k = 0; k < phi.size[2]; ++k)
+    for (int j = 0; j < phi.size[1]; ++j)
+      for (int i = 0; i < phi.size[0]; ++i) {
+        const std::size_t node = phi.index(i, j, k);
+        const std::array<bool, 3> last = {i + 1 == phi.size[0], j + 1 == phi.size[1], k + 1 == phi.size[2]};
+        for (std::size_t a = 0; a < 3; ++a)
+          if (inside(node) && !last[a] && inside(node + stride[a]))
+            join(body, static_cast<std::int32_t>(node), static_cast<std::int32_t>(node + stride[a]));
+      }
+  std::vector<std::int32_t> beside(static_cast<std::size_t>(topology.parts), -1);  // per part, one node; -1: none
+  for (std::size_t i = 0; i < welded.triangles.size(); ++i)
+    for (const std::int32_t corner : welded.triangles[i]) {
+      const Vec3d cell = (welded.points[corner] - phi.origin) / phi.spacing;
+      Vec3i low, high;  // a point that lies on a node has the inner ones among its neighbours
+      for (std::size_t a = 0; a < 3; ++a) {
+        const int nearest = static_cast<int>(std::lround(cell[static_cast<int>(a)]));
+        low[a] = std::clamp(nearest - 1, 0, phi.size[a] - 1);
+        high[a] = std::clamp(nearest + 1, 0, phi.size[a] - 1);
+      }
+      for (int k = low[2]; k <= high[2]; ++k)
+        for (int j = low[1]; j <= high[1]; ++j)
+          for (int n = low[0]; n <= high[0]; ++n) {
+            const std::size_t node = phi.index(n, j, k);
+            if (!inside(node)) continue;
+            std::int32_t& other = beside[static_cast<std::size_t>(topology.part[i])];
+            if (other < 0) other = static_cast<std::int32_t>(node);
+            join(body, other, static_cast<std::int32_t>(node));
+          }
+    }
+  std::vector<std::int32_t> found;
+  for (const std::int32_t node : beside)
+    if (node >= 0) found.push_back(root_of(body, node));
+  std::sort(found.begin(), found.end());
+  return static_cast<std::uint32_t>(std::unique(found.begin(), found.end()) - found.begin());
 }
 
 MeshReport inspect(const TriangleMesh& mesh) {

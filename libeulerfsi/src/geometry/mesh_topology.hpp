@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "geometry/signed_distance.hpp"
 #include "geometry/triangle_mesh.hpp"
 
 namespace efsi::geometry {
@@ -13,8 +14,9 @@ namespace efsi::geometry {
 std::vector<std::int32_t> weld_points(const TriangleMesh& mesh);
 
 // The mesh with coincident points joined and triangles dropped that lost an edge by that. Point indices are those of
-// the original mesh; points that are no longer used stay.
-TriangleMesh weld(const TriangleMesh& mesh);
+// the original mesh; points that are no longer used stay. kept: out, per triangle its number in the original mesh; may
+// be null.
+TriangleMesh weld(const TriangleMesh& mesh, std::vector<std::int32_t>* kept = nullptr);
 
 struct Topology {
   std::uint64_t open_edges = 0;          // edges with one triangle
@@ -38,15 +40,19 @@ Topology analyse_topology(const TriangleMesh& welded);
 std::vector<Triangle> closing_triangles(const TriangleMesh& welded);
 
 struct OrientationRepair {
-  std::uint64_t turned_triangles = 0;   // turned to agree with their neighbours
-  std::int32_t turned_parts = 0;        // parts that were inside out
-  bool turned_mesh = false;             // the mesh as a whole was inside out
-  std::uint64_t changed_triangles = 0;  // that run the other way now than before, by all of these together
+  std::uint64_t turned_triangles = 0;  // turned to agree with their neighbours
+  std::int32_t turned_parts = 0;       // parts that were inside out
+  bool turned_mesh = false;            // the mesh as a whole was inside out
+  std::vector<std::size_t> changed;    // triangles that run the other way now than before, by all of these together
 };
 
 // Turns triangles of a welded mesh so that neighbours agree and the normals point out of the solid: the whole mesh when
 // its volume is negative, then every closed part that is inside out and is not the wall of a cavity.
 OrientationRepair orient_outwards(TriangleMesh& welded);
+
+// Solids that a welded mesh consists of, which do not touch on the scale of the grid: a part inside another, or
+// crossing it, is of the same one. phi: of the solid that the mesh bounds.
+std::uint32_t count_separate_pieces(const TriangleMesh& welded, const Topology& topology, const SignedDistance& phi);
 
 // A report of what the mesh is like as given; what only the solid shows is left to its builder.
 MeshReport inspect(const TriangleMesh& mesh);

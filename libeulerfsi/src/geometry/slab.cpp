@@ -199,10 +199,8 @@ std::shared_ptr<const Surface> lay_in_slab(const Surface& surface, const Slab& s
     out->along.push_back(x[slab.axis]);
     x[slab.axis] = std::clamp(x[slab.axis], slab.low + inset, slab.high - inset);
   }
-  TriangleMesh oriented = weld(surface.mesh);
-  orient_outwards(oriented);
   const double spacing = surface.distance.spacing;
-  const Section whole = cut(oriented, slab.axis, slab.middle());
+  const Section whole = cut(surface.mesh, slab.axis, slab.middle());
   if (whole.open_ends > 0)
     refuse("its section through the slab has " + std::to_string(static_cast<int>(whole.open_ends)) +
            " open ends: must be closed");

@@ -37,6 +37,7 @@ struct MeshReport {
   double thinnest_feature = 0.0;        // estimate of the smallest thickness of the solid [m]
   double closing_radius = 0.0;          // offset used to close the mesh [m]; 0: none
   std::uint32_t pieces = 0;             // that no edge connects
+  std::uint32_t separate_pieces = 0;    // of these, groups that do not touch each other
   std::uint32_t joined_points = 0;      // points of triangles that lay on another one
   std::uint32_t turned_triangles = 0;   // that were inside out, alone or with their piece or the mesh
   std::uint32_t inner_triangles = 0;    // left out, whole or in part: they lie inside the solid

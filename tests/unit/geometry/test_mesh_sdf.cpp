@@ -148,6 +148,27 @@ TEST_CASE("A cavity stays empty, an inside-out mesh is turned with a warning", "
   CHECK(right.warnings.empty());
 }
 
+TEST_CASE("Pieces and triangles that are inside out count in volume and mesh as if they were not", "[law]") {
+  const TriangleMesh ball = shapes::sphere(0.4, 12), other = shapes::sphere(0.4, 12, {1.2, 0, 0});
+  const TriangleMesh right = shapes::together(ball, other);
+  TriangleMesh mixed = right;
+  for (std::size_t t = 0; t < mixed.triangles.size(); t += 3) std::swap(mixed.triangles[t][1], mixed.triangles[t][2]);
+  const auto as_it_should = examine(right, 0.06);
+  for (TriangleMesh wrong : {shapes::inside_out(right), shapes::together(ball, shapes::inside_out(other)), mixed}) {
+    wrong.triangles.insert(wrong.triangles.begin(), {0, 0, 0});  // is left out: the others have other numbers then
+    const auto surface = examine(wrong, 0.06);
+    CHECK(surface->report.surface_volume == signed_volume(wrong));
+    CHECK(surface->report.surface_volume < 0.7 * as_it_should->report.surface_volume);
+    CHECK(surface->report.solid_volume == Approx(as_it_should->report.solid_volume).epsilon(1e-12));
+    CHECK(signed_volume(surface->mesh) == surface->report.solid_volume);
+    CHECK(surface->distance.values == as_it_should->distance.values);
+    const std::vector<Vec3d> normals = vertex_normals(surface->mesh), expected = vertex_normals(as_it_should->mesh);
+    double most = 0.0;
+    for (std::size_t v = 0; v < normals.size(); ++v) most = std::max(most, (normals[v] - expected[v]).norm());
+    CHECK(most < 1e-12);
+  }
+}
+
 TEST_CASE("The thinnest feature of plate, sphere, torus and box, whatever the grid", "[law]") {
   CHECK(build(shapes::box({0, 0, 0}, {1, 1, 0.07}), 0.03).report.thinnest_feature == Approx(0.07).epsilon(0.1));
   CHECK(build(shapes::box({0, 0, 0}, {0.3, 0.5, 0.8}), 0.03).report.thinnest_feature == Approx(0.3).epsilon(0.1));
@@ -198,6 +219,7 @@ TEST_CASE("The report says what was repaired, and nothing of clean pieces") {
   CHECK(apart.warnings.empty());
   CHECK_FALSE(apart.report.repaired);
   CHECK(apart.report.pieces == 2);
+  CHECK(apart.report.separate_pieces == 2);
   CHECK(apart.report.inner_triangles == 0);
 
   const Built turned = build(shapes::together(ball, shapes::inside_out(other)), 0.05);
@@ -224,6 +246,25 @@ TEST_CASE("The report says what was repaired, and nothing of clean pieces") {
   const Built crossing = build(shapes::together(ball, shapes::sphere(0.3, 10, {0.5, 0, 0})), 0.05);
   CHECK_THAT(crossing.warnings, Contains("triangles inside the solid") && !Contains("0 edges"));
   CHECK(crossing.report.inner_triangles > 0);
+}
+
+TEST_CASE("Separate pieces are those that do not touch, however they are wound") {
+  const TriangleMesh box = shapes::box({0, 0, 0}, {1, 1, 1}), inner = shapes::sphere(0.3, 8, {0.5, 0.5, 0.5});
+  const TriangleMesh rod = shapes::box({0.4, 0.4, -1}, {0.6, 0.6, 2}), away = shapes::sphere(0.3, 8, {3, 0, 0});
+  const auto pieces = [](const TriangleMesh& mesh) { return build(mesh, 0.1).report.separate_pieces; };
+  CHECK(pieces(box) == 1);
+  CHECK(pieces(shapes::together(box, inner)) == 1);
+  CHECK(pieces(shapes::together(box, shapes::inside_out(inner))) == 1);  // a cavity
+  CHECK(pieces(shapes::together(box, rod)) == 1);
+  CHECK(pieces(shapes::together(box, shapes::box({1, 0, 0}, {2, 1, 1}))) == 1);
+  CHECK(pieces(shapes::together(box, shapes::inside_out(away))) == 2);
+  CHECK(pieces(shapes::together(shapes::together(box, rod), shapes::together(away, inner))) == 2);
+  const TriangleMesh cavity = shapes::inside_out(shapes::box({0.2, 0.2, 0.2}, {0.8, 0.8, 0.8}));
+  const TriangleMesh loose = shapes::sphere(0.1, 8, {0.5, 0.5, 0.5});
+  CHECK(pieces(shapes::together(shapes::together(box, cavity), loose)) == 2);
+  // A dumb-bell whose bar the grid does not see is one piece.
+  const TriangleMesh bar = shapes::box({0.5, 0.49, 0.49}, {2.5, 0.5, 0.5});
+  CHECK(pieces(shapes::together(shapes::together(box, bar), shapes::box({2, 0, 0}, {3, 1, 1}))) == 1);
 }
 
 TEST_CASE("The examination of a mesh can be stopped and tells how far it is") {

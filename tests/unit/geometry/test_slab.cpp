@@ -58,6 +58,9 @@ TEST_CASE("A ball in a slab is the disc of its middle plane; a hole stays a hole
   CHECK(tube->distance.sample({0.0, 0.0, 0.0}) == Approx(0.2).margin(1e-6));
   CHECK(tube->distance.sample({0.3, 0.0, 0.0}) == Approx(-0.1).margin(1e-6));
   CHECK(tube->report.solid_volume == Approx((0.64 - 0.16) * kH).epsilon(1e-9));
+  const auto turned = laid(shapes::inside_out(hollow), {2, 0.0, kH});
+  CHECK(signed_volume(turned->mesh) == Approx(signed_volume(tube->mesh)).epsilon(1e-12));
+  CHECK(turned->distance.values == tube->distance.values);
   CHECK(tube->report.thinnest_feature == Approx(0.2).epsilon(1e-6));
 }
 
