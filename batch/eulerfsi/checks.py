@@ -15,11 +15,7 @@ from pxr import Usd
 
 from . import binding, memory
 from .errors import CacheIOError, SceneError
-<<<<<<< HEAD
-from .scene_parts import Collider, Emitter, Scene, Solid, face_name, slab_axis
-=======
-from .scene_parts import Collider, Emitter, Scene, Solid, is_open, slab_axis
->>>>>>> mend
+from .scene_parts import Collider, Emitter, Scene, Solid, face_name, is_open, slab_axis
 from .solver import Surface
 from .usd_messages import composition_faults
 

@@ -22,11 +22,7 @@ from .overrides import apply_overrides, set_domain_parameter
 from .progress import Progress
 from .reasons import mesh_reason
 from .scene import open_stage, read_scene, set_frames
-<<<<<<< HEAD
-from .scene_parts import Collider, Pin, Scene, face_name
-=======
-from .scene_parts import Collider, Pin, Scene, is_open
->>>>>>> mend
+from .scene_parts import Collider, Pin, Scene, face_name, is_open
 from .signals import Signals
 from .solver import Simulation
 from .start_from import find_start, take_over

@@ -398,8 +398,8 @@ Vec3d SlipNodes::relative_momentum(const grid::VectorField& velocity) const {
 }
 
 std::size_t SlipNodes::bytes() const {
-  return nodes_.size() * (sizeof(SlipNode) + sizeof(Terms) + sizeof(std::size_t) + 1) + plane_begin_.size() * sizeof(std::size_t) +
-         solid_velocity_.size() * sizeof(Vec3);
+  return nodes_.size() * (sizeof(SlipNode) + sizeof(Terms) + sizeof(std::size_t) + 1) +
+         plane_begin_.size() * sizeof(std::size_t) + solid_velocity_.size() * sizeof(Vec3);
 }
 
 }  // namespace efsi::system
