@@ -112,6 +112,6 @@ TEST_CASE("The record tells the weight that rests on a solid, and whether it sti
   CHECK(pair.impulse[1] == Approx(load * std::cos(kSlope)).epsilon(0.03));
   CHECK(-pair.impulse[0] == Approx(sticks ? load * std::sin(kSlope) : friction * pair.impulse[1]).epsilon(0.05));
   CHECK(pair.push == Approx(pair.impulse[1]).epsilon(0.02));
-  CHECK((sticks ? share : 1.0 - share) > 0.7);  // at the edges, where little pushes, rows slide in what sticks
+  CHECK((sticks ? share : 1.0 - share) > 0.65);  // at the edges, where little pushes, rows slide in what sticks
   CHECK(std::abs(pair.row_overlap) < 0.25);
 }
