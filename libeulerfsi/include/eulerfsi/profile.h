@@ -114,7 +114,7 @@ typedef struct EfsiTransportChange {
   double volume_mesh, volume_cells;
   EfsiVec3 momentum;         /* [kg m/s] */
   EfsiVec3 angular_momentum; /* about the centre of mass [kg m^2/s] */
-  double mass;               /* as cells count it before it is scaled to the solid's, over that, less 1 */
+  double mass;               /* as cells count it, over what they counted at the start, less 1 */
 } EfsiTransportChange;
 
 #define EFSI_ENERGY_WEIGHT 0          /* weight less buoyancy acts on the velocities */

@@ -65,7 +65,8 @@ TransportChange transport_change(const Parallel& parallel, const solid::SolidRes
   const solid::Momenta now = solid::measure_momenta(parallel, state.band, work, state.band.grid, state.v);
   change.momentum = now.linear - before.linear;
   change.angular_momentum = now.angular - before.angular;
-  if (work.total_mass > 0.0) change.mass = work.counted_mass / work.total_mass - 1.0;
+  if (state.whole && work.counted_mass > 0.0)
+    change.mass = work.counted_mass / (rest.density * state.rest_volume_cells) - 1.0;
   return change;
 }
 
