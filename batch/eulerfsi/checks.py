@@ -15,7 +15,7 @@ from pxr import Usd
 
 from . import binding, memory
 from .errors import CacheIOError, SceneError
-from .scene_parts import Collider, Emitter, Scene, Solid, face_name, is_open, slab_axis
+from .scene_parts import Collider, Emitter, Scene, Solid, face_name, open_faces, slab_axis
 from .solver import Surface
 from .usd_messages import composition_faults
 
@@ -101,7 +101,7 @@ def _check_walls(scene: Scene) -> list[Issue]:
         area = np.prod([edge for axis, edge in enumerate(domain["domain_size"]) if axis != normal])
         flux = (-1.0 if face % 2 else 1.0) * velocity[normal] * area
         net, gross, first = net + flux, gross + abs(flux), first or (field if flux else "")
-    if not issues and abs(net) > 1e-6 * gross and not is_open(domain):
+    if not issues and abs(net) > 1e-6 * gross and not open_faces(domain):
         value = f"a net inflow of {net / unit**3:.4g}"
         limit = "0 in a box without an open face: open one, or let as much out through another wall"
         message = f"{scene.domain_path}: {first}: {value} (volume per second): must be {limit}"
@@ -190,7 +190,7 @@ def _check_periodic(scene: Scene, body: Solid | Collider) -> list[Issue]:
     report = _at_start(body).report
     low, high = (np.subtract(report[end], domain["domain_min"]) for end in ("extent_min", "extent_max"))
     for axis in range(3):
-        field = f"eulerfsi:wall{'XYZ'[axis]}{'Min' if low[axis] <= voxel else 'Max'}"
+        field = f"eulerfsi:wall{face_name(2 * axis + (low[axis] > voxel))}"
         if domain[f"wall[{2 * axis}]"] != binding.WALLS["periodic"]:
             continue
         if voxel < low[axis] and high[axis] < size[axis] - voxel:
@@ -209,7 +209,7 @@ def _check_periodic(scene: Scene, body: Solid | Collider) -> list[Issue]:
 def _check_compressible(scene: Scene, solid: Solid) -> list[Issue]:
     """What shall change its volume has room for that."""
     domain = scene.domain
-    if not solid.values["compressible"] or not domain["ambient_fluid"] or is_open(domain):
+    if not solid.values["compressible"] or not domain["ambient_fluid"] or open_faces(domain):
         return []
     field, value = "eulerfsi:compressible", "true"
     limit = f"false in a box of fluid without an open face ({scene.domain_path})"

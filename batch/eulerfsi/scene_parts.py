@@ -329,9 +329,9 @@ class Scene:
         return digest.hexdigest()
 
 
-def is_open(domain: dict[str, Any]) -> bool:
-    """Whether a face of the domain lets fluid in and out."""
-    return binding.WALLS["open"] in [domain[f"wall[{face}]"] for face in range(6)]
+def open_faces(domain: dict[str, Any]) -> list[int]:
+    """The faces of the domain that let fluid in and out."""
+    return [face for face in range(6) if domain[f"wall[{face}]"] == binding.WALLS["open"]]
 
 
 def slab_axis(domain: dict[str, Any]) -> int | None:

@@ -22,7 +22,7 @@ from .overrides import apply_overrides, set_domain_parameter
 from .progress import Progress
 from .reasons import mesh_reason
 from .scene import open_stage, read_scene, set_frames
-from .scene_parts import Collider, Pin, Scene, face_name, is_open
+from .scene_parts import Collider, Pin, Scene, face_name, open_faces
 from .signals import Signals
 from .solver import Simulation
 from .start_from import find_start, take_over
@@ -189,8 +189,7 @@ def _way_out(scene: Scene, facts: dict[str, Any]) -> str:
     high = low + np.array(scene.domain["domain_size"])
     middle = 0.5 * (np.array(facts["extent_min"]) + np.array(facts["extent_max"]))
     beyond = np.stack([low - middle, middle - high], axis=1).ravel()  # in the order of the faces
-    is_open = [face for face in range(6) if scene.domain[f"wall[{face}]"] == binding.WALLS["open"]]
-    return f"wall{face_name(max(is_open or range(6), key=lambda face: beyond[face]))}"
+    return f"wall{face_name(max(open_faces(scene.domain) or range(6), key=lambda face: beyond[face]))}"
 
 
 class _Run:
@@ -396,7 +395,7 @@ class _Run:
     def _look_at_jets(self, frame: int) -> None:
         """Warns, once a jet, of one that always blows and has brought nothing in; in a closed box none does."""
         brought, self.brought = self.brought, {}
-        if not is_open(self.scene.domain):
+        if not open_faces(self.scene.domain):
             return
         for emitter in self.scene.emitters:
             path, steady = emitter.path, not emitter.keys and emitter.over_time("velocity").any()

@@ -114,10 +114,9 @@ void PressureMultigrid::build(const Parallel& parallel, const Grid& g, const Wal
     std::vector<Real>& d = finest_.inverse_diagonal;
     const std::vector<std::uint8_t>& on = finest_.active;
     slip_->for_smoother_terms(parallel, [&](std::size_t c, Real value) {
-      if (d[c] > 0)
-        d[c] = 1 / (1 / d[c] + value);
-      else if (value > 0 && (on.empty() || on[c]))  // nothing but what slips along given motion moves at its corners
-        d[c] = 1 / value;
+      // With d = 0 nothing but what slips along given motion moves at the corners of a cell.
+      const Real sum = (d[c] > 0 ? 1 / d[c] : Real(0)) + value;
+      if (sum > 0 && (on.empty() || on[c])) d[c] = 1 / sum;
     });
   }
   compliance_.set(compliance, finest_);

@@ -44,7 +44,6 @@ void PressureSystem::assemble(const Parallel& parallel, const Grid& g, const Wal
   for (std::size_t c = 0; c < solid_cell.size(); ++c)
     if (solid_cell[c]) solid_cells_.push_back(c);
   multigrid_.build(parallel, g, walls, fixed, specific_volume, std::move(active), slip, compliance);
-  parts_.clear();
   if (given_) find_parts(parallel);
 }
 

@@ -56,7 +56,7 @@ class PressureSystem {
 
  private:
   bool closed() const;
-  void find_parts(const Parallel& parallel);
+  void find_parts(const Parallel& parallel);  // where something may move as given
   // Of the right-hand side: what no pressure can take, since it would push no node that is free. Where the fluid sticks
   // to the walls along two axes a pressure that alternates along both, cell by cell, and is what it likes along the
   // third, does not. Fluxes of nodes that move have nothing of it, those of walls that move and sources may have.

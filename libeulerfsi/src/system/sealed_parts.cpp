@@ -111,7 +111,7 @@ void SealedParts::find_openings(const Parallel& parallel, const PressureLevel& l
   std::vector<std::uint8_t> opens(runs_.size(), 0);
   for_runs(parallel, [&](std::size_t run) {
     const Run& r = runs_[run];
-    for (std::size_t c = r.first; c < r.first + static_cast<std::size_t>(r.end - r.begin); ++c)
+    for (std::size_t c = r.first; c < r.last(); ++c)
       if (static_cast<double>(std::abs(moved[c]) * level.inverse_diagonal[c]) > kOpens) opens[run] = 1;
   });
   for (std::size_t r = 0; r < runs_.size(); ++r)
@@ -129,8 +129,7 @@ void SealedParts::subtract_means(const Parallel& parallel, std::vector<Real>& r)
     const Run& of = runs_[run];
     if (!of.sealed) return;
     sums[run].cells = of.end - of.begin;
-    for (std::size_t c = of.first; c < of.first + static_cast<std::size_t>(of.end - of.begin); ++c)
-      sums[run].value += static_cast<double>(r[c]);
+    for (std::size_t c = of.first; c < of.last(); ++c) sums[run].value += static_cast<double>(r[c]);
   });
   for (std::size_t run = 0; run < runs_.size(); ++run)
     if (runs_[run].part != run) {
@@ -142,7 +141,7 @@ void SealedParts::subtract_means(const Parallel& parallel, std::vector<Real>& r)
     if (!of.sealed) return;
     const Sum& sum = sums[of.part];
     const auto mean = static_cast<Real>(sum.value / sum.cells);
-    for (std::size_t c = of.first; c < of.first + static_cast<std::size_t>(of.end - of.begin); ++c) r[c] -= mean;
+    for (std::size_t c = of.first; c < of.last(); ++c) r[c] -= mean;
   });
 }
 

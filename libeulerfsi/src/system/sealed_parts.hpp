@@ -15,7 +15,6 @@ class SealedParts {
   // moves: per node, whether a pressure can move anything there. apply: A of the level, on padded cells.
   void find(const Parallel& parallel, const PressureLevel& level, const std::vector<std::uint8_t>& moves,
             const linalg::Operator& apply);
-  void clear() { *this = {}; }
   // Takes from each of these parts of r its mean; padded cells.
   void subtract_means(const Parallel& parallel, std::vector<Real>& r) const;
   std::size_t bytes() const { return runs_.size() * sizeof(Run) + row_begin_.size() * sizeof(std::size_t); }
@@ -27,6 +26,7 @@ class SealedParts {
     int begin, end;     // along x
     std::size_t part;   // the first run of those that belong together
     bool sealed;        // of the part
+    std::size_t last() const { return first + static_cast<std::size_t>(end - begin); }  // the padded cell behind it
   };
   void find_runs(const Parallel& parallel, const PressureLevel& level, const std::vector<std::uint8_t>& moves);
   void join_runs(const Grid& g, const std::vector<std::uint8_t>& moves);
