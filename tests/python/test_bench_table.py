@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 import re
+import sys
 
 import pytest
+from conftest import ROOT
+
+sys.path.insert(0, str(ROOT / "tests" / "bench"))
+
+import bench_table  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -19,6 +25,16 @@ def test_tables_have_the_paper_s_row_and_ours(cli, tmp_path):
     assert re.match(r"\| cheb \| here \| \d+ x \d+ x \d+ \| 0\.0417 \|", ours) and ours.count("|") == 13
     parameters = [line for line in lines if line.startswith("| cheb | ") and line.count("|") == 5]
     assert len(parameters) == 1  # table 1
+    (effort,) = [line for line in lines if line.startswith("| cheb | ") and line.endswith("no bar |")]
+    assert effort.count("|") == 10 and float(effort.split("|")[4]) > 0
+
+
+def test_bars_are_judged_on_every_machine_but_seconds_only_on_a_quiet_one():
+    effort = bench_table.Effort(10, 10, 100.0, 5.0, 1.0, 0.1, 9.0)
+    bar = bench_table.Bar(velocity=90, pressure=8, seconds=5)
+    assert effort.missed(bar, quiet=False) == ["velocity"]
+    assert effort.missed(bar, quiet=True) == ["velocity", "seconds"]
+    assert bench_table.Effort(10, 10, 90.0, 8.0, 1.0, 0.1, 5.0).missed(bar, quiet=True) == []
 
 
 @pytest.mark.parametrize(

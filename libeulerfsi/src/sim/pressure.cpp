@@ -45,9 +45,8 @@ std::vector<std::uint8_t> pressure_cells(const Parallel& parallel, const Scene& 
   return active;
 }
 
-constexpr double kLastHolds = 0.7;    // of f*: the last pressure acts at once where it leaves less
-constexpr double kHolds = 4.0;        // penalty of a row in the coupling step over that of the solve, where it does not
-constexpr double kLastPresses = 0.5;  // of f* less M v, while solids push each other; with more it makes energy
+constexpr double kLastHolds = 0.7;  // of f*: the last pressure acts at once where it leaves less
+constexpr double kHolds = 4.0;      // penalty of a row in the coupling step over that of the solve, where it does not
 
 // The pressure system of this step and what it shall reach.
 void assemble_pressure_system(const StepContext& step, const SolidStates& states, SolidWorks& solids,
@@ -116,33 +115,21 @@ double left_over(const system::VelocitySystem& system, std::size_t solid, const 
   return without > 0.0 ? std::sqrt(with / without) : std::numeric_limits<double>::infinity();
 }
 
-// The solids of which the last pressure holds f* with what they pushed each other by in the last step, or that as those
-// see it that slide along each other.
+// The solids of which the last pressure acts at once: those that it holds, with what they pushed each other by in the
+// last step, and all that pushed each other, so that their rows are sought under it.
 std::vector<std::uint8_t> find_held(const StepContext& step, const VelocityEquation& elasticity,
                                     const std::vector<Real>& impulse) {
   const auto& [parallel, scene, time, dt, profile, info] = step;
   const system::VelocitySystem& system = elasticity.system;
-  std::vector<Real> pushed = elasticity.f_star, moving;
+  std::vector<std::uint8_t> held = pressed_solids(scene.solids.size(), elasticity.contacts);
+  std::vector<Real> pushed = elasticity.f_star;
   system::add_impulses(elasticity.contacts.rows, pushed);
-  const std::vector<std::uint8_t> meets = pressed_solids(scene.solids.size(), elasticity.contacts);
-  std::vector<std::uint8_t> held(meets.size(), 0);
-  const bool any_meet = std::find(meets.begin(), meets.end(), 1) != meets.end();
-  if (any_meet) system.multiply_mass(parallel, elasticity.v_old, moving);
-  // At most these parts of what moves are left, by f*, and of those that meet by f* less M v.
-  const auto find = [&](double most, bool all) {
-    std::vector<Real> left = pushed, whole = pushed;
-    linalg::add_scaled(parallel, left, -1.0, impulse);
-    system.fold(parallel, left);
-    system.fold(parallel, whole);
-    for (std::size_t l = 0; l < held.size(); ++l)
-      if (solid::has_pressure(scene.solids[l]) && (all || meets[l]) && left_over(system, l, whole, left) < most)
-        held[l] = 1;
-  };
-  find(kLastHolds, true);
-  if (any_meet) {
-    linalg::add_scaled(parallel, pushed, -1.0, moving);
-    find(kLastPresses, false);
-  }
+  std::vector<Real> left = pushed;
+  linalg::add_scaled(parallel, left, -1.0, impulse);
+  system.fold(parallel, left);
+  system.fold(parallel, pushed);
+  for (std::size_t l = 0; l < held.size(); ++l)
+    held[l] = solid::has_pressure(scene.solids[l]) && (held[l] || left_over(system, l, pushed, left) < kLastHolds);
   return held;
 }
 

@@ -12,8 +12,11 @@
 namespace efsi::sim {
 namespace {
 
-constexpr double kNegligible = 1e-3;  // cells in a step: what a row of contact may be led beyond what it allows
-constexpr int kMostPasses = 4;        // of the velocity solve, each with the rows that the last one has led into walls
+// What a row of contact may be led beyond what it allows, of the way that surfaces go against each other in the step;
+// at least and at most, in cells: what rests may creep by the one, and the other is little of the overlap that is
+// allowed.
+constexpr double kNegligible = 0.03, kLeastNegligible = 1e-3, kMostNegligible = 5e-3;
+constexpr int kMostPasses = 4;  // of the velocity solve, each with the rows that the last one has led into walls
 
 // Calls body(3 unknown, node of the band) for the nodes that solid l carries.
 template <class Body>
@@ -68,6 +71,14 @@ void choose_start(const Parallel& parallel, VelocityEquation& elasticity) {
   system::VelocitySystem& system = elasticity.system;
   if (system.residual(parallel, pushed, elasticity.v_old) < system.residual(parallel, pushed, elasticity.v_star))
     elasticity.v_star = elasticity.v_old;
+}
+
+// Velocity by which a row of contact may be led beyond what it allows [m/s].
+double negligible_velocity(const std::vector<system::ContactRow>& rows, const std::vector<Real>& v,
+                           double cells_per_step) {
+  double fastest = 0.0;
+  for (const system::ContactRow& row : rows) fastest = std::max(fastest, system::row_velocity(row, v).norm());
+  return std::clamp(kNegligible * fastest, kLeastNegligible * cells_per_step, kMostNegligible * cells_per_step);
 }
 
 }  // namespace
@@ -138,9 +149,10 @@ void solve_velocity(const StepContext& step, VelocityEquation& elasticity, NodeV
   system::VelocitySystem& system = elasticity.system;
   linalg::SolveStats stats;
   choose_start(parallel, elasticity);
+  const double negligible = negligible_velocity(elasticity.contacts.rows, elasticity.v_star, scene.grid.h / dt);
   for (int pass = 0; pass == 0 || (pass < kMostPasses && hold_more(elasticity.walls, elasticity)); ++pass) {
     stats = system::solve_contact(parallel, numerics.velocity_solver, elasticity.f_star, numerics.velocity_tolerance,
-                                  kNegligible * scene.grid.h / dt, system, elasticity.contacts.rows, elasticity.v_star);
+                                  negligible, system, elasticity.contacts.rows, elasticity.v_star);
     info.velocity_iterations += static_cast<std::uint64_t>(stats.iterations);
   }
   system::add_impulses(elasticity.contacts.rows, elasticity.f_star);

@@ -6,6 +6,7 @@
 #include "base/kernel.hpp"
 #include "grid/boundary.hpp"
 #include "linalg/reduce.hpp"
+#include "system/films.hpp"
 #include "system/pressure_transfer.hpp"
 
 namespace efsi::system {
@@ -131,6 +132,12 @@ void PressureMultigrid::build_coarse(const Parallel& parallel, const std::vector
   const int slab = grid::slab_axis(finest_.grid, finest_.walls);
   for (Grid g = finest_.grid; can_coarsen(g, slab); g = coarsen(g)) ++count;
   coarse_.resize(count);
+  std::vector<Real> with_films;
+  if (slip_ && slip_->between_solids()) {
+    with_films = specific_volume;
+    open_films(parallel, finest_.grid, *slip_, with_films);
+  }
+  const std::vector<Real>& finest = with_films.empty() ? specific_volume : with_films;
   for (std::size_t l = 0; l < count; ++l) {
     const PressureGrid& fine = l > 0 ? static_cast<const PressureGrid&>(coarse_[l - 1].op) : finest_;
     CoarseLevel& level = coarse_[l];
@@ -139,7 +146,7 @@ void PressureMultigrid::build_coarse(const Parallel& parallel, const std::vector
       for (auto* field : {&level.x, &level.b, &level.other}) field->assign(grid.padded_count(), 0);
     level.op.grid = grid;
     level.op.walls = fine.walls;
-    coarsen_specific_volume(parallel, fine.grid, l > 0 ? coarse_[l - 1].specific_volume : specific_volume, grid,
+    coarsen_specific_volume(parallel, fine.grid, l > 0 ? coarse_[l - 1].specific_volume : finest, grid,
                             level.specific_volume);
     coarsen_active(fine, level.op);
     build_coarse_pressure(parallel, level.specific_volume, level.op);

@@ -15,6 +15,7 @@
 // them together nor apart. Without fluid there is no film, and q = 0.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <vector>
 
@@ -117,13 +118,21 @@ class SlipNodes {
   std::vector<Vec3> sliding_impulse(const Parallel& parallel, const std::vector<Real>& q) const;
   // The rest of it, which does: what the pressure gives the solid at a node [kg m/s].
   Vec3 solid_impulse(std::size_t t, const std::vector<Real>& q) const;
+  // What its velocities add to the 1/density of node t, the first entry of it: the mean over the cells around it and
+  // the axes [m^3/kg].
+  Real slipping_volume(std::size_t t) const;
+  // Whether entry t is the first one of its node.
+  bool leads(std::size_t t) const { return t == 0 || nodes_[t - 1].node != nodes_[t].node; }
+  // Whether these are nodes of more than one solid.
+  bool between_solids() const {
+    return std::any_of(nodes_.begin(), nodes_.end(), [&](const SlipNode& n) { return n.solid != nodes_[0].solid; });
+  }
   // sum of m_s (v_s - v_f) [kg m/s]
   Vec3d relative_momentum(const grid::VectorField& velocity) const;
   std::size_t bytes() const;
 
  private:
   static bool in_solid(const SlipNode& n, std::size_t corner) { return n.solid_cells >> corner & 1u; }
-  bool leads(std::size_t t) const { return t == 0 || nodes_[t - 1].node != nodes_[t].node; }
   static Vec3 across(const Vec3& normal, const Vec3& v) { return v - normal.dot(v) * normal; }
   // side_of(corner) along the axes along which something moves.
   Vec3 side(std::size_t corner) const { return side_of(corner).cwiseProduct(moving_); }
