@@ -89,7 +89,8 @@ double way(const Ray& ray, double start, double slope) {
 }  // namespace
 
 linalg::SolveStats descend(const Parallel& parallel, const std::vector<Real>& f, const Target& target,
-                           const std::vector<ContactRow>& rows, VelocitySystem& system, std::vector<Real>& x) {
+                           const std::vector<ContactRow>& rows, int iterations, VelocitySystem& system,
+                           std::vector<Real>& x) {
   linalg::SolveStats stats;
   system.follow_ties(x);
   Ray ray(rows, x);
@@ -113,7 +114,7 @@ linalg::SolveStats descend(const Parallel& parallel, const std::vector<Real>& f,
   find_left();
   double rz = 0.0;
   while (residual > enough && stats.iterations < kMostIterations) {
-    if (stats.iterations % kRenew == 0) close_rows(parallel, rows, ray.acts(), system);
+    if ((iterations + stats.iterations) % kRenew == 0) close_rows(parallel, rows, ray.acts(), system);
     system.precondition(parallel, left, z);
     const double next = linalg::dot(parallel, left, z);
     const double beta = rz > 0.0 ? std::max(0.0, (next - linalg::dot(parallel, before, z)) / rz) : 0.0;

@@ -17,8 +17,10 @@ struct Target {
   double least = 0.0;    // [kg m/s]
   double of_push = 0.0;  // over |B^T r(x)|, what the rows push then
 };
-// x, in: start; what is prescribed is left alone. Penalties stay in the system. stats.residual: over what may be left.
+// x, in: start; what is prescribed is left alone. Penalties stay in the system. iterations: of the descents before, by
+// which the preconditioner ages. stats.residual: over what may be left.
 linalg::SolveStats descend(const Parallel& parallel, const std::vector<Real>& f, const Target& target,
-                           const std::vector<ContactRow>& rows, VelocitySystem& system, std::vector<Real>& x);
+                           const std::vector<ContactRow>& rows, int iterations, VelocitySystem& system,
+                           std::vector<Real>& x);
 
 }  // namespace efsi::system

@@ -69,7 +69,7 @@ linalg::SolveStats solve_contact(const Parallel& parallel, VelocitySolver solver
   linalg::SolveStats stats;
   bool settled = false;
   for (int outer = 0; outer < kMostUpdates && !settled; ++outer) {
-    const linalg::SolveStats descent = descend(parallel, f, target, rows, system, x);
+    const linalg::SolveStats descent = descend(parallel, f, target, rows, stats.iterations, system, x);
     stats.iterations += descent.iterations;
     stats.converged = descent.converged;
     stats.residual = tolerance * descent.residual;

@@ -7,6 +7,7 @@
 #include "linalg/reduce.hpp"
 #include "solid/stiffness_block.hpp"
 #include "system/rigid_modes.hpp"
+#include "system/row_inverse.hpp"
 
 namespace efsi::system {
 namespace {
@@ -116,7 +117,7 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
   ties_.clear();
   penalties_.clear();
   rigid_.reset();
-  bare_.clear();
+  row_inverse_.reset();
 
   // Elements in blocks, and the lists by which unknowns gather from them.
   block_begin_.assign(1, 0);
@@ -306,22 +307,13 @@ void VelocitySystem::apply(const Parallel& parallel, const std::vector<Real>& x,
 void VelocitySystem::precondition(const Parallel& parallel, const std::vector<Real>& r, std::vector<Real>& z) const {
   z.resize(r.size());
   linalg::multiply(parallel, z, inverse_diagonal_, r);
+  if (row_inverse_) row_inverse_->correct(z);
   if (rigid_) rigid_->add(parallel, *this, r, z);
 }
 
 void VelocitySystem::set_penalties(const Parallel& parallel, std::vector<Penalty> penalties) {
-  for (auto entry = bare_.rbegin(); entry != bare_.rend(); ++entry) inverse_diagonal_[entry->first] = entry->second;
-  bare_.clear();
   penalties_ = std::move(penalties);
-  for (const Penalty& p : penalties_)
-    for (const RowPart& part : p.parts)
-      for (std::size_t a = 0; a < 3; ++a) {
-        const std::size_t i = 3 * part.unknown + a;
-        if (!(free_[i] > 0)) continue;
-        const auto e = static_cast<Eigen::Index>(a);
-        bare_.emplace_back(i, inverse_diagonal_[i]);
-        inverse_diagonal_[i] = 1 / (1 / inverse_diagonal_[i] + part.weight * part.weight * p.stiffness(e, e));
-      }
+  row_inverse_ = penalties_.empty() ? nullptr : std::make_shared<RowInverse>(penalties_, inverse_diagonal_, free_);
   rigid_ = penalties_.empty() ? nullptr : std::make_shared<RigidModes>(parallel, *this, penalties_);
 }
 
@@ -538,8 +530,8 @@ std::size_t VelocitySystem::bytes() const {
          (unknown_of_node_.size() + unknown_of_entry_.size() + entry_.size() + corner_.size() + gather_begin_.size() +
           gather_.size()) *
              sizeof(std::int32_t) +
-         (node_.size() + solid_of_entry_.size()) * sizeof(std::size_t) + (rigid_ ? rigid_->bytes() : 0) + pcg_.bytes() +
-         pcr_.bytes();
+         (node_.size() + solid_of_entry_.size()) * sizeof(std::size_t) + (rigid_ ? rigid_->bytes() : 0) +
+         (row_inverse_ ? row_inverse_->bytes() : 0) + pcg_.bytes() + pcr_.bytes();
 }
 
 }  // namespace efsi::system

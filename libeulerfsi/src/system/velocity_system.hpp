@@ -42,6 +42,7 @@ struct SolidRef {
 };
 
 class RigidModes;
+class RowInverse;
 
 // What one unknown has in a row of B.
 struct RowPart {
@@ -103,7 +104,7 @@ class VelocitySystem {
   void apply(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y);
   // The same without penalties.
   void apply_bare(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y);
-  // z = about G^-1 r: the diagonal and, with penalties, the solids as a whole.
+  // z = about G^-1 r: the diagonal with the penalties and, where there are some, the solids as a whole.
   void precondition(const Parallel& parallel, const std::vector<Real>& r, std::vector<Real>& z) const;
   // f += what the shares behind add to the right-hand side: behind dt^2 K v.
   void add_past_stiffness(const Parallel& parallel, const std::vector<Real>& v, std::vector<Real>& f);
@@ -188,9 +189,9 @@ class VelocitySystem {
   std::vector<Real> past_factor_;       // behind dt^2 per solid
   std::vector<Real> inverse_diagonal_;
   std::vector<Penalty> penalties_;
-  std::shared_ptr<const RigidModes> rigid_;         // none without penalties
-  std::vector<std::pair<std::size_t, Real>> bare_;  // entries of inverse_diagonal_ that penalties have changed
-  std::vector<Real> element_out_;                   // block, 24 values, lane
+  std::shared_ptr<const RowInverse> row_inverse_;  // none without penalties
+  std::shared_ptr<const RigidModes> rigid_;        // the same
+  std::vector<Real> element_out_;                  // block, 24 values, lane
   std::vector<Real> masked_, load_;
   Grid global_;
   double h_ = 1.0;
