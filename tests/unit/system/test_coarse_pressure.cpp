@@ -190,3 +190,28 @@ TEST_CASE("V-cycles converge as fast beside open walls as beside slip walls", "[
     CHECK(open < 1.1 * slip);
   }
 }
+
+TEST_CASE("Coarse corrections leave next to nothing at open walls that nobody smooths", "[law]") {
+  const PressureCase c = pressure_cases({64, 64, 64}, 1.0)[2];
+  const Parallel parallel(1);
+  system::PressureMultigrid multigrid;
+  multigrid.build(parallel, c.g, c.walls, c.fixed, c.specific_volume, {});
+  std::vector<Real> b(c.g.padded_count(), 0), z(b), product(b);
+  for (int k = 24; k < 40; ++k)
+    for (int j = 24; j < 40; ++j)
+      for (int i = 24; i < 40; ++i)
+        b[c.g.padded(i, j, k)] =
+            static_cast<Real>(std::exp(-0.1 * (std::pow(i - 31, 2) + std::pow(j - 32, 2) + std::pow(k - 32, 2))));
+  multigrid.focus().follow(parallel, b, 0.01 * std::sqrt(c.dot(b, b)));
+  REQUIRE_FALSE(multigrid.focus().everywhere());
+  multigrid.precondition(parallel, b, z);
+  multigrid.apply(parallel, z, product);
+  const auto outer = [&](int i, int n) { return i < 2 || i >= n - 2; };
+  double left = 0.0;
+  for (int k = 0; k < 64; ++k)
+    for (int j = 0; j < 64; ++j)
+      for (int i = 0; i < 64; ++i)
+        if (outer(i, 64) || outer(j, 64) || outer(k, 64))
+          left += std::pow(static_cast<double>(product[c.g.padded(i, j, k)]), 2);
+  CHECK(std::sqrt(left / c.dot(b, b)) < 0.001);
+}
