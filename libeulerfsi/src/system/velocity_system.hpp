@@ -41,6 +41,7 @@ struct SolidRef {
   StiffnessShares loose, held;  // while nothing touches it, and while a wall or a solid does
 };
 
+class MultilevelScaling;
 class RigidModes;
 
 // What one unknown has in a row of B.
@@ -71,6 +72,8 @@ class VelocitySystem {
   std::size_t unknown_of(std::size_t solid, std::size_t node) const;
 
   std::size_t solids() const { return solids_.size(); }
+  const SolidRef& solid(std::size_t l) const { return solids_[l]; }
+  const Grid& grid() const { return global_; }
   // The unknowns of solid l are those from begin_of(l) to begin_of(l + 1); one that solids share is the first one's.
   std::size_t begin_of(std::size_t solid) const { return unknown_begin_[solid]; }
   std::size_t solid_of(std::size_t unknown) const;
@@ -103,8 +106,9 @@ class VelocitySystem {
   void apply(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y);
   // The same without penalties.
   void apply_bare(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y);
-  // z = about G^-1 r: the diagonal and, with penalties, the solids as a whole.
-  void precondition(const Parallel& parallel, const std::vector<Real>& r, std::vector<Real>& z) const;
+  // z = about G^-1 r, as it was at the last solve() or set_penalties(): the diagonal, coarser levels of the solids in
+  // which stiffness outweighs inertia and, with penalties, the solids as a whole. r is 0 where nothing is free.
+  void precondition(const Parallel& parallel, const std::vector<Real>& r, std::vector<Real>& z);
   // f += what the shares behind add to the right-hand side: behind dt^2 K v.
   void add_past_stiffness(const Parallel& parallel, const std::vector<Real>& v, std::vector<Real>& f);
   // sum of the elements' forces on each unknown [N].
@@ -147,6 +151,8 @@ class VelocitySystem {
 
  private:
   std::size_t entry_of(std::size_t solid, std::size_t node) const;  // of a shared node, in slip
+  void find_stiff(const Parallel& parallel);
+  void build_multilevel(const Parallel& parallel);
   void apply(const Parallel& parallel, const std::vector<Real>& x, bool with_penalties, std::vector<Real>& y);
   // What the mass of the fluid that slips along unknown u would add to the momentum.
   Vec3 sliding_momentum(std::size_t u, const std::vector<Real>& x) const;
@@ -187,6 +193,8 @@ class VelocitySystem {
   std::vector<Real> stiffness_factor_;  // ahead dt^2 + dt beta per solid
   std::vector<Real> past_factor_;       // behind dt^2 per solid
   std::vector<Real> inverse_diagonal_;
+  std::vector<std::uint8_t> stiff_;                // per solid: diagonal scaling alone takes too many iterations
+  std::shared_ptr<MultilevelScaling> multilevel_;  // of those solids; none: there are none, or it is not built yet
   std::vector<Penalty> penalties_;
   std::shared_ptr<const RigidModes> rigid_;         // none without penalties
   std::vector<std::pair<std::size_t, Real>> bare_;  // entries of inverse_diagonal_ that penalties have changed
