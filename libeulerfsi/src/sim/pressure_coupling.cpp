@@ -76,8 +76,11 @@ void solve_correction(const StepContext& step, const Grid& g, const system::Slip
   const Numerics& numerics = scene.params.numerics;
   compute_impulses(parallel, g, elasticity, slip, q, pressure.impulse);
   pressure.correction.assign(pressure.impulse.size(), 0);
+  // The velocity is the sum of all corrections in the step: what the largest leaves is nothing to the others.
+  pressure.largest = std::max(pressure.largest, linalg::norm(parallel, pressure.impulse));
+  const double tolerance = numerics.velocity_tolerance;
   const linalg::SolveStats stats = elasticity.solve(parallel, numerics.velocity_solver, pressure.impulse,
-                                                    pressure.correction, numerics.velocity_tolerance);
+                                                    pressure.correction, tolerance, tolerance * pressure.largest);
   info.velocity_iterations += static_cast<std::uint64_t>(stats.iterations);
   info.unconverged += !stats.converged;
   pressure.answers = elasticity.penalty_impulses(pressure.correction);

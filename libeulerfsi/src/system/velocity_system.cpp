@@ -467,7 +467,7 @@ void VelocitySystem::internal_force(const Parallel& parallel, std::vector<Real>&
 }
 
 linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolver solver, const std::vector<Real>& b,
-                                         std::vector<Real>& x, double tolerance) {
+                                         std::vector<Real>& x, double tolerance, double least) {
   build_multilevel(parallel);
   const linalg::Operator g = [&](const std::vector<Real>& in, std::vector<Real>& out) { apply(parallel, in, out); };
   linalg::SolveOptions options;
@@ -497,6 +497,7 @@ linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolve
     stats = linalg::pcr(parallel, g, inverse, load_, x, options, pcr_);
   } else {
     options.against_start = true;
+    options.least = least;
     stats = linalg::pcg(parallel, g, inverse, load_, x, options, pcg_);
   }
   if (any)

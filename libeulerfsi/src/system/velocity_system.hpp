@@ -114,9 +114,10 @@ class VelocitySystem {
   // sum of the elements' forces on each unknown [N].
   void internal_force(const Parallel& parallel, std::vector<Real>& force);
   // Solves G x = b for the components that walls leave free; the others of x are given, those of b do not count.
-  // tolerance: of the first residual with conjugate gradients, of b with conjugate residuals.
+  // tolerance: of the first residual with conjugate gradients, which end at a residual of `least` in any case
+  // [kg m/s]; of b with conjugate residuals.
   linalg::SolveStats solve(const Parallel& parallel, VelocitySolver solver, const std::vector<Real>& b,
-                           std::vector<Real>& x, double tolerance);
+                           std::vector<Real>& x, double tolerance, double least = 0.0);
   // Internal forces sum to nothing and turn nothing: gives each solid the linear and angular momentum of b, as far as
   // walls leave it free; solids that touch each other are left alone. The solve does that up to its tolerance and to
   // the turning of the stress during the step.
