@@ -48,7 +48,8 @@ SolveStats pcg(const Parallel& parallel, const Operator& apply, const Operator& 
     }
   }
   const double start = norm(parallel, r);
-  if (options.against_start) reference = std::max(start, kRounding * b_norm / options.tolerance);
+  if (options.against_start)
+    reference = std::max({start, kRounding * b_norm / options.tolerance, options.least / options.tolerance});
   if (done(start)) return stats;
   // The best iterate of a long solve, looked at now and then: b may lie outside the range of A.
   double best_residual = std::numeric_limits<double>::infinity();

@@ -111,12 +111,14 @@ struct PressureEquation {
   std::vector<Real> taken;       // the part of q that acts before the projection, padded cells
   bool takes = false;            // if this
   std::vector<Real> impulse;     // J^T q on the unknowns of Eq. 8 [kg m/s]
+  double largest = 0.0;          // norm of those that Eq. 13 was solved for in the step [kg m/s]
   std::vector<Real> correction;  // G^-1 J^T q on them [m/s]
   std::vector<Vec3> answers;     // of contact to the correction, per penalty in G [kg m/s]
   Real coupled = 0;              // how much of it coupling steps have taken off; 0: there was none
   std::vector<Real> corrected;   // v* less a share of the correction on them [m/s]
   std::vector<Real> way;         // of q that the last coupling step went, padded cells
   std::vector<Real> left;        // the right-hand side of Eq. 12 before it [m^3/s]
+  std::vector<double> strains;   // by which projecting would strain the solids, after each of them [J]
   double slope = 0.0;            // that times the estimate of which the way was made
 };
 

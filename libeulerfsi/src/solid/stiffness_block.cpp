@@ -364,6 +364,29 @@ void block_stiffness_diagonal(const SolidWork& work, std::size_t block, double h
   scale(factor, out);
 }
 
+// By two traces that turning does not change: an isotropic stiffness has 9 K = 9 lambda + 6 mu over the normal
+// components, and 3 lambda + 12 mu over the diagonal.
+BlockModuli block_moduli(const SolidWork& work, std::size_t block) {
+  Lanes bulk = {}, all = {};  // 9 K, 3 lambda + 12 mu
+  const auto points = static_cast<std::size_t>(work.points_per_element);
+  for (std::size_t q = 0; q < points; ++q) {
+    const PointBlock& p = work.point[block * points + q];
+    for (std::size_t i = 0; i < 3; ++i) {
+      add_scaled(1, p.normal[i], bulk);
+      add_scaled(2, p.normal[3 + i], bulk);
+      add_scaled(1, p.normal[i], all);
+      add_scaled(1, p.pair[3 * i], all);
+      add_scaled(1, p.pair[3 * i + 2], all);
+    }
+  }
+  BlockModuli moduli;
+  for (int l = 0; l < kLanes; ++l) {
+    moduli.mu[l] = (all[l] - bulk[l] / 3) / 10;
+    moduli.lambda[l] = bulk[l] / 9 - moduli.mu[l] * 2 / 3;
+  }
+  return moduli;
+}
+
 void block_force(const SolidState& state, const SolidWork& work, std::size_t block, Real* out) {
   auto* rows = reinterpret_cast<Lanes*>(out);
   std::fill(out, out + 24 * kBlock, Real(0));

@@ -11,6 +11,11 @@ void block_stiffness(const SolidWork& work, std::size_t block, double h, Real fa
                      Real* out);
 // out = factor diag K
 void block_stiffness_diagonal(const SolidWork& work, std::size_t block, double h, Real factor, Real* out);
+// Of the isotropic stiffness with the traces of that of each element: lambda and mu, times its volume [J].
+struct BlockModuli {
+  Real lambda[kBlock], mu[kBlock];
+};
+BlockModuli block_moduli(const SolidWork& work, std::size_t block);
 // out: forces on the corners [N]
 void block_force(const SolidState& state, const SolidWork& work, std::size_t block, Real* out);
 

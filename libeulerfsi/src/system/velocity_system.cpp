@@ -6,6 +6,7 @@
 
 #include "linalg/reduce.hpp"
 #include "solid/stiffness_block.hpp"
+#include "system/multilevel.hpp"
 #include "system/rigid_modes.hpp"
 #include "system/row_inverse.hpp"
 
@@ -13,10 +14,12 @@ namespace efsi::system {
 namespace {
 
 constexpr std::size_t kLanes = solid::kBlock;
+constexpr std::size_t kChunk = 1024;  // unknowns that are summed at a time
 constexpr double kLivelyAhead = 0.26, kLivelyBehind = 0.25;
 constexpr double kLivelyPace = 1.25, kLivelyStrain = 0.1, kLivelyGrowth = 1.25;  // from here to twice as much it fades
 constexpr double kDampedAhead = 0.6, kAheadOfPace = 0.4;
 constexpr std::uint8_t kAllAxes = 7;
+constexpr double kStiff = 20.0;  // of the diagonal of G over inertia
 constexpr double kRounding =
     8.0 * static_cast<double>(std::numeric_limits<Real>::epsilon());  // of what cancels in a residual
 
@@ -169,6 +172,38 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
     const Real d = free_[i] > 0 ? diagonal[i] + inertia_[i / 3] - sliding_[i / 3] * (1 - along * along) : Real(1);
     inverse_diagonal_[i] = d > 0 ? 1 / d : Real(1);
   }
+  multilevel_.reset();
+  find_stiff(parallel);
+}
+
+// Where the diagonal of G is s times the inertia, in the mean, elastic waves pass some sqrt(s) cells in the step, and
+// so many iterations does conjugate gradients take by the diagonal. Coarser levels take a dozen at any s, each half as
+// long again, so that both are equal at s of about 20.
+void VelocitySystem::find_stiff(const Parallel& parallel) {
+  stiff_.assign(solids_.size(), 0);
+  for (std::size_t l = 0; l < solids_.size(); ++l) {
+    const std::size_t begin = unknown_begin_[l], end = unknown_begin_[l + 1];
+    const auto chunks = static_cast<std::int64_t>((end - begin + kChunk - 1) / kChunk);
+    const auto sum = [&](const auto& term) {
+      return parallel.sum(chunks, [&](std::int64_t chunk) {
+        const std::size_t first = begin + static_cast<std::size_t>(chunk) * kChunk;
+        double part = 0.0;
+        for (std::size_t i = 3 * first; i < 3 * std::min(end, first + kChunk); ++i)
+          if (free_[i] > 0) part += term(i);
+        return part;
+      });
+    };
+    const double count = sum([](std::size_t) { return 1.0; });
+    const double ratios =
+        sum([&](std::size_t i) { return 1.0 / (static_cast<double>(inverse_diagonal_[i]) * inertia(i / 3)); });
+    stiff_[l] = ratios > kStiff * count;
+  }
+}
+
+void VelocitySystem::build_multilevel(const Parallel& parallel) {
+  if (multilevel_ || std::find(stiff_.begin(), stiff_.end(), 1) == stiff_.end()) return;
+  multilevel_ = std::make_shared<MultilevelScaling>(parallel, *this, stiff_);
+  if (!penalties_.empty()) multilevel_->set_penalties(parallel, penalties_);
 }
 
 // element_out_ -> sums per unknown, in the order of the elements; out = finish(unknown, sum).
@@ -242,6 +277,7 @@ std::size_t VelocitySystem::solid_of(std::size_t unknown) const {
 }
 
 void VelocitySystem::tie(std::size_t unknown, std::size_t to, int axis) {
+  multilevel_.reset();
   const std::size_t from = 3 * unknown + static_cast<std::size_t>(axis), i = 3 * to + static_cast<std::size_t>(axis);
   ties_.push_back({from, i});
   if (moves_[i] > 0)
@@ -253,6 +289,7 @@ void VelocitySystem::tie(std::size_t unknown, std::size_t to, int axis) {
 }
 
 void VelocitySystem::fix(std::size_t unknown, int axis) {
+  multilevel_.reset();
   const std::size_t entry = 3 * unknown + static_cast<std::size_t>(axis);
   std::erase_if(ties_, [&](const Tie& t) { return t.from == entry; });
   free_[entry] = moves_[entry] = 0;
@@ -304,16 +341,21 @@ void VelocitySystem::apply(const Parallel& parallel, const std::vector<Real>& x,
   }
 }
 
-void VelocitySystem::precondition(const Parallel& parallel, const std::vector<Real>& r, std::vector<Real>& z) const {
+void VelocitySystem::precondition(const Parallel& parallel, const std::vector<Real>& r, std::vector<Real>& z) {
   z.resize(r.size());
   linalg::multiply(parallel, z, inverse_diagonal_, r);
   if (row_inverse_) row_inverse_->correct(z);
+  if (multilevel_) multilevel_->add(parallel, free_, r, z);
   if (rigid_) rigid_->add(parallel, *this, r, z);
 }
 
 void VelocitySystem::set_penalties(const Parallel& parallel, std::vector<Penalty> penalties) {
   penalties_ = std::move(penalties);
   row_inverse_ = penalties_.empty() ? nullptr : std::make_shared<RowInverse>(penalties_, inverse_diagonal_, free_);
+  if (multilevel_)
+    multilevel_->set_penalties(parallel, penalties_);
+  else
+    build_multilevel(parallel);
   rigid_ = penalties_.empty() ? nullptr : std::make_shared<RigidModes>(parallel, *this, penalties_);
 }
 
@@ -417,7 +459,8 @@ void VelocitySystem::internal_force(const Parallel& parallel, std::vector<Real>&
 }
 
 linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolver solver, const std::vector<Real>& b,
-                                         std::vector<Real>& x, double tolerance) {
+                                         std::vector<Real>& x, double tolerance, double least) {
+  build_multilevel(parallel);
   const linalg::Operator g = [&](const std::vector<Real>& in, std::vector<Real>& out) { apply(parallel, in, out); };
   linalg::SolveOptions options;
   options.tolerance = tolerance;
@@ -446,6 +489,7 @@ linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolve
     stats = linalg::pcr(parallel, g, inverse, load_, x, options, pcr_);
   } else {
     options.against_start = true;
+    options.least = least;
     stats = linalg::pcg(parallel, g, inverse, load_, x, options, pcg_);
   }
   if (any)
@@ -463,7 +507,6 @@ Vec3d VelocitySystem::place(std::size_t u) const {
 // third of its mass stands for the part along the normal.
 solid::RigidMotion VelocitySystem::missing_motion(const Parallel& parallel, std::size_t solid,
                                                   const std::vector<Real>& b, const std::vector<Real>& x) const {
-  constexpr std::size_t kChunk = 1024;
   const std::size_t begin = unknown_begin_[solid], end = unknown_begin_[solid + 1];
   const auto& band = solids_[solid].state->band.grid;
   const Vec3d origin = band.node_position(band.cells[0] / 2, band.cells[1] / 2, band.cells[2] / 2);
@@ -531,7 +574,8 @@ std::size_t VelocitySystem::bytes() const {
           gather_.size()) *
              sizeof(std::int32_t) +
          (node_.size() + solid_of_entry_.size()) * sizeof(std::size_t) + (rigid_ ? rigid_->bytes() : 0) +
-         (row_inverse_ ? row_inverse_->bytes() : 0) + pcg_.bytes() + pcr_.bytes();
+         (row_inverse_ ? row_inverse_->bytes() : 0) + (multilevel_ ? multilevel_->bytes() : 0) + pcg_.bytes() +
+         pcr_.bytes();
 }
 
 }  // namespace efsi::system

@@ -41,6 +41,7 @@ struct SolidRef {
   StiffnessShares loose, held;  // while nothing touches it, and while a wall or a solid does
 };
 
+class MultilevelScaling;
 class RigidModes;
 class RowInverse;
 
@@ -72,6 +73,8 @@ class VelocitySystem {
   std::size_t unknown_of(std::size_t solid, std::size_t node) const;
 
   std::size_t solids() const { return solids_.size(); }
+  const SolidRef& solid(std::size_t l) const { return solids_[l]; }
+  const Grid& grid() const { return global_; }
   // The unknowns of solid l are those from begin_of(l) to begin_of(l + 1); one that solids share is the first one's.
   std::size_t begin_of(std::size_t solid) const { return unknown_begin_[solid]; }
   std::size_t solid_of(std::size_t unknown) const;
@@ -104,16 +107,19 @@ class VelocitySystem {
   void apply(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y);
   // The same without penalties.
   void apply_bare(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y);
-  // z = about G^-1 r: the diagonal with the penalties and, where there are some, the solids as a whole.
-  void precondition(const Parallel& parallel, const std::vector<Real>& r, std::vector<Real>& z) const;
+  // z = about G^-1 r, as it was at the last solve() or set_penalties(): the diagonal with the penalties, coarser
+  // levels of the solids in which stiffness outweighs inertia and, with penalties, the solids as a whole. r is 0 where
+  // nothing is free.
+  void precondition(const Parallel& parallel, const std::vector<Real>& r, std::vector<Real>& z);
   // f += what the shares behind add to the right-hand side: behind dt^2 K v.
   void add_past_stiffness(const Parallel& parallel, const std::vector<Real>& v, std::vector<Real>& f);
   // sum of the elements' forces on each unknown [N].
   void internal_force(const Parallel& parallel, std::vector<Real>& force);
   // Solves G x = b for the components that walls leave free; the others of x are given, those of b do not count.
-  // tolerance: of the first residual with conjugate gradients, of b with conjugate residuals.
+  // tolerance: of the first residual with conjugate gradients, which end at a residual of `least` in any case
+  // [kg m/s]; of b with conjugate residuals.
   linalg::SolveStats solve(const Parallel& parallel, VelocitySolver solver, const std::vector<Real>& b,
-                           std::vector<Real>& x, double tolerance);
+                           std::vector<Real>& x, double tolerance, double least = 0.0);
   // Internal forces sum to nothing and turn nothing: gives each solid the linear and angular momentum of b, as far as
   // walls leave it free; solids that touch each other are left alone. The solve does that up to its tolerance and to
   // the turning of the stress during the step.
@@ -148,6 +154,8 @@ class VelocitySystem {
 
  private:
   std::size_t entry_of(std::size_t solid, std::size_t node) const;  // of a shared node, in slip
+  void find_stiff(const Parallel& parallel);
+  void build_multilevel(const Parallel& parallel);
   void apply(const Parallel& parallel, const std::vector<Real>& x, bool with_penalties, std::vector<Real>& y);
   // What the mass of the fluid that slips along unknown u would add to the momentum.
   Vec3 sliding_momentum(std::size_t u, const std::vector<Real>& x) const;
@@ -188,6 +196,8 @@ class VelocitySystem {
   std::vector<Real> stiffness_factor_;  // ahead dt^2 + dt beta per solid
   std::vector<Real> past_factor_;       // behind dt^2 per solid
   std::vector<Real> inverse_diagonal_;
+  std::vector<std::uint8_t> stiff_;                // per solid: diagonal scaling alone takes too many iterations
+  std::shared_ptr<MultilevelScaling> multilevel_;  // of those solids; none: there are none, or it is not built yet
   std::vector<Penalty> penalties_;
   std::shared_ptr<const RowInverse> row_inverse_;  // none without penalties
   std::shared_ptr<const RigidModes> rigid_;        // the same

@@ -135,6 +135,22 @@ TEST_CASE("Both velocity solvers find the solution of a direct solve") {
   }
 }
 
+TEST_CASE("A residual that counts as nothing ends a velocity solve") {
+  Scene scene;
+  std::vector<Real> b = scene.random_vector(59), half(b.size(), 0), none = half, left;
+  for (std::size_t i = 0; i < b.size(); ++i) b[i] *= scene.system.free()[i];
+  const double size = to_vector(b).norm();
+  CHECK(scene.system.solve(Parallel(1), VelocitySolver::kPcg, b, none, 1e-3, 1.001 * size).iterations == 0);
+  CHECK(to_vector(none).norm() == 0.0);
+  const auto stats = scene.system.solve(Parallel(1), VelocitySolver::kPcg, b, half, 1e-3, 0.5 * size);
+  CHECK(stats.converged);
+  CHECK(stats.iterations > 0);
+  scene.system.apply(Parallel(1), half, left);
+  const double residual = (to_vector(b) - to_vector(left)).norm();
+  CHECK(residual < 0.5 * size);
+  CHECK(residual > 1e-3 * size);
+}
+
 TEST_CASE("What is prescribed stands on the right; what is tied moves with what it is tied to") {
   Scene scene;
   const double tolerance = sizeof(Real) == 8 ? 1e-9 : 1e-5;
