@@ -254,7 +254,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         text += rows
         print("\n".join(rows), flush=True)
     judged = [effort_line(name, options.scale, effort, options.quiet) for name, effort in efforts]
-    third = ["", "What the solves take, with bars in brackets.", "", EFFORT_HEAD, "|" + "---|" * (EFFORT_HEAD.count("|") - 1)]
+    third = [
+        "",
+        "What the solves take, with bars in brackets.",
+        "",
+        EFFORT_HEAD,
+        "|" + "---|" * (EFFORT_HEAD.count("|") - 1),
+    ]
     third += [row for row, _ in judged]
     text += third
     print("\n".join(third), flush=True)

@@ -52,6 +52,6 @@ TEST_CASE("Rows that share nodes, stick, slide and are held in part: the inverse
     }
     const Eigen::VectorXd expected = dense.fullPivLu().solve(right);
     CHECK((found - expected).norm() < 2e-4 * expected.norm());  // S is in single precision
-    CHECK(z[9] == inverse[9] * r[9]);  // nothing of the rows where nothing moves
+    CHECK(z[9] == inverse[9] * r[9]);                           // nothing of the rows where nothing moves
   }
 }
