@@ -1,4 +1,4 @@
-"""The paper's scenes and its Tables 1 and 2 beside ours, and what their solves take: `./eulerfsi bench table --scale 0.5`.
+"""The paper's scenes, its Tables 1 and 2 beside ours, and what their solves take: `./eulerfsi bench table`.
 
 Every scene is simulated whole by the command line, one after the other, at --scale times the paper's resolution; what a
 frame costs is that of its statistics. The paper's machine had 8 cores of 3 GHz and 16 threads. Iterations and steps are
