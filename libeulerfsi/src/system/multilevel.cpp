@@ -33,14 +33,14 @@ std::vector<Real> diagonal_of(const Parallel& parallel, const SolidLattice& latt
 LatticeRow on_parents(const LatticeRow& row, const Interpolation& from) {
   LatticeRow coarse{{}, row.stiffness};
   for (const auto& [node, weight] : row.parts) {
-    const auto begin = from.parent.begin() + from.parent_begin[static_cast<std::size_t>(node)],
-               end = from.parent.begin() + from.parent_begin[static_cast<std::size_t>(node) + 1];
-    const double share = weight / static_cast<double>(std::max<std::ptrdiff_t>(1, end - begin));
-    for (auto parent = begin; parent != end; ++parent) {
+    for (auto t = static_cast<std::size_t>(from.parent_begin[static_cast<std::size_t>(node)]);
+         t < static_cast<std::size_t>(from.parent_begin[static_cast<std::size_t>(node) + 1]); ++t) {
+      const std::int32_t parent = from.parent[t];
+      const double share = weight * static_cast<double>(from.parent_weight[t]);
       auto at =
-          std::find_if(coarse.parts.begin(), coarse.parts.end(), [&](const auto& p) { return p.first == *parent; });
+          std::find_if(coarse.parts.begin(), coarse.parts.end(), [&](const auto& p) { return p.first == parent; });
       if (at == coarse.parts.end())
-        coarse.parts.emplace_back(*parent, share);
+        coarse.parts.emplace_back(parent, share);
       else
         at->second += share;
     }
@@ -104,7 +104,7 @@ void MultilevelScaling::add(const Parallel& parallel, const std::vector<Real>& f
       for (auto t = static_cast<std::size_t>(level.from.child_begin[u]);
            t < static_cast<std::size_t>(level.from.child_begin[u + 1]); ++t) {
         const Real* child = fine + 3 * static_cast<std::size_t>(level.from.child[t]);
-        for (std::size_t a = 0; a < 3; ++a) sum[a] += level.from.weight[t] * child[a];
+        for (std::size_t a = 0; a < 3; ++a) sum[a] += level.from.child_weight[t] * child[a];
       }
       for (std::size_t a = 0; a < 3; ++a) {
         level.r[3 * u + a] = sum[a];
@@ -124,11 +124,9 @@ void MultilevelScaling::add(const Parallel& parallel, const std::vector<Real>& f
       Real sum[3] = {0, 0, 0};
       for (std::size_t t = begin; t < end; ++t) {
         const Real* parent = level.z.data() + 3 * static_cast<std::size_t>(level.from.parent[t]);
-        for (std::size_t a = 0; a < 3; ++a) sum[a] += parent[a];
+        for (std::size_t a = 0; a < 3; ++a) sum[a] += level.from.parent_weight[t] * parent[a];
       }
-      const Real weight = Real(1) / static_cast<Real>(end - begin);
-      for (std::size_t a = 0; a < 3; ++a)
-        fine[3 * u + a] += l == 0 ? free[3 * u + a] * weight * sum[a] : weight * sum[a];
+      for (std::size_t a = 0; a < 3; ++a) fine[3 * u + a] += l == 0 ? free[3 * u + a] * sum[a] : sum[a];
     });
   }
 }

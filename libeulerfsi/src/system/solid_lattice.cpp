@@ -1,5 +1,7 @@
 #include "system/solid_lattice.hpp"
 
+#include <array>
+
 #include "solid/stiffness_block.hpp"
 #include "system/velocity_system.hpp"
 
@@ -22,13 +24,42 @@ std::vector<Row> rows_of(const SolidLattice& lattice) {
   return rows;
 }
 
-// Calls body(index of the box's node) for the corners at `at` + {0, 1}^3 * step that lie in the box.
-template <class Body>
-void for_corners(const SolidLattice& lattice, const Box& box, const Vec3i& at, int step, const Body& body) {
-  for (const auto& c : grid::kCorner) {
-    const Vec3i corner{at[0] + step * c[0], at[1] + step * c[1], at[2] + step * c[2]};
-    if (SolidLattice::inside(box, corner)) body(lattice.index(box, corner));
-  }
+// Weights of the nodes of the next coarser lattice at a finer node along an axis, or of the finer ones at a coarser
+// node: from place `first` on.
+struct Weights {
+  int first = 0, count = 0;
+  std::array<Real, 4> weight{};
+};
+
+bool is_odd(const Box& fine, std::size_t axis) { return fine.nodes[axis] % 2 == 0; }  // number of cells
+
+Weights parents_along(const Box& fine, std::size_t axis, int at) {
+  const bool second = at % 2 != 0;
+  if (is_odd(fine, axis)) return {at / 2, 2, {second ? Real(0.25) : Real(0.75), second ? Real(0.75) : Real(0.25)}};
+  return {at / 2, second ? 2 : 1, {second ? Real(0.5) : Real(1), Real(0.5)}};
+}
+
+Weights children_along(const Box& fine, std::size_t axis, int at) {
+  if (is_odd(fine, axis)) return {2 * at - 2, 4, {Real(0.25), Real(0.75), Real(0.75), Real(0.25)}};
+  return {2 * at - 1, 3, {Real(0.5), Real(1), Real(0.5)}};
+}
+
+// Parts of finer cells that lie in a coarser one.
+Weights cells_along(const Box& fine, std::size_t axis, int at) {
+  if (is_odd(fine, axis)) return {2 * at - 1, 3, {Real(0.5), Real(1), Real(0.5)}};
+  return {2 * at, 2, {Real(1), Real(1)}};
+}
+
+// Calls body(place, weight) for all that the weights along the axes name.
+template <class Along, class Body>
+void for_weights(const Along& along, const Box& fine, const Vec3i& at, const Body& body) {
+  const Weights x = along(fine, 0, at[0]), y = along(fine, 1, at[1]), z = along(fine, 2, at[2]);
+  for (int k = 0; k < z.count; ++k)
+    for (int j = 0; j < y.count; ++j)
+      for (int i = 0; i < x.count; ++i)
+        body(Vec3i{x.first + i, y.first + j, z.first + k}, x.weight[static_cast<std::size_t>(i)] *
+                                                               y.weight[static_cast<std::size_t>(j)] *
+                                                               z.weight[static_cast<std::size_t>(k)]);
 }
 
 // Calls body(child, weight) for the nodes of the finer lattice that have a part of their values from node `at` of the
@@ -36,14 +67,11 @@ void for_corners(const SolidLattice& lattice, const Box& box, const Vec3i& at, i
 template <class Body>
 void for_children(const SolidLattice& fine, std::size_t b, const Vec3i& at, const Body& body) {
   const Box& box = fine.boxes[b];
-  for (int z = -1; z <= 1; ++z)
-    for (int y = -1; y <= 1; ++y)
-      for (int x = -1; x <= 1; ++x) {
-        const Vec3i child{2 * at[0] + x, 2 * at[1] + y, 2 * at[2] + z};
-        if (!SolidLattice::inside(box, child)) continue;
-        const std::int32_t id = fine.id[fine.index(box, child)];
-        if (id >= 0) body(id, Real(1) / static_cast<Real>(1 << (x * x + y * y + z * z)));
-      }
+  for_weights(children_along, box, at, [&](const Vec3i& child, Real weight) {
+    if (!SolidLattice::inside(box, child)) return;
+    const std::int32_t id = fine.id[fine.index(box, child)];
+    if (id >= 0) body(id, weight);
+  });
 }
 
 void sum_up(std::vector<std::int32_t>& begin) {
@@ -72,10 +100,12 @@ void fill_boxes(const Parallel& parallel, const SolidLattice& fine, SolidLattice
     const Box& box = coarse.boxes[b];
     for (int i = 0; i < box.nodes[0]; ++i) {
       const std::size_t cell = coarse.index(box, {i, j, k});
-      for_corners(fine, fine.boxes[b], {2 * i, 2 * j, 2 * k}, 1, [&](std::size_t part) {
+      for_weights(cells_along, fine.boxes[b], {i, j, k}, [&](const Vec3i& at, Real weight) {
+        if (!SolidLattice::inside(fine.boxes[b], at)) return;
+        const std::size_t part = fine.index(fine.boxes[b], at);
         coarse.carries[cell] |= fine.carries[part];
-        coarse.lambda[cell] += fine.lambda[part];
-        coarse.mu[cell] += fine.mu[part];
+        coarse.lambda[cell] += weight * fine.lambda[part];
+        coarse.mu[cell] += weight * fine.mu[part];
       });
     }
   });
@@ -86,7 +116,10 @@ void fill_boxes(const Parallel& parallel, const SolidLattice& fine, SolidLattice
     std::int32_t& count = begin[static_cast<std::size_t>(r) + 1];
     for (int i = 0; i < box.nodes[0]; ++i) {
       bool corner = false;
-      for_corners(coarse, box, {i, j, k}, -1, [&](std::size_t cell) { corner = corner || coarse.carries[cell]; });
+      for (const auto& c : grid::kCorner) {
+        const Vec3i cell{i - c[0], j - c[1], k - c[2]};
+        corner = corner || (SolidLattice::inside(box, cell) && coarse.carries[coarse.index(box, cell)]);
+      }
       if (corner) coarse.id[coarse.index(box, {i, j, k})] = count++;
     }
   });
@@ -104,25 +137,28 @@ void fill_boxes(const Parallel& parallel, const SolidLattice& fine, SolidLattice
   });
 }
 
-// The coarse nodes that a finer node lies between: two along each axis where its place is odd.
+// The coarse nodes that a finer node lies between.
 void find_parents(const Parallel& parallel, const SolidLattice& fine, const SolidLattice& coarse, Interpolation& from) {
   from.parent_begin.assign(fine.size() + 1, 0);
   const auto nodes = static_cast<std::int64_t>(fine.size());
   parallel.for_each(nodes, [&](std::int64_t n) {
     const auto& [b, at] = fine.place[static_cast<std::size_t>(n)];
-    const bool has_box = coarse.boxes[b].nodes[0] > 0;
-    from.parent_begin[static_cast<std::size_t>(n) + 1] = has_box ? 1 << ((at[0] & 1) + (at[1] & 1) + (at[2] & 1)) : 0;
+    if (coarse.boxes[b].nodes[0] == 0) return;
+    std::int32_t& count = from.parent_begin[static_cast<std::size_t>(n) + 1];
+    for_weights(parents_along, fine.boxes[b], at, [&](const Vec3i&, Real) { ++count; });
   });
   sum_up(from.parent_begin);
   from.parent.resize(static_cast<std::size_t>(from.parent_begin.back()));
+  from.parent_weight.resize(from.parent.size());
   parallel.for_each(nodes, [&](std::int64_t n) {
     const auto& [b, at] = fine.place[static_cast<std::size_t>(n)];
     const Box& box = coarse.boxes[b];
     if (box.nodes[0] == 0) return;
     auto next = static_cast<std::size_t>(from.parent_begin[static_cast<std::size_t>(n)]);
-    for (const auto& c : grid::kCorner)
-      if (c[0] <= (at[0] & 1) && c[1] <= (at[1] & 1) && c[2] <= (at[2] & 1))
-        from.parent[next++] = coarse.id[coarse.index(box, {at[0] / 2 + c[0], at[1] / 2 + c[1], at[2] / 2 + c[2]})];
+    for_weights(parents_along, fine.boxes[b], at, [&](const Vec3i& place, Real weight) {
+      from.parent[next] = coarse.id[coarse.index(box, place)];
+      from.parent_weight[next++] = weight;
+    });
   });
 }
 
@@ -136,7 +172,7 @@ void find_children(const Parallel& parallel, const SolidLattice& fine, SolidLatt
   });
   sum_up(from.child_begin);
   from.child.resize(static_cast<std::size_t>(from.child_begin.back()));
-  from.weight.resize(from.child.size());
+  from.child_weight.resize(from.child.size());
   coarse.mass.assign(coarse.size(), 0.0);
   coarse.moves.assign(coarse.size(), 0);
   parallel.for_each(nodes, [&](std::int64_t n) {
@@ -145,7 +181,7 @@ void find_children(const Parallel& parallel, const SolidLattice& fine, SolidLatt
     auto next = static_cast<std::size_t>(from.child_begin[u]);
     for_children(fine, b, at, [&](std::int32_t child, Real weight) {
       from.child[next] = child;
-      from.weight[next++] = weight;
+      from.child_weight[next++] = weight;
       coarse.mass[u] += static_cast<double>(weight) * fine.mass[static_cast<std::size_t>(child)];
       coarse.moves[u] |= fine.moves[static_cast<std::size_t>(child)];
     });
@@ -204,7 +240,7 @@ SolidLattice coarsen(const Parallel& parallel, const SolidLattice& fine, Interpo
   for (const Box& box : fine.boxes) {
     Box& half = coarse.boxes.emplace_back();
     if (box.nodes[0] == 0) continue;
-    for (std::size_t a = 0; a < 3; ++a) half.nodes[a] = box.nodes[a] / 2 + 1;
+    for (std::size_t a = 0; a < 3; ++a) half.nodes[a] = box.nodes[a] / 2 + 1;  // cells n / 2 or (n + 1) / 2
   }
   place_boxes(coarse);
   fill_boxes(parallel, fine, coarse);

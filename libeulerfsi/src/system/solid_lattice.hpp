@@ -12,8 +12,9 @@ namespace efsi::system {
 
 class VelocitySystem;
 
-// Nodes are numbered solid by solid, x fastest. Node (i, j, k) of the coarser lattice lies on node (2i, 2j, 2k) of the
-// finer one and has its values from the 27 nodes around that: its children.
+// Nodes are numbered solid by solid, x fastest. An even number of cells along an axis is halved: coarser node i lies on
+// finer node 2i. Around an odd number the coarser cells reach half a cell beyond both ends: node i lies at 2i - 1/2. So
+// what is its own mirror image stays that on all levels.
 struct SolidLattice {
   struct Box {
     Vec3i nodes{0, 0, 0};
@@ -52,12 +53,12 @@ struct SolidLattice {
 // How the nodes of one lattice follow from those of the next coarser one: trilinear interpolation P, and P^T by lists
 // of its own, so that both gather.
 struct Interpolation {
-  std::vector<std::int32_t> parent_begin, parent;  // of the finer nodes; each parent counts as much
+  std::vector<std::int32_t> parent_begin, parent;  // of the finer nodes
   std::vector<std::int32_t> child_begin, child;    // of the coarser nodes
-  std::vector<Real> weight;                        // of the children
+  std::vector<Real> parent_weight, child_weight;
   std::size_t bytes() const {
     return (parent_begin.size() + parent.size() + child_begin.size() + child.size()) * sizeof(std::int32_t) +
-           weight.size() * sizeof(Real);
+           (parent_weight.size() + child_weight.size()) * sizeof(Real);
   }
 };
 

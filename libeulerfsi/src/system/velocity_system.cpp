@@ -460,7 +460,7 @@ void VelocitySystem::internal_force(const Parallel& parallel, std::vector<Real>&
 
 linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolver solver, const std::vector<Real>& b,
                                          std::vector<Real>& x, double tolerance, double least) {
-  build_multilevel(parallel);
+  if (solver == VelocitySolver::kPcg) build_multilevel(parallel);  // the paper's is the diagonal alone
   const linalg::Operator g = [&](const std::vector<Real>& in, std::vector<Real>& out) { apply(parallel, in, out); };
   linalg::SolveOptions options;
   options.tolerance = tolerance;
