@@ -205,7 +205,6 @@ void solve_pressure(const StepContext& step, const SolidStates& states, const So
   }
   pressure.coupled = 0;
   pressure.largest = 0.0;
-  pressure.strains.clear();
   // A body at rest that the step now serves and now does not would never come to rest.
   std::vector<Real> way;  // of the next coupling step
   if (pressure.takes || needs_coupling(scene, before)) estimate_way(step, pressure, way);

@@ -17,7 +17,6 @@ namespace {
 constexpr double kEstimate = 0.2;        // of the divergence that the estimate of a coupling step leaves
 constexpr double kWorthCoupling = 0.01;  // of density |div v|^2: the solids over the fluid
 constexpr double kStrains = 1e-3;        // of the solids' energy: what the projection may add to that of all
-constexpr double kStalls = 0.5;          // of that two coupling steps before: with more left they lead nowhere
 constexpr double kLeads = 0.01;          // cells in a step: what it may lead a row of contact that pushes beyond
 
 // The first part of the preconditioner of Cahouet and Chabat (1988) is the inverse of J M^-1 J^T: a pressure that the
@@ -187,12 +186,7 @@ bool strains_much(const StepContext& step, const SolidWorks& solids, const Grid&
   system.multiply(parallel, change, moved);
   system.multiply_mass(parallel, change, pushed);
   linalg::add_scaled(parallel, moved, -1.0, pushed);  // dt^2 K of the change
-  const double strain = 0.5 * linalg::dot(parallel, change, moved);
-  std::vector<double>& strains = pressure.strains;
-  strains.push_back(strain);
-  const std::size_t n = strains.size();
-  if (n > 2 && strain > kStalls * strains[n - 3]) return false;
-  return strain > taken + kStrains * energy;
+  return 0.5 * linalg::dot(parallel, change, moved) > taken + kStrains * energy;
 }
 
 }  // namespace efsi::sim

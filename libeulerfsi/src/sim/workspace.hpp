@@ -118,7 +118,6 @@ struct PressureEquation {
   std::vector<Real> corrected;   // v* less a share of the correction on them [m/s]
   std::vector<Real> way;         // of q that the last coupling step went, padded cells
   std::vector<Real> left;        // the right-hand side of Eq. 12 before it [m^3/s]
-  std::vector<double> strains;   // by which projecting would strain the solids, after each of them [J]
   double slope = 0.0;            // that times the estimate of which the way was made
 };
 

@@ -1,11 +1,9 @@
 // Purpose: where the fluid slips along a solid; what pressure and elasticity agree on.
 #include <Eigen/Dense>
 
-#include "linalg/reduce.hpp"
 #include "sim/masses.hpp"
 #include "sim/node_velocity.hpp"
 #include "sim/pressure.hpp"
-#include "sim/pressure_coupling.hpp"
 #include "sim/velocity_solve.hpp"
 #include "solid/mass.hpp"
 #include "solid/material_force.hpp"
@@ -168,24 +166,6 @@ TEST_CASE("The coupling step leads to the velocity that pressure and elasticity 
     CHECK(left < 0.5 * apart);
     CHECK(coupled.info.divergence_after < 1e-3 * coupled.info.divergence_before);
   }
-}
-
-TEST_CASE("Coupling steps end where the strain is not half of what it was two steps before") {
-  SqueezedBall ball(0.02, true);
-  sim::PressureEquation& pressure = ball.work.pressure;
-  pressure.q.assign(ball.work.matter.owned.size(), 0);
-  for (std::size_t c = 0; c < pressure.q.size(); ++c)
-    pressure.q[c] = ball.work.matter.owned[c] ? static_cast<Real>(c % 3) : Real(0);
-  const auto another = [&] {
-    return sim::strains_much(ball.context(0.02), ball.work.solids, ball.work.matter.common.grid,
-                             ball.work.velocity.slip, ball.work.elasticity, pressure);
-  };
-  pressure.strains.clear();
-  CHECK(another());
-  CHECK(another());
-  CHECK_FALSE(another());
-  linalg::scale(Parallel(1), pressure.q, 0.5);  // a quarter of the energy
-  CHECK(another());
 }
 
 TEST_CASE("The velocity of a node holds the momentum of all that is there") {
