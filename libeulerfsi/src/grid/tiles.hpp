@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <functional>
 #include <utility>
 #include <vector>
 
@@ -33,6 +34,16 @@ class TileMask {
     std::uint64_t sum = 0;
     for (std::uint8_t a : active_) sum += a;
     return sum;
+  }
+  // Of masks of the same points; one without points covers none and takes the other's.
+  bool covers(const TileMask& other) const {
+    return points_ == other.points_ &&
+           std::equal(active_.begin(), active_.end(), other.active_.begin(), std::greater_equal<>());
+  }
+  TileMask& operator|=(const TileMask& other) {
+    if (active_.empty()) return *this = other;
+    for (std::size_t t = 0; t < active_.size(); ++t) active_[t] |= other.active_[t];
+    return *this;
   }
   // First point and end point of a tile.
   void range(std::int64_t t, Vec3i& begin, Vec3i& end) const {

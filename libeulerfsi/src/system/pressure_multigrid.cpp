@@ -14,8 +14,6 @@ namespace {
 
 constexpr int kCoarsestCells = 6;                // coarsen while every axis has more cells than this
 constexpr std::size_t kSerialCells = 27000;      // a level of no more cells is faster on one thread
-constexpr double kUnfocused = 0.3;               // of the tolerance: residual in tiles that are not smoothed
-constexpr double kMostFocused = 0.5;             // of all tiles: with more, sweeps of everything are faster
 constexpr std::size_t kCoarsestIterations = 18;  // smoothing steps on the coarsest level
 
 // Chebyshev smoothing: Jacobi steps whose weights make a polynomial that is small on [largest / range, largest] of the
@@ -122,6 +120,7 @@ void PressureMultigrid::build(const Parallel& parallel, const Grid& g, const Wal
   }
   compliance_.set(compliance, finest_);
   compliance_.add_to_diagonal(finest_.inverse_diagonal);
+  focus_.reset(g, bound_tiles());
   build_coarse(parallel, specific_volume, compliance);
 }
 
@@ -167,7 +166,7 @@ void PressureMultigrid::apply(const Parallel& parallel, std::vector<Real>& x, st
 }
 
 std::span<const Real> PressureMultigrid::weights() const {
-  return focused_.empty() ? std::span<const Real>(kEverywhere) : std::span<const Real>(kInFocus);
+  return focus_.everywhere() ? std::span<const Real>(kEverywhere) : std::span<const Real>(kInFocus);
 }
 
 void PressureMultigrid::smooth(const Parallel& parallel, const std::vector<Real>& b, std::vector<Real>& x,
@@ -176,10 +175,10 @@ void PressureMultigrid::smooth(const Parallel& parallel, const std::vector<Real>
   const Real weight = weights()[step % weights().size()];
   if (slip_) slip_->excess(parallel, x, excess_);  // of x before the step
   if (!compliance_.empty()) compliance_.multiply(parallel, x, given_);
-  if (focused_.empty()) {
+  if (focus_.everywhere()) {
     smooth_pressure(parallel, finest_, b, weight, x);
   } else {
-    relax_in_boxes(parallel, finest_, focused_, b, weight, x, residual_);
+    relax_in_boxes(parallel, finest_, focus_.smoothed(), b, weight, x, residual_);
     std::swap(x, residual_);
   }
   if (slip_)
@@ -199,48 +198,9 @@ void PressureMultigrid::add_rest(const Parallel& parallel, const std::vector<Rea
   });
 }
 
-void PressureMultigrid::focus(const Parallel& parallel, const std::vector<Real>& r, double b, double tolerance) {
+grid::TileMask PressureMultigrid::bound_tiles() const {
   const Grid& g = finest_.grid;
   grid::TileMask mask(g.cells);
-  std::vector<std::pair<double, std::int64_t>> tiles(static_cast<std::size_t>(mask.count()));  // |r|^2 in each
-  parallel.for_each(mask.count(), [&](std::int64_t t) {
-    Vec3i begin, end;
-    mask.range(t, begin, end);
-    double sum = 0.0;
-    for (int k = begin[2]; k < end[2]; ++k)
-      for (int j = begin[1]; j < end[1]; ++j)
-        for (int i = begin[0]; i < end[0]; ++i) {
-          const double value = static_cast<double>(r[g.padded(i, j, k)]);
-          sum += value * value;
-        }
-    tiles[static_cast<std::size_t>(t)] = {sum, t};
-  });
-  std::sort(tiles.begin(), tiles.end());
-  double left = 0.0;
-  for (const auto& [sum, t] : tiles) {
-    left += sum;
-    mask.set(t, !(left <= kUnfocused * kUnfocused * tolerance * tolerance * b * b));
-  }
-  set_focus(mask);
-}
-
-void PressureMultigrid::focus(const std::vector<std::size_t>& cells) {
-  grid::TileMask mask(finest_.grid.cells);
-  mark_tiles(cells, mask);
-  set_focus(mask);
-}
-
-void PressureMultigrid::mark_tiles(const std::vector<std::size_t>& cells, grid::TileMask& mask) const {
-  const Grid& g = finest_.grid;
-  const auto tile = [](std::size_t padded) { return (static_cast<int>(padded) - 1) / grid::kTileSize; };
-  const std::size_t row = g.padded(0, 1, 0) - g.padded(0, 0, 0), plane = g.padded(0, 0, 1) - g.padded(0, 0, 0);
-  for (const std::size_t c : cells) mask.set(mask.at({tile(c % row), tile(c % plane / row), tile(c / plane)}), true);
-}
-
-void PressureMultigrid::set_focus(grid::TileMask& mask) {
-  const Grid& g = finest_.grid;
-  widen();
-  mask.dilate(g.periodic);
   if (slip_)
     for (const SlipNode& n : slip_->nodes())
       for (const auto& c : grid::kCorner) {
@@ -249,31 +209,28 @@ void PressureMultigrid::set_focus(grid::TileMask& mask) {
         };
         mask.set(mask.at({tile(n.i, c[0], 0), tile(n.j, c[1], 1), tile(n.k, c[2], 2)}), true);
       }
-  mark_tiles(compliance_.cells(), mask);  // smoothing gives D its due everywhere
-  if (static_cast<double>(mask.active_count()) > kMostFocused * static_cast<double>(mask.count())) return;
-  focused_ = mask.boxes();
-  mask.dilate(g.periodic);
-  reached_ = mask.boxes();
+  mark_tiles(g, compliance_.cells(), mask);
+  return mask;
 }
 
 void PressureMultigrid::smooth_from_zero(const Parallel& parallel, const std::vector<Real>& b, std::vector<Real>& x) {
-  if (focused_.empty()) {
+  if (focus_.everywhere()) {
     linalg::multiply(parallel, x, finest_.inverse_diagonal, b, kEverywhere[0]);
     return;
   }
   for (auto* field : {&x, &residual_}) linalg::fill(parallel, *field, b.size(), Real(0));
-  relax_from_zero(parallel, finest_, focused_, b, kInFocus[0], x);
+  relax_from_zero(parallel, finest_, focus_.smoothed(), b, kInFocus[0], x);
 }
 
 void PressureMultigrid::leave_residual(const Parallel& parallel, const std::vector<Real>& b, std::vector<Real>& x) {
   grid::fill_periodic_ghosts(finest_.grid, x);
-  if (focused_.empty()) {
+  if (focus_.everywhere()) {
     apply_pressure_operator(parallel, finest_, x, residual_, &b);
   } else {
     parallel.for_ranges(static_cast<std::int64_t>(b.size()), [&](std::int64_t begin, std::int64_t end) {
       std::copy(b.begin() + begin, b.begin() + end, residual_.begin() + begin);
     });
-    residual_in_boxes(parallel, finest_, reached_, b, x, residual_);
+    residual_in_boxes(parallel, finest_, focus_.reached(), b, x, residual_);
   }
   add_rest(parallel, x, Real(-1), residual_);
 }
@@ -321,7 +278,8 @@ void PressureMultigrid::precondition(const Parallel& parallel, const std::vector
   restrict_residual(parallel, finest_, residual_, coarse_[0].op, coarse_[0].b);
   coarse_cycle(parallel, 0);
   prolong_and_add(parallel, coarse_[0].op, coarse_[0].x, finest_, z);
-  if (!focused_.empty()) copy_in_boxes(parallel, finest_.grid, reached_, z, residual_);  // outside the focus the same
+  if (!focus_.everywhere())
+    copy_in_boxes(parallel, finest_.grid, focus_.reached(), z, residual_);  // outside the focus the same
   for (std::size_t i = weights().size(); i-- > 0;) smooth(parallel, r, z, i);
 }
 

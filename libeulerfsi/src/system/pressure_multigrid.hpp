@@ -6,10 +6,10 @@
 
 #include <span>
 
-#include "grid/tiles.hpp"
 #include "system/coarse_pressure.hpp"
 #include "system/compliance.hpp"
 #include "system/divergence.hpp"
+#include "system/pressure_focus.hpp"
 #include "system/slip.hpp"
 
 namespace efsi::system {
@@ -27,13 +27,8 @@ class PressureMultigrid {
   const Compliance& compliance() const { return compliance_; }
   // y = A x; fills the ghosts of x.
   void apply(const Parallel& parallel, std::vector<Real>& x, std::vector<Real>& y);
-  // From now on the finest level is smoothed only where it matters for a solve that begins with the residual r and ends
-  // at `tolerance` of |b|: on the fewest tiles of 8^3 cells that leave less than that, and the tiles beside them.
-  void focus(const Parallel& parallel, const std::vector<Real>& r, double b, double tolerance);
-  // The same for the tiles that hold some of these padded cells.
-  void focus(const std::vector<std::size_t>& cells);
-  // Everywhere again.
-  void widen() { focused_.clear(); }
+  // Where the finest level is smoothed; everywhere after build().
+  PressureFocus& focus() { return focus_; }
   // z = one V-cycle applied to r, symmetric positive definite.
   void precondition(const Parallel& parallel, const std::vector<Real>& r, std::vector<Real>& z);
   std::size_t bytes() const;
@@ -60,18 +55,15 @@ class PressureMultigrid {
   void coarse_cycle(const Parallel& parallel, std::size_t l);
   // y += sign (A - A_1) x on the finest level, A_1 without slip and compliance. Ghosts of x must be filled.
   void add_rest(const Parallel& parallel, const std::vector<Real>& x, Real sign, std::vector<Real>& y);
-  // The tiles that hold some of these padded cells.
-  void mark_tiles(const std::vector<std::size_t>& cells, grid::TileMask& mask) const;
-  // Smooths these tiles and those beside them, unless they are most of all.
-  void set_focus(grid::TileMask& mask);
+  // The tiles that no focus may leave out: smoothing gives slip and compliance their due everywhere.
+  grid::TileMask bound_tiles() const;
   PressureLevel finest_;
   Compliance compliance_;       // of the finest level
   std::vector<Real> residual_;  // padded cells
   std::vector<Real> excess_;    // of slip nodes
   std::vector<Real> given_;     // D x of a level's cells that give way
   std::vector<CoarseLevel> coarse_;
-  // Boxes that are smoothed, empty: everywhere; those that smoothing from zero reaches.
-  std::vector<CellBox> focused_, reached_;
+  PressureFocus focus_;
   Parallel serial_;
   const SlipNodes* slip_ = nullptr;
 };

@@ -175,32 +175,37 @@ linalg::Operator PressureSystem::operator_of(const Parallel& parallel) {
 
 linalg::SolveStats PressureSystem::solve_multigrid(const Parallel& parallel, const linalg::SolveOptions& options,
                                                    std::vector<Real>& q) {
+  const linalg::Operator apply = operator_of(parallel);
   const linalg::Operator precondition = [&](const std::vector<Real>& r, std::vector<Real>& z) {
     multigrid_.precondition(parallel, r, z);
   };
-  const linalg::Operator apply = operator_of(parallel);
+  const double limit = options.tolerance * (options.reference > 0.0 ? options.reference : linalg::norm(parallel, rhs_));
+  // What is left goes elsewhere in time, and stays where nothing is smoothed.
+  const linalg::Operator follow = [&](const std::vector<Real>& r, std::vector<Real>& z) {
+    multigrid_.focus().follow(parallel, r, limit);
+    multigrid_.precondition(parallel, r, z);
+  };
   linalg::SolveStats stats;
-  // Goes on from q for at most that many iterations.
-  const auto gradients = [&](linalg::SolveOptions part, int iterations) {
-    part.max_iterations = iterations;
+  // Goes on from q.
+  const auto gradients = [&](linalg::SolveOptions part, const linalg::Operator& preconditioner) {
+    part.max_iterations = kMostGradients;
     part.min_iterations = std::max(0, part.min_iterations - stats.iterations);
     part.residual_known = true;
     const int before = stats.iterations;
-    stats = linalg::pcg(parallel, apply, precondition, rhs_, q, part, pcg_);
+    stats = linalg::pcg(parallel, apply, preconditioner, rhs_, q, part, pcg_);
     stats.iterations += before;
     return stats.converged;
   };
   // Everything first; what the solids ask for beyond that is found by smoothing them alone.
   linalg::SolveOptions everything = options;
   everything.also = nullptr;
-  multigrid_.focus(parallel, pcg_.r, options.reference > 0.0 ? options.reference : linalg::norm(parallel, rhs_),
-                   options.tolerance);
-  bool converged = gradients(everything, kMostGradients);
+  bool converged = gradients(everything, follow);
+  multigrid_.focus().widen();
   if (converged && options.also && !options.also(pcg_.r)) {
-    multigrid_.focus(solid_cells_);
-    converged = gradients(options, kMostGradients);
+    multigrid_.focus().follow(solid_cells_);
+    converged = gradients(options, precondition);
+    multigrid_.focus().widen();
   }
-  multigrid_.widen();
   if (converged) return stats;
   // Between no-slip walls pressures that alternate from cell to cell move next to nothing: the energy of the error is
   // all in them, and its minimum leaves a divergence that does not fall.

@@ -12,6 +12,9 @@ namespace {
 // cell stays, from the first to the last: so both ends are alike, and what is its own mirror image is that on all
 // levels.
 
+// The pressure of the ghost beyond a wall over that of the cell before it: p = 0 on an open wall, in the middle.
+Real ghost(grid::Wall wall) { return wall == grid::Wall::kOpen ? Real(-1) : Real(1); }
+
 // Where an axis of the coarse grid reads fine cells (restriction, 1/4 3/4 3/4 1/4, or 1/2 1 1/2 0 of an odd number)
 // with walls folded in.
 struct AxisTable {
@@ -31,10 +34,10 @@ AxisTable restriction_table(int fine, int coarse, grid::Wall lower, grid::Wall u
       if (periodic) {
         f = (f + fine) % fine;
       } else if (f < 0) {  // the fine cell at the wall gave this share to the ghost beyond it
-        if (odd || lower == grid::Wall::kOpen) w = 0;
+        w *= odd ? Real(0) : ghost(lower);
         f = 0;
       } else if (f >= fine) {
-        if (odd || upper == grid::Wall::kOpen) w = 0;
+        w *= odd ? Real(0) : ghost(upper);
         f = fine - 1;
       }
       table.index[static_cast<std::size_t>(c)][static_cast<std::size_t>(t)] = f;
@@ -82,10 +85,10 @@ std::vector<Pair> prolongation_pairs(int fine, int coarse, grid::Wall lower, gri
     if (periodic) {
       far = (far + coarse) % coarse;
     } else if (far < 0) {
-      if (lower == grid::Wall::kOpen) weight = 0;
+      weight *= ghost(lower);
       far = 0;
     } else if (far >= coarse) {
-      if (upper == grid::Wall::kOpen) weight = 0;
+      weight *= ghost(upper);
       far = coarse - 1;
     }
     pairs[static_cast<std::size_t>(f)] = {near, far, Real(0.75), weight};
