@@ -15,16 +15,17 @@ namespace efsi::fluid {
 
 struct AdvectWorkspace {
   VectorField first;  // nodes: what arrives before the correction; cells of smoke: how far from where it comes
-  std::vector<Real> scalar_source, scalar_first;
-  std::vector<std::uint8_t> scalar_tiles;  // per tile of cells: whether these two may differ from 0
-  std::vector<std::uint8_t> solid_cells;   // cells that are more than half solid before the transport; or empty
-  std::array<ScalarBudget, 2> budgets;     // of smoke and temperature
+  std::vector<Real> scalar_source, scalar_first;  // cells: what is carried, and what arrives before the correction
+  std::vector<std::uint8_t> solid_cells;          // cells that are more than half solid before the transport; or empty
+  std::array<ScalarBudget, 2> budgets;            // of smoke and temperature
 
   // What may live in arrays of others during a transport.
-  std::array<std::vector<Real>*, 3> storage() { return {&first.c[0], &first.c[1], &first.c[2]}; }
+  std::array<std::vector<Real>*, 5> storage() {
+    return {&first.c[0], &first.c[1], &first.c[2], &scalar_source, &scalar_first};
+  }
   std::size_t bytes() const {
     return (3 * first.c[0].capacity() + scalar_source.capacity() + scalar_first.capacity()) * sizeof(Real) +
-           scalar_tiles.capacity() + solid_cells.capacity() + budgets[0].bytes() + budgets[1].bytes();
+           solid_cells.capacity() + budgets[0].bytes() + budgets[1].bytes();
   }
 };
 

@@ -1,7 +1,6 @@
 // Purpose: transport of cell-centred fields; see advect.hpp.
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "fluid/advect.hpp"
 #include "fluid/transport.hpp"
@@ -263,23 +262,23 @@ Real mean_of_fluid_around(const Grid& g, const std::vector<Real>& fraction, cons
   return count ? sum / static_cast<Real>(count) : Real(0);
 }
 
-// Where nothing is nor comes to the field is 0, and what is read of it, too. Tiles that are empty already are not
-// visited.
+// Where nothing is nor comes to the field is 0, and what is read of it, too.
 void clear_idle(const Parallel& parallel, const Grid& g, const TileMask& tiles, const std::vector<Real>& top,
                 std::vector<Real>& field, AdvectWorkspace& work) {
-  work.scalar_source.resize(field.size(), Real(0));
-  work.scalar_first.resize(field.size(), Real(0));
-  work.scalar_tiles.resize(top.size(), 0);
-  parallel.for_each(tiles.count(), [&](std::int64_t number) {
-    const auto t = static_cast<std::size_t>(number);
-    const bool was = std::exchange(work.scalar_tiles[t], static_cast<std::uint8_t>(tiles.active(number)));
-    if (tiles.active(number) || (!was && top[t] == 0)) return;
+  work.scalar_source.resize(field.size());
+  work.scalar_first.resize(field.size());
+  tiles.for_runs(parallel, [&](int j, int k, int begin, int end, bool active) {
+    if (active) return;
+    for (auto* values : {&work.scalar_source, &work.scalar_first})
+      std::fill_n(values->data() + g.cell(begin, j, k), end - begin, Real(0));
+  });
+  parallel.for_each(tiles.count(), [&](std::int64_t t) {
+    if (tiles.active(t) || top[static_cast<std::size_t>(t)] == 0) return;
     Vec3i begin, end;
-    tiles.range(number, begin, end);
+    tiles.range(t, begin, end);
     for (int k = begin[2]; k < end[2]; ++k)
       for (int j = begin[1]; j < end[1]; ++j)
-        for (auto* values : {&field, &work.scalar_source, &work.scalar_first})
-          std::fill_n(values->data() + g.cell(begin[0], j, k), end[0] - begin[0], Real(0));
+        std::fill_n(field.data() + g.cell(begin[0], j, k), end[0] - begin[0], Real(0));
   });
 }
 

@@ -124,6 +124,18 @@ void fill_ghosts(const Grid& g, std::vector<T>& field, T outside) {
     }
 }
 
+// Makes the ghost layer of a padded cell array zero.
+template <class T>
+void clear_ghosts(const Grid& g, std::vector<T>& field) {
+  auto from = field.begin();  // the first ghost that is not cleared yet
+  for (int k = 0; k < g.cells[2]; ++k)
+    for (int j = 0; j < g.cells[1]; ++j) {
+      const auto cells = field.begin() + static_cast<std::ptrdiff_t>(g.padded(0, j, k));
+      std::fill(from, cells, T(0));
+      from = cells + g.cells[0];
+    }
+  std::fill(from, field.end(), T(0));
+}
 // The same for a field whose ghosts are zero already: nothing to do unless an axis is periodic.
 template <class T>
 void fill_periodic_ghosts(const Grid& g, std::vector<T>& field) {

@@ -35,8 +35,10 @@ struct AdvectWorkspace {
   void reserve(std::size_t nodes) {
     for (const auto field : kFields) (this->*field).reserve(nodes);
   }
-  // Three that may live in arrays of others from advect() to predict_surface().
-  std::array<std::vector<Real>*, 3> storage() { return {&first_u.storage(), &first_v.storage(), &from.storage()}; }
+  // Five that may live in arrays of others from advect() to predict_surface().
+  std::array<std::vector<Real>*, 5> storage() {
+    return {&first_u.storage(), &first_v.storage(), &from.storage(), &u.storage(), &v.storage()};
+  }
   std::size_t bytes() const {
     std::size_t sum = 0;
     for (const auto field : kFields) sum += (this->*field).bytes();

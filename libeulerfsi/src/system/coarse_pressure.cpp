@@ -73,13 +73,19 @@ EFSI_KERNEL void inverse_diagonal_row(int n, const Row& row, Real* out) {
   }
 }
 
-// What a face between two cells counts if it is number `index` along an axis: the pressure outside an open wall stands
-// on the face, half a cell away.
-Real weight_of(const CoarsePressureLevel& level, int axis, int index) {
+// What a face number `index` along its axis counts: the pressure outside an open wall stands on the face.
+Real face_weight(const CoarsePressureLevel& level, int axis, int index) {
   const auto a = static_cast<std::size_t>(axis);
   const int n = level.grid.cells[a];
   if (level.grid.periodic[a] || (index > 0 && index < n)) return 1;
-  return Walls::blocks(index == 0 ? level.walls.lower(axis) : level.walls.upper(axis)) ? Real(0) : Real(2);
+  const bool blocked = Walls::blocks(index == 0 ? level.walls.lower(axis) : level.walls.upper(axis));
+  return blocked ? Real(0) : static_cast<Real>(1.0 / (level.outer[a] - 0.5));
+}
+
+// What cell number `index` along an axis has of the length h.
+Real cell_length(const CoarsePressureLevel& level, int axis, int index) {
+  const auto a = static_cast<std::size_t>(axis);
+  return index > 0 && index + 1 < level.grid.cells[a] ? Real(1) : static_cast<Real>(level.outer[a]);
 }
 
 void set_faces(const Parallel& parallel, const std::vector<Real>& specific_volume, int axis,
@@ -91,17 +97,18 @@ void set_faces(const Parallel& parallel, const std::vector<Real>& specific_volum
   Vec3i faces = g.cells;
   ++faces[a];
   const std::size_t along_b = g.node_stride(static_cast<int>(b)), along_c = g.node_stride(static_cast<int>(c));
+  const auto weight = [&](int along, int index) {
+    return along == axis ? face_weight(level, along, index) : cell_length(level, along, index);
+  };
   parallel.for_each(faces[2], [&](std::int64_t kk) {
     const int k = static_cast<int>(kk);
     for (int j = 0; j < faces[1]; ++j) {
       const Real* low = specific_volume.data() + g.node(0, j, k);
       Real* out = face.data() + g.padded(0, j, k);
-      const Real weight = axis == 0 ? Real(1) : weight_of(level, axis, axis == 1 ? j : k);
-      sum_row(faces[0], weight * static_cast<Real>(g.h / 4.0), low, low + along_b, low + along_c,
+      sum_row(faces[0], weight(1, j) * weight(2, k) * static_cast<Real>(g.h / 4.0), low, low + along_b, low + along_c,
               low + along_b + along_c, out);
-      if (axis > 0) continue;
-      out[0] *= weight_of(level, 0, 0);
-      out[g.cells[0]] *= weight_of(level, 0, g.cells[0]);
+      out[0] *= weight(0, 0);
+      if (faces[0] > 1) out[faces[0] - 1] *= weight(0, faces[0] - 1);
     }
   });
 }

@@ -5,6 +5,7 @@
 // A slow twin with assembled matrices is in tests/reference/.
 #pragma once
 
+#include <array>
 #include <utility>
 #include <vector>
 
@@ -24,6 +25,9 @@ struct PressureGrid {
   Walls walls;
   std::vector<std::uint8_t> active;    // padded cells; empty: all cells have an equation
   std::vector<Real> inverse_diagonal;  // of smoothing; padded cells; 0 where a cell has no equation
+  // Along each axis what the first and the last cell have of the length h: from the wall, half a cell beyond the
+  // center.
+  std::array<double, 3> outer{1, 1, 1};
 };
 
 // The grid of the scene.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "base/kernel.hpp"
 #include "grid/boundary.hpp"
@@ -12,17 +13,21 @@
 namespace efsi::system {
 namespace {
 
-constexpr int kCoarsestCells = 6;                // coarsen while every axis has more cells than this
-constexpr std::size_t kSerialCells = 27000;      // a level of no more cells is faster on one thread
-constexpr std::size_t kCoarsestIterations = 18;  // smoothing steps on the coarsest level
+constexpr int kCoarsestCells = 6;            // coarsen while every axis has more cells than this
+constexpr std::size_t kSerialCells = 27000;  // a level of no more cells is faster on one thread
+constexpr int kCoarsestSteps = 4;            // of smoothing on the coarsest level, per cell along its longest axis,
+constexpr int kMostCoarsestSteps = 64;       // and in all at most
+constexpr double kCoarsestRange = 5.0;       // largest over smallest of its spectrum, per square of that number
 
 // Chebyshev smoothing: Jacobi steps whose weights make a polynomial that is small on [largest / range, largest] of the
 // spectrum of D^-1 A, which for uniform density reaches 8/3 on the finest level and 2 on the others.
+constexpr Real chebyshev(double root, double largest, double range) {
+  return static_cast<Real>(2.0 / (largest * ((1.0 + 1.0 / range) + (1.0 - 1.0 / range) * root)));
+}
 template <std::size_t Degree>
 constexpr std::array<Real, Degree> chebyshev(const std::array<double, Degree>& roots, double largest, double range) {
   std::array<Real, Degree> weights{};
-  for (std::size_t i = 0; i < Degree; ++i)
-    weights[i] = static_cast<Real>(2.0 / (largest * ((1.0 + 1.0 / range) + (1.0 - 1.0 / range) * roots[i])));
+  for (std::size_t i = 0; i < Degree; ++i) weights[i] = chebyshev(roots[i], largest, range);
   return weights;
 }
 // cos((2 i + 1) pi / (2 n)), in an order that keeps rounding small; library cosines differ between machines.
@@ -30,9 +35,29 @@ constexpr std::array<double, 3> kRoots3 = {0.86602540378443865, 0.0, -0.86602540
 constexpr std::array<double, 8> kRoots8 = {0.98078528040323045,  -0.98078528040323045, 0.19509032201612827,
                                            -0.19509032201612827, 0.83146961230254524,  -0.83146961230254524,
                                            0.55557023301960222,  -0.55557023301960222};
-constexpr std::array<Real, 3> kEverywhere = chebyshev(kRoots3, 2.8, 16.0);
-constexpr std::array<Real, 8> kInFocus = chebyshev(kRoots8, 2.8, 64.0);  // few cells and among them the hard ones
-constexpr std::array<Real, 3> kCoarse = chebyshev(kRoots3, 2.0, 8.0);
+constexpr double kLargestFine = 2.8, kLargest = 2.0;  // of the spectrum
+constexpr std::array<Real, 3> kEverywhere = chebyshev(kRoots3, kLargestFine, 16.0);
+constexpr std::array<Real, 8> kInFocus = chebyshev(kRoots8, kLargestFine, 64.0);  // few cells, among them hard ones
+constexpr std::array<Real, 3> kCoarse = chebyshev(kRoots3, kLargest, 8.0);
+
+// Weights for a level that has no coarser one and is solved by them: of a degree 2^n that reaches its longest wave, of
+// which a quarter fits between a closed wall and an open one.
+std::vector<Real> coarsest_weights(const Grid& g, double largest) {
+  const int longest = *std::max_element(g.cells.begin(), g.cells.end());
+  const auto degree = static_cast<std::size_t>(std::min(kCoarsestSteps * longest, kMostCoarsestSteps));
+  std::vector<double> roots = {0.0};
+  while (roots.size() < degree) {  // by half of the angle, in the order of Lebedev and Finogenov
+    std::vector<double> twice;
+    for (const double root : roots) {
+      const double half = std::sqrt(0.5 * (1.0 + root));
+      twice.insert(twice.end(), {half, -half});
+    }
+    roots = std::move(twice);
+  }
+  std::vector<Real> weights;
+  for (const double root : roots) weights.push_back(chebyshev(root, largest, kCoarsestRange * longest * longest));
+  return weights;
+}
 
 // mobility = (h^2/4)^2 / m with m = density h^3 (adjacent cells) / 8.
 void set_mobility(const Parallel& parallel, const std::vector<Real>& specific_volume, PressureLevel& level) {
@@ -120,8 +145,9 @@ void PressureMultigrid::build(const Parallel& parallel, const Grid& g, const Wal
   }
   compliance_.set(compliance, finest_);
   compliance_.add_to_diagonal(finest_.inverse_diagonal);
-  focus_.reset(g, bound_tiles());
   build_coarse(parallel, specific_volume, compliance);
+  coarsest_ = coarse_.empty() ? coarsest_weights(g, kLargestFine) : coarsest_weights(coarse_.back().op.grid, kLargest);
+  focus_.reset(g, bound_tiles());
 }
 
 void PressureMultigrid::build_coarse(const Parallel& parallel, const std::vector<Real>& specific_volume,
@@ -145,6 +171,11 @@ void PressureMultigrid::build_coarse(const Parallel& parallel, const std::vector
       for (auto* field : {&level.x, &level.b, &level.other}) field->assign(grid.padded_count(), 0);
     level.op.grid = grid;
     level.op.walls = fine.walls;
+    for (int a = 0; a < 3; ++a) {  // in half of the finer cells; of an odd number the outer one keeps its place
+      const auto s = static_cast<std::size_t>(a);
+      const double length = fine.grid.cells[s] % 2 != 0 ? fine.outer[s] + 0.5 : fine.outer[s] + 1.0;
+      level.op.outer[s] = a == slab ? 1.0 : 0.5 * length;
+    }
     coarsen_specific_volume(parallel, fine.grid, l > 0 ? coarse_[l - 1].specific_volume : finest, grid,
                             level.specific_volume);
     coarsen_active(fine, level.op);
@@ -166,13 +197,14 @@ void PressureMultigrid::apply(const Parallel& parallel, std::vector<Real>& x, st
 }
 
 std::span<const Real> PressureMultigrid::weights() const {
+  if (coarse_.empty()) return coarsest_;
   return focus_.everywhere() ? std::span<const Real>(kEverywhere) : std::span<const Real>(kInFocus);
 }
 
 void PressureMultigrid::smooth(const Parallel& parallel, const std::vector<Real>& b, std::vector<Real>& x,
                                std::size_t step) {
   grid::fill_periodic_ghosts(finest_.grid, x);
-  const Real weight = weights()[step % weights().size()];
+  const Real weight = weights()[step];
   if (slip_) slip_->excess(parallel, x, excess_);  // of x before the step
   if (!compliance_.empty()) compliance_.multiply(parallel, x, given_);
   if (focus_.everywhere()) {
@@ -201,6 +233,7 @@ void PressureMultigrid::add_rest(const Parallel& parallel, const std::vector<Rea
 grid::TileMask PressureMultigrid::bound_tiles() const {
   const Grid& g = finest_.grid;
   grid::TileMask mask(g.cells);
+  for (std::int64_t t = 0; coarse_.empty() && t < mask.count(); ++t) mask.set(t, true);
   if (slip_)
     for (const SlipNode& n : slip_->nodes())
       for (const auto& c : grid::kCorner) {
@@ -215,11 +248,11 @@ grid::TileMask PressureMultigrid::bound_tiles() const {
 
 void PressureMultigrid::smooth_from_zero(const Parallel& parallel, const std::vector<Real>& b, std::vector<Real>& x) {
   if (focus_.everywhere()) {
-    linalg::multiply(parallel, x, finest_.inverse_diagonal, b, kEverywhere[0]);
+    linalg::multiply(parallel, x, finest_.inverse_diagonal, b, weights()[0]);
     return;
   }
   for (auto* field : {&x, &residual_}) linalg::fill(parallel, *field, b.size(), Real(0));
-  relax_from_zero(parallel, finest_, focus_.smoothed(), b, kInFocus[0], x);
+  relax_from_zero(parallel, finest_, focus_.smoothed(), b, weights()[0], x);
 }
 
 void PressureMultigrid::leave_residual(const Parallel& parallel, const std::vector<Real>& b, std::vector<Real>& x) {
@@ -239,9 +272,8 @@ void PressureMultigrid::coarse_cycle(const Parallel& every, std::size_t l) {
   CoarseLevel& level = coarse_[l];
   const Grid& g = level.op.grid;
   const Parallel& parallel = g.cell_count() <= kSerialCells ? serial_ : every;
-  const auto smooth_once = [&](std::size_t step) {
+  const auto smooth_once = [&](Real weight) {
     grid::fill_periodic_ghosts(g, level.x);
-    const Real weight = kCoarse[step % kCoarse.size()];
     smooth_coarse(parallel, level.op, level.b, weight, level.x, level.other);
     if (!level.compliance.empty()) {
       level.compliance.multiply(parallel, level.x, given_);
@@ -249,12 +281,11 @@ void PressureMultigrid::coarse_cycle(const Parallel& every, std::size_t l) {
     }
     std::swap(level.x, level.other);
   };
-  linalg::multiply(parallel, level.x, level.op.inverse_diagonal, level.b, kCoarse[0]);  // a step from zero
-  if (l + 1 == coarse_.size()) {
-    for (std::size_t it = 1; it < kCoarsestIterations; ++it) smooth_once(it);
-    return;
-  }
-  for (std::size_t i = 1; i < kCoarse.size(); ++i) smooth_once(i);
+  const bool last = l + 1 == coarse_.size();
+  const std::span<const Real> weights = last ? std::span<const Real>(coarsest_) : std::span<const Real>(kCoarse);
+  linalg::multiply(parallel, level.x, level.op.inverse_diagonal, level.b, weights[0]);  // a step from zero
+  for (const Real weight : weights.subspan(1)) smooth_once(weight);
+  if (last) return;
   grid::fill_periodic_ghosts(g, level.x);
   coarse_residual(parallel, level.op, level.b, level.x, level.other);
   if (!level.compliance.empty()) level.compliance.add(parallel, Real(-1), level.x, level.other);
@@ -262,18 +293,15 @@ void PressureMultigrid::coarse_cycle(const Parallel& every, std::size_t l) {
   restrict_residual(parallel, level.op, level.other, next.op, next.b);
   coarse_cycle(every, l + 1);
   prolong_and_add(parallel, next.op, next.x, level.op, level.x);
-  for (std::size_t i = kCoarse.size(); i-- > 0;) smooth_once(i);
+  for (std::size_t i = weights.size(); i-- > 0;) smooth_once(weights[i]);
 }
 
 void PressureMultigrid::precondition(const Parallel& parallel, const std::vector<Real>& r, std::vector<Real>& z) {
   z.resize(r.size());
   residual_.resize(r.size());
   smooth_from_zero(parallel, r, z);
-  if (coarse_.empty()) {
-    for (std::size_t it = 1; it < kCoarsestIterations; ++it) smooth(parallel, r, z, it);
-    return;
-  }
   for (std::size_t i = 1; i < weights().size(); ++i) smooth(parallel, r, z, i);
+  if (coarse_.empty()) return;
   leave_residual(parallel, r, z);
   restrict_residual(parallel, finest_, residual_, coarse_[0].op, coarse_[0].b);
   coarse_cycle(parallel, 0);

@@ -27,7 +27,7 @@ class PressureMultigrid {
   const Compliance& compliance() const { return compliance_; }
   // y = A x; fills the ghosts of x.
   void apply(const Parallel& parallel, std::vector<Real>& x, std::vector<Real>& y);
-  // Where the finest level is smoothed; everywhere after build().
+  // Where the finest level is smoothed; everywhere after build(), and always where there is no other level.
   PressureFocus& focus() { return focus_; }
   // z = one V-cycle applied to r, symmetric positive definite.
   void precondition(const Parallel& parallel, const std::vector<Real>& r, std::vector<Real>& z);
@@ -55,7 +55,8 @@ class PressureMultigrid {
   void coarse_cycle(const Parallel& parallel, std::size_t l);
   // y += sign (A - A_1) x on the finest level, A_1 without slip and compliance. Ghosts of x must be filled.
   void add_rest(const Parallel& parallel, const std::vector<Real>& x, Real sign, std::vector<Real>& y);
-  // The tiles that no focus may leave out: smoothing gives slip and compliance their due everywhere.
+  // The tiles that no focus may leave out: smoothing gives slip and compliance their due everywhere, and of a single
+  // level it is all.
   grid::TileMask bound_tiles() const;
   PressureLevel finest_;
   Compliance compliance_;       // of the finest level
@@ -63,6 +64,7 @@ class PressureMultigrid {
   std::vector<Real> excess_;    // of slip nodes
   std::vector<Real> given_;     // D x of a level's cells that give way
   std::vector<CoarseLevel> coarse_;
+  std::vector<Real> coarsest_;  // weights of the last level's smoothing steps, which solve it
   PressureFocus focus_;
   Parallel serial_;
   const SlipNodes* slip_ = nullptr;

@@ -275,10 +275,17 @@ DivergenceNorms PressureSystem::norms(const Parallel& parallel, const VectorFiel
   return residual_norms(parallel, pcg_.r);
 }
 
-void PressureSystem::exchange_scratch(const std::array<std::vector<Real>*, 3>& arrays) {
+void PressureSystem::exchange_scratch(const std::array<std::vector<Real>*, 5>& arrays) {
   arrays[0]->swap(pcg_.z);
   arrays[1]->swap(pcg_.d);
   arrays[2]->swap(multigrid_.scratch());
+  arrays[3]->swap(pcg_.r);
+  arrays[4]->swap(pcg_.q);
+  for (std::vector<Real>* residual : {&pcg_.r, &pcg_.q}) {  // of both a solve writes the cells, and sums the ghosts
+    if (residual->empty()) continue;
+    residual->resize(grid_.padded_count());
+    grid::clear_ghosts(grid_, *residual);
+  }
 }
 
 std::size_t PressureSystem::bytes() const {

@@ -50,8 +50,8 @@ class PressureSystem {
   DivergenceNorms norms(const Parallel& parallel, const VectorField& velocity, const std::vector<Real>& source);
   // One of its arrays for padded cells, whose values mean nothing between solves.
   std::vector<Real>& scratch() { return pcg_.z; }
-  // Exchanges three arrays for three of these.
-  void exchange_scratch(const std::array<std::vector<Real>*, 3>& arrays);
+  // Exchanges five arrays for five of these; a second call takes them back.
+  void exchange_scratch(const std::array<std::vector<Real>*, 5>& arrays);
   std::size_t bytes() const;
 
  private:

@@ -12,8 +12,11 @@ namespace {
 // cell stays, from the first to the last: so both ends are alike, and what is its own mirror image is that on all
 // levels.
 
-// The pressure of the ghost beyond a wall over that of the cell before it: p = 0 on an open wall, in the middle.
-Real ghost(grid::Wall wall) { return wall == grid::Wall::kOpen ? Real(-1) : Real(1); }
+// The pressure of the coarse ghost beyond a wall over that of the cell before it. The finer cell between the wall and
+// that cell reads 3/4 and 1/4 of the two: at an open wall, where p = 0, its part by distance, (outer - 1/2) / outer.
+Real ghost(grid::Wall wall, double outer) {
+  return wall == grid::Wall::kOpen ? static_cast<Real>(1.0 - 2.0 / outer) : Real(1);
+}
 
 // Where an axis of the coarse grid reads fine cells (restriction, 1/4 3/4 3/4 1/4, or 1/2 1 1/2 0 of an odd number)
 // with walls folded in.
@@ -22,7 +25,7 @@ struct AxisTable {
   std::vector<std::array<Real, 4>> weight;
 };
 
-AxisTable restriction_table(int fine, int coarse, grid::Wall lower, grid::Wall upper, bool periodic) {
+AxisTable restriction_table(int fine, int coarse, grid::Wall lower, grid::Wall upper, bool periodic, double outer) {
   AxisTable table;
   table.index.resize(static_cast<std::size_t>(coarse));
   table.weight.resize(static_cast<std::size_t>(coarse));
@@ -34,10 +37,10 @@ AxisTable restriction_table(int fine, int coarse, grid::Wall lower, grid::Wall u
       if (periodic) {
         f = (f + fine) % fine;
       } else if (f < 0) {  // the fine cell at the wall gave this share to the ghost beyond it
-        w *= odd ? Real(0) : ghost(lower);
+        w *= odd ? Real(0) : ghost(lower, outer);
         f = 0;
       } else if (f >= fine) {
-        w *= odd ? Real(0) : ghost(upper);
+        w *= odd ? Real(0) : ghost(upper, outer);
         f = fine - 1;
       }
       table.index[static_cast<std::size_t>(c)][static_cast<std::size_t>(t)] = f;
@@ -46,12 +49,13 @@ AxisTable restriction_table(int fine, int coarse, grid::Wall lower, grid::Wall u
   return table;
 }
 
-std::array<AxisTable, 3> restriction_tables(const Grid& fine, const Grid& coarse, const Walls& walls) {
-  const int slab = grid::slab_axis(fine, walls);
+std::array<AxisTable, 3> restriction_tables(const PressureGrid& fine, const Grid& coarse) {
+  const int slab = grid::slab_axis(fine.grid, fine.walls);
   std::array<AxisTable, 3> tables;
   for (int a = 0; a < 3; ++a) {
     const auto s = static_cast<std::size_t>(a);
-    tables[s] = restriction_table(fine.cells[s], coarse.cells[s], walls.lower(a), walls.upper(a), fine.periodic[s]);
+    tables[s] = restriction_table(fine.grid.cells[s], coarse.cells[s], fine.walls.lower(a), fine.walls.upper(a),
+                                  fine.grid.periodic[s], fine.outer[s]);
     // A slab's coarse cell counts as a cube, twice as thick as the fine cells that it stands for.
     if (a == slab) tables[s].weight[0] = {0, 2, 0, 0};
   }
@@ -71,7 +75,8 @@ struct Pair {
   Real near_weight, far_weight;
 };
 
-std::vector<Pair> prolongation_pairs(int fine, int coarse, grid::Wall lower, grid::Wall upper, bool periodic) {
+std::vector<Pair> prolongation_pairs(int fine, int coarse, grid::Wall lower, grid::Wall upper, bool periodic,
+                                     double outer) {
   std::vector<Pair> pairs(static_cast<std::size_t>(fine));
   for (int f = 0; f < fine; ++f) {
     const int near = f / 2;
@@ -85,10 +90,10 @@ std::vector<Pair> prolongation_pairs(int fine, int coarse, grid::Wall lower, gri
     if (periodic) {
       far = (far + coarse) % coarse;
     } else if (far < 0) {
-      weight *= ghost(lower);
+      weight *= ghost(lower, outer);
       far = 0;
     } else if (far >= coarse) {
-      weight *= ghost(upper);
+      weight *= ghost(upper, outer);
       far = coarse - 1;
     }
     pairs[static_cast<std::size_t>(f)] = {near, far, Real(0.75), weight};
@@ -101,7 +106,7 @@ std::vector<Pair> prolongation_pairs(int fine, int coarse, grid::Wall lower, gri
 void restrict_residual(const Parallel& parallel, const PressureGrid& fine, const std::vector<Real>& r,
                        const PressureGrid& coarse, std::vector<Real>& b) {
   const Grid &gf = fine.grid, &gc = coarse.grid;
-  const auto tables = restriction_tables(gf, gc, fine.walls);
+  const auto tables = restriction_tables(fine, gc);
   const int nf = gf.cells[0];
   parallel.for_ranges(gc.cells[2], [&](std::int64_t begin, std::int64_t end) {
     std::vector<Real> row(static_cast<std::size_t>(nf));
@@ -135,7 +140,8 @@ void prolong_and_add(const Parallel& parallel, const PressureGrid& coarse, const
   std::array<std::vector<Pair>, 3> pairs;
   for (int a = 0; a < 3; ++a) {
     const auto s = static_cast<std::size_t>(a);
-    pairs[s] = prolongation_pairs(gf.cells[s], gc.cells[s], fine.walls.lower(a), fine.walls.upper(a), gf.periodic[s]);
+    pairs[s] = prolongation_pairs(gf.cells[s], gc.cells[s], fine.walls.lower(a), fine.walls.upper(a), gf.periodic[s],
+                                  fine.outer[s]);
   }
   const int nc = gc.cells[0];
   const bool odd_x = !gf.periodic[0] && gf.cells[0] % 2 != 0;

@@ -140,6 +140,31 @@ TEST_CASE(
   }
 }
 
+TEST_CASE("Smooth sources need few iterations in boxes of any shape, closed, open and open at one end", "[law]") {
+  using grid::Wall;
+  constexpr Wall s = Wall::kSlip, o = Wall::kOpen;
+  const std::pair<const char*, std::array<Wall, 6>> walls[] = {
+      {"closed", {s, s, s, s, s, s}}, {"open", {o, o, o, o, o, o}}, {"open at one end", {s, o, s, s, s, s}}};
+  for (const Vec3i& n : {Vec3i{48, 40, 44}, Vec3i{96, 24, 20}, Vec3i{33, 43, 51}})
+    for (const auto& [name, faces] : walls) {
+      const PressureCase c(name, n, faces, 1.0);
+      PressureSystem system = assembled(c);
+      grid::VectorField v;
+      v.assign(c.g.node_count());
+      std::vector<Real> source(c.g.padded_count(), 0), q(source);
+      for (int k = 0; k < n[2]; ++k)
+        for (int j = 0; j < n[1]; ++j)
+          for (int i = 0; i < n[0]; ++i)
+            source[c.g.padded(i, j, k)] = static_cast<Real>(std::cos(4.0 * i / n[0]) + std::sin(5.0 * (j + k) / n[1]));
+      const Parallel parallel(1);
+      const system::DivergenceNorms before = system.set_right_side(parallel, v, source);
+      const auto stats = system.solve(parallel, PressureSolver::kMultigridPcg, kDouble ? 1e-6 : 1e-4, before, q);
+      INFO(name << ", " << n[0] << " x " << n[1] << " x " << n[2] << ": " << stats.iterations);
+      CHECK(stats.converged);
+      CHECK(stats.iterations <= (kDouble ? 8 : 5));
+    }
+}
+
 TEST_CASE("The focus follows what is left to where it goes", "[law]") {
   // A source that begins in one corner: what cycles leave of it lies at the surface of a heavy ball and at the walls.
   const PressureCase c = pressure_cases({64, 64, 64}, 1000.0)[2];
