@@ -113,7 +113,7 @@ TEST_CASE("The elastica of the tests has the tabulated ends") {
   CHECK(tip.angle == Approx(0.321594).margin(1e-6));
 }
 
-TEST_CASE("A slender cantilever bends to the elastica", "[law]") {
+TEST_CASE("A slender cantilever bends to the elastica", "[law][slow]") {
   bend(2.0, GENERATE(false, true), 8, 1.0 / 240, 0.04);  // 0.02 is missed: docs/bars.md
 }
 

@@ -64,7 +64,7 @@ double coulomb(double tilt, double mu) { return kGravity * (std::sin(tilt) - mu 
 
 }  // namespace
 
-TEST_CASE("A block slides down a collider tilted about any axis as Coulomb says", "[law]") {
+TEST_CASE("A block slides down a collider tilted about any axis as Coulomb says", "[law][slow]") {
   struct Case {
     Vec3d turn;
     double mu;

@@ -111,7 +111,7 @@ TEST_CASE("A ball hits the floor in small steps without losing its shape or gain
   CHECK(up > 1.5);
 }
 
-TEST_CASE("An impact is as calm at any Poisson's ratio of a solid that keeps its volume", "[law]") {
+TEST_CASE("An impact is as calm at any Poisson's ratio of a solid that keeps its volume", "[law][slow]") {
   // Down and up again, to where the solid begins to leave the floor.
   const double ratio = GENERATE(0.0, 0.3, 0.499);
   const auto law = GENERATE(material::Law::kCorotational, material::Law::kStableNeoHookean);

@@ -88,7 +88,8 @@ TEST_CASE("Balls that meet part again by repulsion from one cell on, in vacuum a
   }
 }
 
-TEST_CASE("The stiffness of Eq. 14 does nothing where a step's spring impulse is more than a particle's momentum") {
+TEST_CASE("The stiffness of Eq. 14 does nothing where a step's spring impulse is more than a particle's momentum",
+          "[slow]") {
   // dt k h against m v: above k = rho h^2 v / (8 dt), some 10 N/m here, the second term of the minimum decides.
   const sim::Params p = paper_params(kBox, false);
   const Outcome hard = collide(p, two_balls(10000.0));
@@ -115,7 +116,8 @@ TEST_CASE("The constraint helps collisions: with it fewer particles are pushed, 
   CHECK(collide(paper_params(kBox, false), foam).distance < 0.2 + kCell);
 }
 
-TEST_CASE("The constraint of the solids alone changes a collision little: what helps is that of the fluid", "[law]") {
+TEST_CASE("The constraint of the solids alone changes a collision little: what helps is that of the fluid",
+          "[law][slow]") {
   for (const double fluid : {0.0, 770.0}) {
     sim::Params p = paper_params(kBox, fluid > 0.0);
     if (fluid > 0.0) p.fluid.density = fluid;

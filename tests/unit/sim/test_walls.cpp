@@ -209,7 +209,8 @@ TEST_CASE("What is missing of the friction on a slope is what the velocity solve
   CHECK(found == Approx(exact).epsilon(0.01));
 }
 
-TEST_CASE("A block slides down a slope or stays as its friction is a hundredth below or above the tangent", "[law]") {
+TEST_CASE("A block slides down a slope or stays as its friction is a hundredth below or above the tangent",
+          "[law][slow]") {
   struct Slope {
     double degrees;
     bool compressible;
