@@ -164,12 +164,13 @@ TEST_CASE("What a wall has pulled it lets go in the next step", "[law]") {
 
 namespace {
 
-// Of the block along the slope, from 0.2 to 0.4 s [m/s^2].
+// Of the block along the slope, from 0.35 to 0.5 s [m/s^2]: under a compressible one a film of a ten-thousandth of a cell
+// carries up to a quarter of its weight until 0.3 s.
 double sliding_acceleration(sim::Simulation& s) {
-  advance_to(s, 0.2);
+  advance_to(s, 0.35);
   const double early = speed(s)[0];
-  advance_to(s, 0.4);
-  return (speed(s)[0] - early) / 0.2;
+  advance_to(s, 0.5);
+  return (speed(s)[0] - early) / 0.15;
 }
 
 double by_coulomb(double degrees, double friction) {
