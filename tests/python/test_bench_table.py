@@ -50,3 +50,10 @@ def test_bad_options_are_refused_first(cli, tmp_path, arguments, code, message):
     (tmp_path / "missing").write_text("a file, no folder")
     done = cli("bench", "table", *arguments)
     assert done.returncode == code and message in done.stderr and not done.stdout
+
+
+def test_solves_of_solids_that_meet_stay_below_their_bars(tmp_path):
+    """The party at a quarter of the paper's resolution, first impacts: iterations per step of the worst frame."""
+    effort = bench_table.Effort.of(bench_table.run("party", 0.02, "production", "1-4", tmp_path / "cache"))
+    assert effort.steps > 10 and effort.overlap > 0, "nothing has touched"
+    assert not effort.missed(bench_table.BARS["party", 0.25], quiet=False), effort
