@@ -107,7 +107,7 @@ linalg::SolveStats descend(const Parallel& parallel, const std::vector<Real>& f,
     }
     system.fold(parallel, pushed);
     enough = std::max(target.least, target.of_push * linalg::norm(parallel, pushed));
-    left = rest;
+    linalg::copy(parallel, left, rest);
     linalg::add_scaled(parallel, left, 1.0, pushed);
     residual = linalg::norm(parallel, left);
   };
@@ -119,17 +119,17 @@ linalg::SolveStats descend(const Parallel& parallel, const std::vector<Real>& f,
     const double next = linalg::dot(parallel, left, z);
     const double beta = rz > 0.0 ? std::max(0.0, (next - linalg::dot(parallel, before, z)) / rz) : 0.0;
     if (beta > 0.0) linalg::scale_add(parallel, d, beta, z);
-    if (!(beta > 0.0) || !(linalg::dot(parallel, d, left) > 0.0)) d = z;
+    if (!(beta > 0.0) || !(linalg::dot(parallel, d, left) > 0.0)) linalg::copy(parallel, d, z);
     rz = next;
     system.apply_bare(parallel, d, q);
-    whole = d;
+    linalg::copy(parallel, whole, d);
     system.follow_ties(whole);
     ray.point(whole);
     const double t = way(ray, linalg::dot(parallel, d, rest), linalg::dot(parallel, d, q));
     linalg::add_scaled(parallel, x, t, whole);
     linalg::add_scaled(parallel, rest, -t, q);
     ray.move(t);
-    before = left;
+    std::swap(before, left);
     find_left();
     ++stats.iterations;
   }

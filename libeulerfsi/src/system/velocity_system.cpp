@@ -226,11 +226,17 @@ void VelocitySystem::gather_elements(const Parallel& parallel, const Finish& fin
 template <class BlockBody, class Finish>
 void VelocitySystem::sum_blocks(const Parallel& parallel, const BlockBody& body, const Finish& finish,
                                 std::vector<Real>& out) {
-  for (std::size_t l = 0; l < solids_.size(); ++l)
-    parallel.for_each(static_cast<std::int64_t>(solids_[l].work->blocks()), [&](std::int64_t local) {
-      const auto block = static_cast<std::size_t>(local);
-      body(l, block, element_out_.data() + (block_begin_[l] + block) * 24 * kLanes);
-    });
+  // One loop over all solids, of each of which a thread has its share: what is strained costs twice.
+  const std::int64_t shares = parallel.threads();
+  parallel.for_each(shares, [&](std::int64_t share) {
+    for (std::size_t l = 0; l < solids_.size(); ++l) {
+      const auto blocks = static_cast<std::int64_t>(solids_[l].work->blocks());
+      for (std::int64_t n = blocks * share / shares; n < blocks * (share + 1) / shares; ++n) {
+        const auto block = static_cast<std::size_t>(n);
+        body(l, block, element_out_.data() + (block_begin_[l] + block) * 24 * kLanes);
+      }
+    }
+  });
   gather_elements(parallel, finish, out);
 }
 
@@ -471,18 +477,21 @@ linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolve
   load_.resize(b.size());
   for (const Tie& t : ties_)
     if (moves_[t.to] == 0) x[t.from] = x[t.to];
-  std::vector<Real> given(b.size(), 0);
-  bool any = false;
-  for (std::size_t i = 0; i < b.size(); ++i) {
-    if (moves_[i] == 0) given[i] = x[i];
+  std::vector<Real> given(b.size());
+  const auto entries = static_cast<std::int64_t>(b.size());
+  parallel.for_each(entries, [&](std::int64_t n) {
+    const auto i = static_cast<std::size_t>(n);
+    given[i] = moves_[i] == 0 ? x[i] : Real(0);
     if (free_[i] == 0) x[i] = 0;
-    any = any || given[i] != 0;
-  }
+  });
+  const bool any = linalg::dot(parallel, given, given) > 0.0;
+  linalg::copy(parallel, load_, b);
   if (any) {
-    multiply(parallel, given, load_);
-    add_penalty_impulses(1, penalty_impulses(given), load_);
+    std::vector<Real> pushed;
+    multiply(parallel, given, pushed);
+    add_penalty_impulses(1, penalty_impulses(given), pushed);
+    linalg::add_scaled(parallel, load_, -1.0, pushed);
   }
-  for (std::size_t i = 0; i < b.size(); ++i) load_[i] = any ? b[i] - load_[i] : b[i];
   fold(parallel, load_);
   linalg::SolveStats stats;
   if (solver == VelocitySolver::kPcr) {
@@ -492,8 +501,7 @@ linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolve
     options.least = least;
     stats = linalg::pcg(parallel, g, inverse, load_, x, options, pcg_);
   }
-  if (any)
-    for (std::size_t i = 0; i < b.size(); ++i) x[i] += given[i];
+  if (any) linalg::add_scaled(parallel, x, 1.0, given);
   follow_ties(x);
   return stats;
 }
