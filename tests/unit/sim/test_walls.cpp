@@ -164,8 +164,8 @@ TEST_CASE("What a wall has pulled it lets go in the next step", "[law]") {
 
 namespace {
 
-// Of the block along the slope, from 0.35 to 0.5 s [m/s^2]: under a compressible one a film of a ten-thousandth of a cell
-// carries up to a quarter of its weight until 0.3 s.
+// Of the block along the slope, from 0.35 to 0.5 s [m/s^2]: under a compressible one a film of a ten-thousandth of a
+// cell carries up to a quarter of its weight until 0.3 s.
 double sliding_acceleration(sim::Simulation& s) {
   advance_to(s, 0.35);
   const double early = speed(s)[0];
