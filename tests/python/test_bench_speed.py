@@ -12,7 +12,7 @@ from conftest import ROOT
 sys.path.insert(0, str(ROOT / "tests" / "bench"))
 
 import bench_speed  # noqa: E402
-from speed import case, kernels, lines, peer  # noqa: E402
+from speed import case, kernels, lines, peer, scaling  # noqa: E402
 from speed.child import top_of_smoke  # noqa: E402
 from speed.lines import Line  # noqa: E402
 
@@ -43,6 +43,22 @@ def test_a_line_without_a_bar_is_not_judged_and_a_missing_number_misses_its_bar(
 def test_threads_are_held_to_what_the_triad_gains_up_to_a_cap(triads, share) -> None:
     one, two = result([3.0], triads[0]), result([2.0], triads[1])
     assert lines.thread_share([one], [two])[0] == pytest.approx(share)
+
+
+def test_what_more_threads_gain_follows_from_what_two_leave_of_each_stage() -> None:
+    """A stage that halves, one that stays: 16 threads make (1 / 16 + 1) of 2 s, and half of the time one waits."""
+
+    def run(halves: float) -> dict:
+        profile = {"steps": 2, "seconds": {"pressure_solve": 2 * halves, "check": 2.0, "smoke": 1e-6}}
+        return result([halves + 1.0, halves + 1.0], profile=profile)
+
+    assert scaling.counts(2) == [1, 2] and scaling.counts(1) == [1, 2] and scaling.counts(20) == [1, 2, 4, 8, 16]
+    pressure, check, in_all = scaling.rows({1: run(1.0), 2: run(0.5)})
+    assert (pressure["stage"], pressure["gain"], pressure["waiting"]) == ("pressure_solve", 2.0, 0.0)
+    assert (check["gain"], check["waiting"], check[scaling.FORETOLD]) == (1.0, 0.5, 1.0)
+    assert pressure[scaling.FORETOLD] == pytest.approx(16.0)
+    assert in_all["2 threads"] == 1.5 and in_all[scaling.FORETOLD] == pytest.approx(2 / (1 + 1 / 16))
+    assert scaling.FORETOLD not in scaling.rows({1: run(1.0), 16: run(1 / 16)})[-1]  # measured, not foretold
 
 
 def test_runs_that_take_turns_are_compared_pair_by_pair() -> None:

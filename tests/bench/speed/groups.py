@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from . import kernels, lines, peer
+from . import kernels, lines, peer, scaling
 from .case import Case, plume, run_case
 from .lines import Line
 
@@ -21,13 +22,14 @@ class Sizes:
     fine: float = 0.005
     coarse: float = 0.01
     empty: float = 0.02
+    heap: float = 0.01
     plume: int = 128
     kernels: tuple[int, int, int] = (120, 140, 120)
     peer_frames: int = 12
 
 
 # So small that bars mean nothing: checks the benchmark itself.
-QUICK = Sizes(0.02, 0.02, 0.05, 32, (32, 40, 32), 3)
+QUICK = Sizes(0.02, 0.02, 0.05, 0.04, 32, (32, 40, 32), 3)
 
 
 @dataclasses.dataclass
@@ -140,7 +142,7 @@ THREAD_SHARE = 0.85
 
 
 def threads(sizes: Sizes) -> Outcome:
-    """The whole step with one thread and with two, taking turns."""
+    """The whole step with one thread and with two, taking turns; then every stage of four scenes at 1, 2, 4, ..."""
     case = ball_case(sizes.fine, "production", 2)
     runs: dict[int, list[dict[str, Any]]] = {1: [], 2: []}
     for _ in range(THREAD_ROUNDS):
@@ -149,7 +151,20 @@ def threads(sizes: Sizes) -> Outcome:
     share, gain, triad = lines.thread_share(runs[1], runs[2])
     at = f"Ball {sizes.fine:g}, frames 1-2, {THREAD_ROUNDS} runs each: step x{gain:.3g}, triad x{triad:.3g}"
     name = f"1 -> 2 threads: the step's gain over the triad's (at most {lines.TRIAD_GAIN_CAP:g}) >= {THREAD_SHARE:g}"
-    return Outcome([Line(name, share, "", THREAD_SHARE, None, at)])
+    outcome = Outcome([Line(name, share, "", THREAD_SHARE, None, at)])
+    for scene, voxel, frames in (
+        ("ball", sizes.fine, 2),
+        ("smoke_only", sizes.fine, 4),
+        ("party", sizes.coarse, 3),
+        ("heap", sizes.heap, 11),
+    ):
+        case = Case(scene, (f"Domain.voxelSize={voxel}",), frames)
+        results = {
+            count: run_case(dataclasses.replace(case, threads=count)) for count in scaling.counts(os.cpu_count() or 1)
+        }
+        title = f"Seconds per step of {scene} {voxel:g}, frames 1-{frames}, {results[1]['profile']['steps']} steps"
+        outcome.tables[title] = [*scaling.rows(results), scaling.triad_row(results)]
+    return outcome
 
 
 BOX = 3.0
