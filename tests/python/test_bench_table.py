@@ -29,6 +29,13 @@ def test_tables_have_the_paper_s_row_and_ours(cli, tmp_path):
     assert effort.count("|") == 10 and float(effort.split("|")[4]) > 0
 
 
+def test_a_scene_that_is_a_cell_thick_stays_so_at_any_resolution(tmp_path):
+    path = bench_table.scene_at("circles", 0.025, tmp_path)
+    assert path.parent == tmp_path and "xformOp:scale = (1, 0.5, 0.025)" in path.read_text()
+    assert bench_table.scene_at("ball", 0.025, tmp_path) == bench_table.SCENES / "ball.usda"
+    assert bench_table.scene_at("circles", 0.01, tmp_path) == bench_table.SCENES / "circles.usda"  # as it is
+
+
 def test_bars_are_judged_on_every_machine_but_seconds_only_on_a_quiet_one():
     effort = bench_table.Effort(10, 10, 100.0, 5.0, 1.0, 0.1, 9.0)
     bar = bench_table.Bar(velocity=90, pressure=8, seconds=5)
