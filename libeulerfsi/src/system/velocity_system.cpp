@@ -474,7 +474,6 @@ linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolve
     precondition(parallel, in, out);
   };
   // What is prescribed stands on the right; the rest is solved for.
-  load_.resize(b.size());
   for (const Tie& t : ties_)
     if (moves_[t.to] == 0) x[t.from] = x[t.to];
   std::vector<Real> given(b.size());
@@ -484,13 +483,13 @@ linalg::SolveStats VelocitySystem::solve(const Parallel& parallel, VelocitySolve
     given[i] = moves_[i] == 0 ? x[i] : Real(0);
     if (free_[i] == 0) x[i] = 0;
   });
-  const bool any = linalg::dot(parallel, given, given) > 0.0;
-  linalg::copy(parallel, load_, b);
+  const bool any = linalg::dot(parallel, given, given) != 0.0;  // not a number counts, too
   if (any) {
-    std::vector<Real> pushed;
-    multiply(parallel, given, pushed);
-    add_penalty_impulses(1, penalty_impulses(given), pushed);
-    linalg::add_scaled(parallel, load_, -1.0, pushed);
+    multiply(parallel, given, load_);
+    add_penalty_impulses(1, penalty_impulses(given), load_);
+    linalg::scale_add(parallel, load_, -1.0, b);
+  } else {
+    linalg::copy(parallel, load_, b);
   }
   fold(parallel, load_);
   linalg::SolveStats stats;
