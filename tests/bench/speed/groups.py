@@ -22,14 +22,13 @@ class Sizes:
     fine: float = 0.005
     coarse: float = 0.01
     empty: float = 0.02
-    heap: float = 0.01
     plume: int = 128
     kernels: tuple[int, int, int] = (120, 140, 120)
     peer_frames: int = 12
 
 
 # So small that bars mean nothing: checks the benchmark itself.
-QUICK = Sizes(0.02, 0.02, 0.05, 0.04, 32, (32, 40, 32), 3)
+QUICK = Sizes(0.02, 0.02, 0.05, 32, (32, 40, 32), 3)
 
 
 @dataclasses.dataclass
@@ -141,28 +140,29 @@ THREAD_ROUNDS = 2
 THREAD_SHARE = 0.85
 
 
+def at_threads(case: Case, rounds: int = 1) -> dict[int, list[dict[str, Any]]]:
+    """Runs of a case by number of threads, 1, 2, 4, ..., taking turns."""
+    runs: dict[int, list[dict[str, Any]]] = {count: [] for count in scaling.counts(os.cpu_count() or 1)}
+    for _ in range(rounds):
+        for count, results in runs.items():
+            results.append(run_case(dataclasses.replace(case, threads=count)))
+    return runs
+
+
 def threads(sizes: Sizes) -> Outcome:
-    """The whole step with one thread and with two, taking turns; then every stage of four scenes at 1, 2, 4, ..."""
-    case = ball_case(sizes.fine, "production", 2)
-    runs: dict[int, list[dict[str, Any]]] = {1: [], 2: []}
-    for _ in range(THREAD_ROUNDS):
-        for count in (1, 2):
-            runs[count].append(run_case(dataclasses.replace(case, threads=count)))
-    share, gain, triad = lines.thread_share(runs[1], runs[2])
+    """Every stage of four scenes at 1, 2, 4, ... threads; of the ball the whole step with one thread and with two."""
+    ball = at_threads(ball_case(sizes.fine, "production", 2), THREAD_ROUNDS)
+    share, gain, triad = lines.thread_share(ball[1], ball[2])
     at = f"Ball {sizes.fine:g}, frames 1-2, {THREAD_ROUNDS} runs each: step x{gain:.3g}, triad x{triad:.3g}"
     name = f"1 -> 2 threads: the step's gain over the triad's (at most {lines.TRIAD_GAIN_CAP:g}) >= {THREAD_SHARE:g}"
     outcome = Outcome([Line(name, share, "", THREAD_SHARE, None, at)])
-    for scene, voxel, frames in (
-        ("ball", sizes.fine, 2),
-        ("smoke_only", sizes.fine, 4),
-        ("party", sizes.coarse, 3),
-        ("heap", sizes.heap, 11),
-    ):
+    scenes = {f"ball {sizes.fine:g}, frames 1-2": ball}
+    for scene, voxel, frames in (("smoke_only", sizes.fine, 4), ("party", sizes.coarse, 3), ("heap", sizes.coarse, 11)):
         case = Case(scene, (f"Domain.voxelSize={voxel}",), frames)
-        results = {
-            count: run_case(dataclasses.replace(case, threads=count)) for count in scaling.counts(os.cpu_count() or 1)
-        }
-        title = f"Seconds per step of {scene} {voxel:g}, frames 1-{frames}, {results[1]['profile']['steps']} steps"
+        scenes[f"{scene} {voxel:g}, frames 1-{frames}"] = at_threads(case)
+    for name, runs in scenes.items():
+        results = {count: found[-1] for count, found in runs.items()}
+        title = f"Seconds per step of {name}, {results[1]['profile']['steps']} steps"
         outcome.tables[title] = [*scaling.rows(results), scaling.triad_row(results)]
     return outcome
 

@@ -71,18 +71,23 @@ def per_cell(bar: str, seconds: float, result: Result, conditions: str) -> Line:
     return Line(bar, 1e6 * seconds / result["cells"], "us", None, None, conditions, seconds / result["triad"])
 
 
+def stage_seconds(result: Result) -> dict[str, float]:
+    """Seconds per step of each stage."""
+    steps = max(result["profile"]["steps"], 1)
+    return {stage: seconds / steps for stage, seconds in result["profile"]["seconds"].items()}
+
+
 def stage_rows(result: Result) -> list[dict[str, Any]]:
     """Time per stage, as the columns of the paper's Table 2, in ms per step."""
-    profile = result["profile"]
-    steps = max(profile["steps"], 1)
+    total = result["profile"]["total_seconds"]
     return [
         {
             "stage": stage,
-            "ms per step": 1000 * seconds / steps,
-            "share": seconds / profile["total_seconds"],
-            "triads": seconds / steps / result["triad"],
+            "ms per step": 1000 * seconds,
+            "share": result["profile"]["seconds"][stage] / total,
+            "triads": seconds / result["triad"],
         }
-        for stage, seconds in profile["seconds"].items()
+        for stage, seconds in stage_seconds(result).items()
         if seconds > 0
     ]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from .lines import step_seconds, threads_text
+from .lines import stage_seconds, step_seconds, threads_text
 
 MANY = 16  # threads that are spoken of on machines that have fewer
 FORETOLD = f"gain of {MANY}, foretold"
@@ -22,13 +22,6 @@ def counts(processors: int) -> list[int]:
     return out
 
 
-def seconds_of(result: Result) -> dict[str, float]:
-    """Seconds per step: of each stage and in all."""
-    profile = result["profile"]
-    steps = max(profile["steps"], 1)
-    return {**{stage: value / steps for stage, value in profile["seconds"].items()}, "in all": step_seconds(result)}
-
-
 def serial_share(one: float, many: float, threads: int) -> float:
     """Share of the time on one thread that more threads do not shorten, by Amdahl: many = one (s + (1 - s) / threads).
 
@@ -43,19 +36,22 @@ def waiting(one: float, many: float, threads: int) -> float:
     return max(0.0, 1 - one / (threads * many))
 
 
+def row_of(stage: str, seconds: Mapping[int, float]) -> dict[str, Any]:
+    """Seconds by number of threads, and what the most gain and wait."""
+    most = max(seconds)
+    row: dict[str, Any] = {"stage": stage, **{threads_text(count): value for count, value in seconds.items()}}
+    return {**row, "gain": seconds[1] / seconds[most], "waiting": waiting(seconds[1], seconds[most], most)}
+
+
 def rows(results: Mapping[int, Result]) -> list[dict[str, Any]]:
     """A row per stage and one for all: seconds per step by number of threads, gain, waiting, what MANY would gain."""
-    measured = {count: seconds_of(result) for count, result in results.items()}
+    measured = {count: {**stage_seconds(result), "in all": step_seconds(result)} for count, result in results.items()}
     most, one = max(measured), measured[1]
-    out = []
-    for stage, alone in one.items():
-        if alone < NEGLIGIBLE * one["in all"]:
-            continue
-        row: dict[str, Any] = {"stage": stage}
-        row |= {threads_text(count): values[stage] for count, values in measured.items()}
-        row["gain"] = alone / measured[most][stage]
-        row["waiting"] = waiting(alone, measured[most][stage], most)
-        out.append(row)
+    out = [
+        row_of(stage, {count: values[stage] for count, values in measured.items()})
+        for stage, alone in one.items()
+        if alone >= NEGLIGIBLE * one["in all"]
+    ]
     if most >= MANY:
         return out
     # The step is the sum of its stages, each of which has a share of its own.
@@ -71,8 +67,5 @@ def rows(results: Mapping[int, Result]) -> list[dict[str, Any]]:
 
 def triad_row(results: Mapping[int, Result]) -> dict[str, Any]:
     """The triad beside them: what memory gains by threads; nothing is foretold of it."""
-    row: dict[str, Any] = {"stage": "triad"}
-    row |= {threads_text(count): result["triad"] for count, result in results.items()}
-    row["gain"] = results[1]["triad"] / results[max(results)]["triad"]
-    row["waiting"] = waiting(results[1]["triad"], results[max(results)]["triad"], max(results))
+    row = row_of("triad", {count: result["triad"] for count, result in results.items()})
     return row if max(results) >= MANY else {**row, FORETOLD: ""}
