@@ -64,7 +64,8 @@ void Team::take_parts(std::uint32_t loop) {
   }
 }
 
-bool Team::busy() const { return leader_busy_ || omp_get_thread_num() != 0; }
+// Of the threads of a team only the leader reads what the leader writes.
+bool Team::busy() const { return omp_get_thread_num() != 0 || leader_busy_; }
 
 void Team::serve() {
   std::uint32_t seen = 0;
