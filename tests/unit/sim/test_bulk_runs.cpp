@@ -23,7 +23,7 @@ sim::SolidDesc bulky_ball(const Vec3d& center, double nu, double shear = 1e4, do
 
 }  // namespace
 
-TEST_CASE("Ledger: the work of the pressure is what the bulk stiffness gives, and all columns join", "[law]") {
+TEST_CASE("Ledger: the work of the pressure is what the bulk stiffness gives, and all columns join", "[law][slow]") {
   // A ball that breathes, lambda = 49 mu, for the quarter of a period in which it comes back from 1.01 of its size. A
   // part that vanishes with the step (0.15 of it in 40, 0.10 in 80 steps) backward Euler takes.
   constexpr double nu = 0.49, kShear = 1e4;
@@ -88,7 +88,7 @@ TEST_CASE("Bulk stiffness: the same bits with any number of threads, and from a 
 }
 
 TEST_CASE("A compressible ball in a closed box of liquid keeps its volume and presses, in an open one it grows back",
-          "[law]") {
+          "[law][slow]") {
   const double nu = GENERATE(0.4, 0.49);
   constexpr double kShear = 1e4, kSize = 0.99;
   const double bulk = 2.0 * kShear * (1.0 + nu) / (3.0 * (1.0 - 2.0 * nu));

@@ -90,7 +90,7 @@ double size_of(const grid::VectorField& one, const grid::VectorField* other = nu
 
 }  // namespace
 
-TEST_CASE("A ball whose points move is one whose transform does", "[law][slow]") {
+TEST_CASE("A ball whose points move is one whose transform does", "[law][nightly]") {
   for (const sim::Preset preset : {sim::Preset::kProduction, sim::Preset::kPaper2016})
     for (const double distance : {0.09, 0.04}) {  // in the first the balls do not meet
       const Moved pose = move_ball(preset, Share::kNone, distance);
@@ -193,7 +193,7 @@ double depth(const std::vector<Vec3d>& points, const geometry::TriangleMesh& mes
 
 }  // namespace
 
-TEST_CASE("A plate that bulges under a block lifts it, and counts what it gives it", "[law][slow]") {
+TEST_CASE("A plate that bulges under a block lifts it, and counts what it gives it", "[law][nightly]") {
   for (const sim::Preset preset : {sim::Preset::kProduction, sim::Preset::kPaper2016}) {
     sim::Params p = vacuum({0.6, 0.6, 0.6}, kCell);
     p.numerics = sim::numerics_of(preset);
@@ -294,7 +294,8 @@ std::pair<double, double> carry(double acceleration, bool by_points) {
 
 }  // namespace
 
-TEST_CASE("A plate whose points go off sideways carries a block, or slips under it, as Coulomb says", "[law][slow]") {
+TEST_CASE("A plate whose points go off sideways carries a block, or slips under it, as Coulomb says",
+          "[law][nightly]") {
   for (const double acceleration : {1.5, 6.0}) {
     const auto [pose_gain, pose_speed] = carry(acceleration, false);
     const auto [gain, speed] = carry(acceleration, true);
@@ -342,7 +343,8 @@ geometry::TriangleMesh belt_mesh(double moved) {
 
 }  // namespace
 
-TEST_CASE("A belt whose points run in its surface drags a block by its friction until it moves along", "[law]") {
+TEST_CASE("A belt whose points run in its surface drags a block by its friction until it moves along",
+          "[law][nightly]") {
   const double speed = 0.5;
   Carried scene(belt_mesh(0.0), 0.15);
   const auto points = [&](int n) { return belt_mesh(speed * kShort * std::max(0, n)).points; };

@@ -101,7 +101,7 @@ Closing close(sim::Simulation& s, double end) {
 
 }  // namespace
 
-TEST_CASE("Legs of a U that are thrown at each other stay apart and open again", "[law]") {
+TEST_CASE("Legs of a U that are thrown at each other stay apart and open again", "[law][slow]") {
   const Around around = GENERATE(Around::kVacuum, Around::kAir, Around::kLiquid);
   auto s = closing_legs(around, around == Around::kLiquid ? 1.2 : 0.8);
   const Closing out = close(*s, 0.5);

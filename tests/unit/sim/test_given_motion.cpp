@@ -228,7 +228,7 @@ TEST_CASE("A ball that is set in motion takes half its volume of fluid along", "
   CHECK(impulse[0] / wanted == Approx(1.0).margin(0.1));
 }
 
-TEST_CASE("Nothing falls through a collider, and it gives a ball the momentum that it counts", "[law]") {
+TEST_CASE("Nothing falls through a collider, and it gives a ball the momentum that it counts", "[law][slow]") {
   const auto s = make_simulation(vacuum({0.6, 0.7, 0.6}, kCell), {ball_desc({0.3, 0.35, 0.3}, 0.08)});
   geometry::MeshReport report;
   // It reaches through three walls and comes up to meet the ball.

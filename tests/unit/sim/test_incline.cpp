@@ -64,7 +64,7 @@ double coulomb(double tilt, double mu) { return kGravity * (std::sin(tilt) - mu 
 
 }  // namespace
 
-TEST_CASE("A block slides down a collider tilted about any axis as Coulomb says", "[law][slow]") {
+TEST_CASE("A block slides down a collider tilted about any axis as Coulomb says", "[law][nightly]") {
   struct Case {
     Vec3d turn;
     double mu;
@@ -80,7 +80,7 @@ TEST_CASE("A block slides down a collider tilted about any axis as Coulomb says"
 }
 
 TEST_CASE("A block on a tilted collider slides from 0.02 of friction below the slope on, and sticks 0.02 above",
-          "[law][slow]") {
+          "[law][nightly]") {
   const Vec3d turn = GENERATE(Vec3d(0.0, 0.0, -0.35), Vec3d(0.2, 0.5, -0.4));
   const bool compressible = GENERATE(true, false);
   const double slope = std::tan(TiltedBlock(turn, 0.0, false).tilt);

@@ -98,7 +98,7 @@ TEST_CASE("The stiffness of Eq. 14 does nothing where a step's spring impulse is
   CHECK(std::abs(collide(p, two_balls(1.0)).speed[0] - hard.speed[0]) > 0.005);
 }
 
-TEST_CASE("The constraint helps collisions: with it fewer particles are pushed, and less deep", "[law]") {
+TEST_CASE("The constraint helps collisions: with it fewer particles are pushed, and less deep", "[law][nightly]") {
   // Sec. 4.6 and 5.1. Off: foam in vacuum, as without the constraint nothing keeps a fluid; on: solids that keep their
   // volume, in a fluid of nearly their density.
   std::vector<sim::SolidDesc> foam = two_balls();
@@ -117,7 +117,7 @@ TEST_CASE("The constraint helps collisions: with it fewer particles are pushed, 
 }
 
 TEST_CASE("The constraint of the solids alone changes a collision little: what helps is that of the fluid",
-          "[law][slow]") {
+          "[law][nightly]") {
   for (const double fluid : {0.0, 770.0}) {
     sim::Params p = paper_params(kBox, fluid > 0.0);
     if (fluid > 0.0) p.fluid.density = fluid;

@@ -65,7 +65,7 @@ double yield_stretch(double mu, double yield_stress) {
 
 }  // namespace
 
-TEST_CASE("A ball that is pulled beyond its yield stress keeps the stretch that is not elastic", "[law]") {
+TEST_CASE("A ball that is pulled beyond its yield stress keeps the stretch that is not elastic", "[law][slow]") {
   const double yield_stress = 3000.0, stretch = 1.4;
   auto s = make_simulation(box(0.02), {plastic_ball(kMiddle, yield_stress)});
   pull(*s, stretch);
@@ -86,7 +86,7 @@ TEST_CASE("A ball that is pulled beyond its yield stress keeps the stretch that 
   CHECK(length_along_x(*elastic) == Approx(1.0).epsilon(0.01));
 }
 
-TEST_CASE("Half the time step changes what a ball keeps by less than a hundredth", "[law][slow]") {
+TEST_CASE("Half the time step changes what a ball keeps by less than a hundredth", "[law][nightly]") {
   const double rate = GENERATE(100.0, 300.0, 1e3, 1e6);
   const auto kept = [&](double dt) {
     auto s = make_simulation(box(0.02), {plastic_ball(kMiddle, 2000.0, rate)});
