@@ -278,25 +278,6 @@ TEST_CASE("In a cell that two solids fill a part of the pressure keeps the volum
   CHECK(std::min(cells[1], cells[2]) > 100);
 }
 
-TEST_CASE("Contact is the same to the bit with two threads, and after a restart", "[determinism]") {
-  std::vector<sim::SolidDesc> balls = two_balls(0.05);
-  for (sim::SolidDesc& ball : balls) ball.friction = 0.3;
-  sim::Params p = space(1.0);
-  auto one = make_simulation(p, balls);
-  p.threads = 2;
-  auto two = make_simulation(p, balls), resumed = make_simulation(p, balls);
-  for (auto* s : {one.get(), two.get()}) advance_to(*s, 0.1);
-  REQUIRE_FALSE(one->state().solids[0].contacts.empty());
-  CHECK(sim::state_hash(one->state()) == sim::state_hash(two->state()));
-  const std::string file = "contact.checkpoint";
-  sim::save_checkpoint(*one, file);
-  sim::restore_checkpoint(*resumed, file);
-  std::remove(file.c_str());
-  CHECK(sim::state_hash(one->state()) == sim::state_hash(resumed->state()));
-  for (auto* s : {one.get(), resumed.get()}) s->step(0.01);
-  CHECK(sim::state_hash(one->state()) == sim::state_hash(resumed->state()));
-}
-
 TEST_CASE("Solids far from each other have no rows, and with the paper's preset none at all") {
   sim::Params p = space(0.0);
   auto apart = make_simulation(p, {ball_desc({0.2, 0.35, 0.25}), ball_desc({0.8, 0.35, 0.25})});

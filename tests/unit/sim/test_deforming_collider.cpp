@@ -365,45 +365,6 @@ TEST_CASE("A belt whose points run in its surface drags a block by its friction 
   CHECK(block.center[1] == Approx(0.24 + sim::kContactSkin * kCell).margin(0.25 * kCell));
 }
 
-TEST_CASE("Points of a collider: the same bits with any number of threads, and after a restart") {
-  const auto run = [](int threads, bool restart) {
-    sim::Params p = box_params({0.5, 0.4, 0.4}, kCell);
-    p.threads = threads;
-    const Vec3d center(0.2, 0.12, 0.2);
-    const geometry::TriangleMesh ball = ball_mesh(center, 0.07);
-    const auto build = [&] {
-      auto s = make_simulation(p, {ball_desc({0.23, 0.28, 0.2}, 0.07)});
-      geometry::MeshReport report;
-      s->add_collider(desc_of(ball), report);
-      return s;
-    };
-    auto s = build();
-    const auto points = [&](int f) {
-      std::vector<Vec3d> moved = ball.points;
-      for (Vec3d& x : moved) x[1] += 0.15 * f * (x[1] - center[1]);
-      return moved;
-    };
-    const auto frame = [&](int f) {
-      s->set_motion(0, f * kFrame, (f + 1) * kFrame, pose_about(center, {0, 0, 0.1 * f}, {0, 0, 0}),
-                    pose_about(center, {0, 0, 0.1 * f + 0.1}, {0, 0, 0}));
-      s->set_points(0, {f * kFrame, (f + 1) * kFrame, points(f), points(f + 1)});
-      s->advance(kFrame, {});
-    };
-    for (int f = 0; f < 3; ++f) frame(f);
-    if (restart) {
-      sim::State state = s->state();
-      state.solids[1].shape = nullptr;  // as a checkpoint has it
-      s = build();
-      s->set_state(state);
-    }
-    for (int f = 3; f < 6; ++f) frame(f);
-    return sim::state_hash(s->state());
-  };
-  const std::uint64_t once = run(1, false);
-  CHECK(run(2, false) == once);
-  CHECK(run(1, true) == once);
-}
-
 TEST_CASE("A collider whose points bound no volume ends the step, and the state is that before it") {
   sim::Params p = box_params({0.4, 0.4, 0.4}, kCell);
   const auto s = make_simulation(p);

@@ -286,30 +286,6 @@ TEST_CASE("A body slides down a tilted collider as Coulomb says", "[law]") {
   CHECK(found == Approx(wanted).epsilon(0.02));
 }
 
-TEST_CASE("Given motion: the same bits with any number of threads, and after a restart") {
-  const auto run = [](int threads, bool restart) {
-    sim::Params p = box_params({0.4, 0.6, 0.4}, kCell);
-    p.threads = threads;
-    auto bar = std::make_unique<HangingBar>(p);
-    const auto frame = [&](int f) {
-      const auto at = [](int n) { return pose({0, 0.1 * n, 0}, {0.004 * n, 0, 0}); };
-      bar->s->set_motion(bar->pin, f * kFrame, (f + 1) * kFrame, at(f), at(f + 1));
-      bar->s->advance(kFrame, {});
-    };
-    for (int f = 0; f < 2; ++f) frame(f);
-    if (restart) {
-      const sim::State state = bar->s->state();
-      bar = std::make_unique<HangingBar>(p);
-      bar->s->set_state(state);
-    }
-    for (int f = 2; f < 4; ++f) frame(f);
-    return sim::state_hash(bar->s->state());
-  };
-  const std::uint64_t once = run(1, false);
-  CHECK(run(2, false) == once);
-  CHECK(run(1, true) == once);
-}
-
 // In the gap beside where they touch there are cells of the fluid all of whose corners are given.
 TEST_CASE("Wind past colliders that touch each other, and past a pinned foot on a collider", "[law]") {
   for (const double gap : {-0.25, 0.0, 0.5}) {  // cells between them
