@@ -795,7 +795,7 @@ def test_a_scene_runs_in_a_process_of_its_own(library) -> None:
     assert {line.law: line.verdict for line in outcome.lines}["finite"] == "pass"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("job", bench_random.read_list(FIXED), ids=lambda job: f"{job.seed}/{job.scene}")
 def test_the_fixed_scenes_keep_the_laws_but_for_known_misses(library, job: bench_random.Job) -> None:
     outcome = bench_random.run_job(job, ends=float("inf"))

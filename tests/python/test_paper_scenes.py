@@ -37,7 +37,7 @@ def test_rows_of_table_1_are_what_the_scenes_author(name: str) -> None:
 
 @pytest.mark.parametrize("preset", ["production", "paper2016"])
 @pytest.mark.parametrize("name", ["half", "height", "flat"])
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_squashed_bunny_takes_its_shape_again(name: str, preset: str, tmp_path: Path) -> None:
     """Fig. 3, in steps of a frame: no inverted cell after frame 3, in the end 1e-2 of its size beside its shape."""
     run = Run(f"squash_{name}.usda", tmp_path / "cache", preset=preset)
@@ -57,7 +57,7 @@ def test_squashed_bunny_takes_its_shape_again(name: str, preset: str, tmp_path: 
     assert run.volume_errors(path, settled).max() < 0.01
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_party_piles_up_clay_keeps_dents_and_the_others_do_not(tmp_path: Path) -> None:
     """Figs. 1, 8, 9: contact and yield happen; volumes; final shapes, pressed by their weight; rest."""
     voxel = 0.02
@@ -160,7 +160,7 @@ def test_light_bunny_is_lifted_to_the_ceiling(tmp_path: Path) -> None:
     assert run.volume_errors("/World/Bunny").max() < 0.01
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_heavy_bunny_falls_as_in_vacuum_and_stays_on_the_ground(tmp_path: Path) -> None:
     """Fig. 6: until it meets the floor, within 2 % of free fall; then it lies there, in the jet."""
     voxel = 0.02
@@ -200,7 +200,7 @@ def cheb(name: str, folder: Path, frames: str) -> tuple[np.ndarray, dict[int, np
     return points[1], moved
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_puff_pushes_cheb_who_comes_back_keeps_a_dent_or_falls(tmp_path: Path) -> None:
     """Fig. 7. Elastic: after 2 s within 4 % of his height from where he was. Of clay: a dent, in voxels the largest
     distance from his shape at rest in any pose. Feet that are pinned do not move, free ones do."""
