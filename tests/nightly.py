@@ -65,7 +65,8 @@ def main() -> int:
     parts = read_parts()
     if arguments.list:
         for part in parts:
-            print(f"{part['name']:16} {part['kind']:6} {part['seconds']:5} s  {part['command']}")
+            command = "; ".join(part["command"].strip().splitlines())
+            print(f"{part['name']:16} {part['kind']:6} {part['seconds']:5} s  {command}")
         return 0
     try:
         todo = chosen(parts, arguments.slice, arguments.only)

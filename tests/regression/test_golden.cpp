@@ -197,7 +197,7 @@ TEST_CASE("Golden hashes: the three kinds of scene with both presets", "[determi
   }
 }
 TEST_CASE("Golden hash: two solids that touch", "[determinism]") { check("production touching", touching()); }
-TEST_CASE("Golden hash: the bunny falls", "[determinism][slow]") {
+TEST_CASE("Golden hash: the bunny falls", "[determinism]") {
   if (std::filesystem::exists(kBunny))
     check("production bunny", bunny());
   else
