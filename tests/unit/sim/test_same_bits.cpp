@@ -13,6 +13,7 @@
 #include <string>
 
 #include "sim/window.hpp"
+#include "solid/plasticity.hpp"
 #include "unit/sim/scene.hpp"
 #include "unit/solid/hairpin.hpp"
 
