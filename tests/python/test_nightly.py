@@ -50,7 +50,7 @@ def slices_of_case(name: str) -> list[str]:
         only, but = option(command, "-R"), option(command, "-E")
         return (not only or re.search(only, name) is not None) and not (but and re.search(but, name))
 
-    return [part["name"] for part in SLICES if "ctest" in part["command"] and takes(part["command"])]
+    return [part["name"] for part in SLICES if "ctest --preset nightly" in part["command"] and takes(part["command"])]
 
 
 def slices_of_function(name: str) -> list[str]:
@@ -77,7 +77,9 @@ def test_a_slice_takes_at_most_three_minutes_and_finds_tests() -> None:
     assert [part["name"] for part in SLICES if part["seconds"] > 180] == []
     names = {name for case in nightly_cases() for name in slices_of_case(case)}
     names |= {name for function in nightly_functions() for name in slices_of_function(function)}
-    tests = {part["name"] for part in SLICES if "ctest" in part["command"] or "-m pytest" in part["command"]}
+    tests = {
+        part["name"] for part in SLICES if "ctest --preset nightly" in part["command"] or "-m pytest" in part["command"]
+    }
     assert names == tests
 
 
