@@ -5,12 +5,12 @@
 
 #include "base/error.hpp"
 #include "base/refuse.hpp"
+#include "frame/slab_state.hpp"
 #include "geometry/overlap.hpp"
-#include "sim/given_shape.hpp"
+#include "given/given_shape.hpp"
 #include "sim/simulation.hpp"
-#include "sim/slab_state.hpp"
-#include "solid/mass.hpp"
-#include "solid/plasticity.hpp"
+#include "solid/element/mass.hpp"
+#include "solid/element/plasticity.hpp"
 
 namespace efsi::sim {
 namespace {

@@ -11,9 +11,9 @@
 #include "linalg/reduce.hpp"
 #include "sim/checkpoint.hpp"
 #include "sim/time_step.hpp"
-#include "solid/displacement.hpp"
-#include "solid/mass.hpp"
-#include "solid/surface.hpp"
+#include "solid/element/mass.hpp"
+#include "solid/map/displacement.hpp"
+#include "solid/surface/surface.hpp"
 
 namespace efsi::sim {
 namespace {

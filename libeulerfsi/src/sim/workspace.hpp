@@ -4,14 +4,14 @@
 #include <array>
 #include <vector>
 
+#include "contact/hold.hpp"
 #include "fluid/advect.hpp"
 #include "fluid/viscosity.hpp"
-#include "sim/hold.hpp"
-#include "sim/scene.hpp"
-#include "sim/state.hpp"
-#include "solid/displacement.hpp"
+#include "frame/scene.hpp"
+#include "frame/state.hpp"
+#include "solid/map/displacement.hpp"
 #include "solid/momentum.hpp"
-#include "solid/particles.hpp"
+#include "solid/particles/particles.hpp"
 #include "system/contact_solve.hpp"
 #include "system/pressure_solve.hpp"
 #include "system/slip.hpp"
@@ -39,7 +39,7 @@ struct NodeVelocity {
 // What friction does at a row: nothing, it brakes what slides, or it holds.
 enum class Rub : std::uint8_t { kNone, kSlides, kSticks };
 
-// A node of a solid on a wall (sim/wall_contact.hpp).
+// A node of a solid on a wall (contact/wall_contact.hpp).
 struct WallRow {
   std::size_t solid = 0, node = 0, above = 0;  // nodes of the common grid
   Vec3i place{};                               // of the node, in the box
@@ -58,15 +58,15 @@ struct WallRow {
   Vec3 pull = Vec3::Zero();   // along the tangents, where it sticks [kg m/s]
 };
 
-// A node of a solid whose velocity is given (sim/prescribed.hpp).
+// A node of a solid whose velocity is given (given/prescribed.hpp).
 struct GivenNode {
   std::size_t pin = 0, solid = 0, node = 0;  // node: of the common grid
   Vec3 velocity = Vec3::Zero();
   Vec3d impulse = Vec3d::Zero();  // that holds it in this step [kg m/s]
 };
 
-// Where two solids may touch (sim/solid_contact.hpp): the rows of Eq. 8, and of each the solids and the cell of the
-// box. Where a solid may touch itself (sim/fold_contact.hpp) in place of the cell the two fold points, and 0.
+// Where two solids may touch (contact/solid_contact.hpp): the rows of Eq. 8, and of each the solids and the cell of the
+// box. Where a solid may touch itself (contact/fold_contact.hpp) in place of the cell the two fold points, and 0.
 struct RowPlace {
   std::array<std::size_t, 2> solids{};
   Vec3i cell{};
@@ -94,7 +94,7 @@ struct VelocityEquation {
   std::vector<Real> momentum;    // M v + dt f, which v* has to have [kg m/s]
 };
 
-// What emitters bring into the fluid in this step (sim/jets.hpp).
+// What emitters bring into the fluid in this step (sources/jets.hpp).
 struct Jets {
   std::vector<fluid::SourceCell> cells;
   std::vector<double> flux;  // per emitter of the scene [m^3/s]

@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "linalg/reduce.hpp"
-#include "solid/stiffness_block.hpp"
+#include "solid/element/stiffness_block.hpp"
 #include "system/multilevel.hpp"
 #include "system/rigid_modes.hpp"
 #include "system/row_inverse.hpp"
