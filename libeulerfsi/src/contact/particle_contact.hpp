@@ -8,7 +8,7 @@
 #pragma once
 
 #include "frame/step_context.hpp"
-#include "sim/workspace.hpp"
+#include "solid/particles/particles.hpp"
 
 namespace efsi::sim {
 

@@ -5,7 +5,9 @@
 #include <limits>
 #include <optional>
 
-#include "sim/workspace.hpp"
+#include "contact/solid_contacts.hpp"
+#include "nodes/node_fields.hpp"
+#include "solid/solid.hpp"
 
 namespace efsi::sim {
 

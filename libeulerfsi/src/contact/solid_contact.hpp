@@ -3,8 +3,10 @@
 // contact, system/contact_solve.hpp.
 #pragma once
 
+#include "contact/hold.hpp"
+#include "contact/solid_contacts.hpp"
 #include "frame/step_context.hpp"
-#include "sim/workspace.hpp"
+#include "nodes/node_fields.hpp"
 
 namespace efsi::sim {
 

@@ -9,7 +9,6 @@
 #include "contact/push_out.hpp"
 #include "frame/grid_loops.hpp"
 #include "nodes/fixed_components.hpp"
-#include "sources/volume_source.hpp"
 
 namespace efsi::sim {
 
@@ -317,41 +316,42 @@ void tie_rows(const std::vector<WallRow>& rows, system::VelocitySystem& system) 
 namespace {
 
 // Adds to the right-hand sides, `part` times, what brakes a row that slides.
-void brake(const WallRow& row, Real part, VelocityEquation& elasticity) {
-  const std::size_t u = 3 * unknown_of(row, elasticity.system);
+void brake(const WallRow& row, Real part, const system::VelocitySystem& system, RightSides right) {
+  const std::size_t u = 3 * unknown_of(row, system);
   for (std::size_t a = 0; a < 3; ++a) {
     if (!(row.tangents & bit(static_cast<int>(a)))) continue;
     const Real impulse = -row.limit * row.way[static_cast<Eigen::Index>(a)];
-    elasticity.f_star[u + a] += part * impulse;
-    elasticity.momentum[u + a] += part * impulse;
+    right.f_star[u + a] += part * impulse;
+    right.momentum[u + a] += part * impulse;
   }
 }
 
 }  // namespace
 
-void add_friction(const std::vector<WallRow>& rows, VelocityEquation& elasticity) {
+void add_friction(const std::vector<WallRow>& rows, const system::VelocitySystem& system, RightSides right) {
   for (const WallRow& row : rows)
-    if (row.rub == Rub::kSlides) brake(row, 1, elasticity);
+    if (row.rub == Rub::kSlides) brake(row, 1, system, right);
 }
 
-bool hold_more(std::vector<WallRow>& rows, VelocityEquation& elasticity) {
+bool hold_more(std::vector<WallRow>& rows, system::VelocitySystem& system, RightSides right,
+               std::vector<Real>& v_star) {
   bool any = false;
   for (WallRow& row : rows) {
-    const std::size_t unknown = unknown_of(row, elasticity.system), u = 3 * unknown;
-    const Vec3 v(elasticity.v_star[u], elasticity.v_star[u + 1], elasticity.v_star[u + 2]);
+    const std::size_t unknown = unknown_of(row, system), u = 3 * unknown;
+    const Vec3 v(v_star[u], v_star[u + 1], v_star[u + 2]);
     if (!row.holds && row.out * v[row.axis] < row.least) {
       row.holds = any = true;
-      elasticity.v_star[u + static_cast<std::size_t>(row.axis)] = row.out * row.least;
-      elasticity.system.fix(unknown, row.axis);
+      v_star[u + static_cast<std::size_t>(row.axis)] = row.out * row.least;
+      system.fix(unknown, row.axis);
     }
     if (row.rub != Rub::kSlides || !(v.dot(row.way) < 0)) continue;
     row.rub = Rub::kSticks;
     any = true;
-    brake(row, -1, elasticity);
+    brake(row, -1, system, right);
     for (std::size_t a = 0; a < 3; ++a) {
       if (!(row.tangents & bit(static_cast<int>(a)))) continue;
-      elasticity.v_star[u + a] = 0;
-      elasticity.system.fix(unknown, static_cast<int>(a));
+      v_star[u + a] = 0;
+      system.fix(unknown, static_cast<int>(a));
     }
   }
   return any;
@@ -389,26 +389,6 @@ void keep_off(const std::vector<Real>& mass, NodeVelocity& velocity, std::vector
     velocity.slip.set_velocity_of(row.solid, row.node, v, velocity.field);
     row.push += (shared ? velocity.slip.nodes()[t].solid_mass : mass[row.node]) * missing;
   }
-}
-
-void balance_inflow(const StepContext& step, const SolidWorks& solids, const Matter& matter,
-                    const NodeVelocity& velocity, const std::vector<WallRow>& rows, double& balanced,
-                    std::vector<Real>& source) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
-  const Grid& g = matter.common.grid;
-  if (source.empty() || !scene.params.fluid.present || scene.params.walls.any_open()) return;
-  double inflow = -velocity.slip.opening(velocity.field);  // [m^3/s]
-  for (const WallRow& row : rows) {
-    if (!row.on_wall || velocity.slip.find(row.solid, row.node) != system::SlipNodes::kNone) continue;
-    const auto [i, j, k] = g.node_place(row.node);
-    inflow += g.h * g.h / 4.0 * adjacent_cells(g, i, j, k) *
-              static_cast<double>(row.out * velocity.field.at(row.node)[row.axis]);
-  }
-  const double fluid_cells = count_fluid_cells(g, solids);
-  if (inflow == balanced || fluid_cells < 1.0) return;
-  const double share = (inflow - balanced) / (g.h * g.h * g.h * fluid_cells);
-  take_from_fluid(parallel, matter, static_cast<Real>(share), source);
-  balanced = inflow;
 }
 
 void remember_rows(double dt, const std::vector<WallRow>& rows, SolidStates& states) {

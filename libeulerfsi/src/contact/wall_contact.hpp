@@ -6,9 +6,11 @@
 // the walls pushed in the last step, from where the solid would be after this one, and from the velocity solve.
 #pragma once
 
+#include "contact/wall_row.hpp"
+#include "frame/reaction.hpp"
 #include "frame/step_context.hpp"
-#include "sim/workspace.hpp"
-#include "solve/reactions.hpp"
+#include "nodes/node_fields.hpp"
+#include "system/velocity_system.hpp"
 
 namespace efsi::sim {
 
@@ -20,21 +22,20 @@ void meet_walls(const StepContext& step, const SolidStates& states, const SolidW
 std::vector<std::uint8_t> held_components(const std::vector<std::uint8_t>& fixed, const std::vector<WallRow>& rows);
 // Ties the nodes of rows that do not hold to those above them.
 void tie_rows(const std::vector<WallRow>& rows, system::VelocitySystem& system);
+// The right-hand side of Eq. 8, and the momentum that its solution has to have [kg m/s].
+struct RightSides {
+  std::vector<Real>&f_star, &momentum;
+};
 // Adds the friction of what slides to the right-hand sides.
-void add_friction(const std::vector<WallRow>& rows, VelocityEquation& elasticity);
-// After a velocity solve: rows that it has led beyond what they allow hold, too, and what friction has turned around
-// sticks. Whether there are any: the solve has to be repeated.
-bool hold_more(std::vector<WallRow>& rows, VelocityEquation& elasticity);
+void add_friction(const std::vector<WallRow>& rows, const system::VelocitySystem& system, RightSides right);
+// After a velocity solve, whose answer is v: rows that it has led beyond what they allow hold, too, and what friction
+// has turned around sticks. Whether there are any: the solve has to be repeated.
+bool hold_more(std::vector<WallRow>& rows, system::VelocitySystem& system, RightSides right, std::vector<Real>& v);
 // What the walls push and rub in the velocity solve, and against the pressure, which moves no node on a wall.
 void add_velocity_reactions(const Reaction& reaction, std::vector<WallRow>& rows);
 void add_pressure_reactions(const Reaction& reaction, std::vector<WallRow>& rows);
 // The pressure moves nodes above walls: those of rows that hold get back what these prescribe. mass: of all matter.
 void keep_off(const std::vector<Real>& mass, NodeVelocity& velocity, std::vector<WallRow>& rows);
-// In a closed box the fluid gives what comes in through walls that solids leave, and where solids leave each other: it
-// fills the gap, which is thinner than a cell. balanced: what the source allows for already [m^3/s].
-void balance_inflow(const StepContext& step, const SolidWorks& solids, const Matter& matter,
-                    const NodeVelocity& velocity, const std::vector<WallRow>& rows, double& balanced,
-                    std::vector<Real>& source);
 // What the next step wants to know.
 void remember_rows(double dt, const std::vector<WallRow>& rows, SolidStates& states);
 // The fluid's own velocity at the nodes of rows: walls hold it.

@@ -4,14 +4,13 @@
 #include <vector>
 
 #include "fluid/emitter.hpp"
+#include "frame/force_field.hpp"
 #include "frame/given_motion.hpp"
 #include "frame/params.hpp"
 #include "grid/grid.hpp"
 #include "solid/solid.hpp"
 
 namespace efsi::sim {
-
-struct ForceField;
 
 struct Scene {
   const Params& params;

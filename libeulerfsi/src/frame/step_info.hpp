@@ -5,12 +5,10 @@
 #include <optional>
 #include <vector>
 
-#include "base/parallel.hpp"
+#include "frame/contact_pair.hpp"
 #include "frame/energy_record.hpp"
-#include "frame/scene.hpp"
-#include "grid/grid.hpp"
-#include "record/contact_record.hpp"
-#include "record/step_record.hpp"
+#include "frame/given_motion.hpp"
+#include "frame/transport_report.hpp"
 
 namespace efsi::sim {
 
@@ -30,10 +28,5 @@ struct StepInfo {
   std::optional<EnergyRecord> energy;      // of the last step, where the ledger is on
   ContactPairs contacts;                   // of the last step
 };
-
-// What a step's work on the solids says of their speeds, det F and clamped cells.
-void report_solids(const SolidWorks& work, StepInfo& info);
-// Largest component of a velocity at the nodes of a grid [m/s].
-double largest_component(const Parallel& parallel, const grid::Grid& g, const grid::VectorField& velocity);
 
 }  // namespace efsi::sim

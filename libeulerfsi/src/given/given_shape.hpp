@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "frame/scene.hpp"
-#include "sim/workspace.hpp"
+#include "given/given_node.hpp"
 
 namespace efsi::sim {
 

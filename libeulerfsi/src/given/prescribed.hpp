@@ -5,9 +5,11 @@
 // What it takes to hold them is reported as an impulse per pin (docs/numerics/given-motion.md).
 #pragma once
 
+#include "frame/reaction.hpp"
 #include "frame/step_context.hpp"
-#include "sim/workspace.hpp"
-#include "solve/reactions.hpp"
+#include "given/given_node.hpp"
+#include "nodes/node_fields.hpp"
+#include "system/velocity_system.hpp"
 
 namespace efsi::sim {
 
@@ -20,13 +22,10 @@ std::vector<GivenNode> find_given(const StepContext& step, const SolidStates& st
 // collider has no mass.
 void give_velocity(const StepContext& step, const SolidWorks& solids, const Matter& matter,
                    std::vector<GivenNode>& given, NodeVelocity& velocity);
-// After meet_walls: walls do nothing there.
-void keep_given(const std::vector<GivenNode>& given, std::vector<WallRow>& walls, NodeVelocity& velocity);
+// The nodes have what is given again, after something else has changed velocities.
+void restore_given(const std::vector<GivenNode>& given, NodeVelocity& velocity);
 // Eq. 8: prescribes what they have.
 void fix_given(const std::vector<GivenNode>& given, system::VelocitySystem& system);
-// Contact between what is given on both sides, or nearly: nothing can make up for it. Such rows go.
-void drop_blocked_rows(const std::vector<GivenNode>& given, const system::VelocitySystem& system,
-                       SolidContacts& contacts);
 // Cells at which nothing can move have no pressure. active: as PressureSystem has it; filled where it is empty.
 void close_given_cells(const StepContext& step, const SolidStates& states, const Matter& matter,
                        const system::SlipNodes& slip, std::vector<std::uint8_t>& active);

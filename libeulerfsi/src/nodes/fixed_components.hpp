@@ -1,7 +1,8 @@
 // Purpose: which components of the velocity walls fix.
 #pragma once
 
-#include "sim/workspace.hpp"
+#include "frame/scene.hpp"
+#include "nodes/node_fields.hpp"
 
 namespace efsi::sim {
 

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "frame/step_context.hpp"
-#include "sim/workspace.hpp"
+#include "nodes/node_fields.hpp"
 
 namespace efsi::sim {
 

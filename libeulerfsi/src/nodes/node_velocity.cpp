@@ -2,7 +2,6 @@
 
 #include <array>
 
-#include "fluid/forces.hpp"
 #include "frame/grid_loops.hpp"
 #include "linalg/reduce.hpp"
 #include "nodes/step_weight.hpp"
@@ -78,20 +77,6 @@ void combine_velocities(const StepContext& step, const SolidStates& states, cons
         weight.solids[n.solid] + solid.v.at(solid.band.grid.node(n.i - lo[0], n.j - lo[1], n.k - lo[2]));
     velocity.field.set(n.node, slipping[t]);
   }
-}
-
-void add_external_forces(const StepContext& step, const Matter& matter, fluid::FluidState& fluid,
-                         NodeVelocity& velocity) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
-  const Grid& g = matter.common.grid;
-  ScopedTimer timer(profile, Stage::kFluidForces);
-  const Real fluid_volume = static_cast<Real>(1.0 / scene.params.fluid.density);
-  if (scene.params.fluid.present)
-    fluid::apply_emitters(g, scene.emitters, time, dt, matter.cell_fraction, matter.specific_volume, fluid_volume,
-                          fluid, &velocity.field);
-  const std::uint64_t visited = fluid::add_body_forces(parallel, g, scene.params.fluid, fluid, scene.params.gravity, dt,
-                                                       matter.specific_volume, velocity.field);
-  timer.visited(visited, 4 * sizeof(Real));
 }
 
 }  // namespace efsi::sim

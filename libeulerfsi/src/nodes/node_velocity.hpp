@@ -1,9 +1,9 @@
-// Purpose: the one velocity at each node of the common grid that solids and fluid have together, and the forces on it.
-// Paper: Alg. 1 lines 7, 8 (f_ext); Sec. 4.2. At slip nodes solid and fluid stay apart (docs/deviations.md).
+// Purpose: the one velocity at each node of the common grid that solids and fluid have together.
+// Paper: Alg. 1 line 7; Sec. 4.2. At slip nodes solid and fluid stay apart (docs/deviations.md).
 #pragma once
 
 #include "frame/step_context.hpp"
-#include "sim/workspace.hpp"
+#include "nodes/node_fields.hpp"
 
 namespace efsi::sim {
 
@@ -11,8 +11,5 @@ namespace efsi::sim {
 // the two stay apart. Takes the fluid's velocity out of the state until its advection.
 void combine_velocities(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
                         const Matter& matter, grid::VectorField& fluid_velocity, NodeVelocity& velocity);
-// v += dt f_ext / m of the other forces, emitters. Emitters change smoke and temperature, too.
-void add_external_forces(const StepContext& step, const Matter& matter, fluid::FluidState& fluid,
-                         NodeVelocity& velocity);
 
 }  // namespace efsi::sim

@@ -2,7 +2,8 @@
 // velocity at a node (docs/deviations.md).
 #pragma once
 
-#include "sim/workspace.hpp"
+#include "frame/scene.hpp"
+#include "nodes/node_fields.hpp"
 
 namespace efsi::sim {
 

@@ -4,7 +4,6 @@
 #include <limits>
 
 #include "contact/solid_contact.hpp"
-#include "sim/workspace.hpp"
 
 namespace efsi::sim {
 namespace {

@@ -9,8 +9,9 @@
 #include <vector>
 
 #include "frame/step_context.hpp"
+#include "nodes/node_fields.hpp"
 #include "nodes/step_weight.hpp"
-#include "sim/workspace.hpp"
+#include "sources/jets.hpp"
 
 namespace efsi::sim {
 

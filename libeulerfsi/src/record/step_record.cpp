@@ -1,42 +1,40 @@
 #include "record/step_record.hpp"
 
 #include <algorithm>
+#include <cmath>
 
+#include "base/kernel.hpp"
 #include "solid/surface/surface.hpp"
 
 namespace efsi::sim {
 namespace {
 
-// The quality of all solids' maps as one.
-solid::MapQuality inspect(const std::vector<solid::SolidRest>& rest, const SolidWorks& work) {
-  solid::MapQuality all;
-  for (std::size_t l = 0; l < work.size(); ++l) {
-    const solid::MapQuality one = solid::inspect_map(rest[l], work[l]);
-    all.min_det_f = l == 0 ? one.min_det_f : std::min(all.min_det_f, one.min_det_f);
-    all.max_det_f = l == 0 ? one.max_det_f : std::max(all.max_det_f, one.max_det_f);
-    all.broken += one.broken;
-  }
-  return all;
+EFSI_KERNEL Real largest(std::size_t n, const Real* values) {
+  Real top = 0;
+#pragma omp simd reduction(max : top)
+  for (std::size_t i = 0; i < n; ++i) top = std::max(top, std::abs(values[i]));
+  return top;
 }
 
 }  // namespace
 
-void inspect_before(const std::vector<solid::SolidRest>& rest, const SolidWorks& work, Repairs& out) {
-  const solid::MapQuality quality = inspect(rest, work);
-  out.broken = quality.broken;
-  out.min_det_f_before = out.min_det_f_after = quality.min_det_f;
-  out.max_det_f_before = out.max_det_f_after = quality.max_det_f;
-  out.clamped = out.rejected = 0;
-  for (const solid::SolidWork& w : work) {
-    out.clamped += w.degenerate;
-    out.rejected += w.rejected;
+void report_solids(const SolidWorks& work, StepInfo& info) {
+  for (std::size_t l = 0; l < work.size(); ++l) {
+    info.max_speed_solid = std::max(info.max_speed_solid, work[l].max_speed);
+    info.min_det_f = l == 0 ? work[l].min_det_f : std::min(info.min_det_f, work[l].min_det_f);
+    info.max_det_f = l == 0 ? work[l].max_det_f : std::max(info.max_det_f, work[l].max_det_f);
+    info.degenerate_cells += work[l].degenerate + work[l].rejected;
   }
 }
 
-void inspect_after(const std::vector<solid::SolidRest>& rest, const SolidWorks& work, Repairs& out) {
-  const solid::MapQuality quality = inspect(rest, work);
-  out.min_det_f_after = quality.min_det_f;
-  out.max_det_f_after = quality.max_det_f;
+double largest_component(const Parallel& parallel, const grid::Grid& g, const grid::VectorField& velocity) {
+  const std::size_t plane = g.node_stride(2);
+  return parallel.max(g.cells[2] + 1, 0.0, [&](std::int64_t k) {
+    Real top = 0;
+    for (const auto& c : velocity.c)
+      top = std::max(top, largest(plane, c.data() + static_cast<std::size_t>(k) * plane));
+    return static_cast<double>(top);
+  });
 }
 
 VolumeTarget volume_target(const solid::SolidRest& rest, const solid::SolidState& state, const solid::SolidWork& work) {

@@ -1,36 +1,21 @@
-// Purpose: what a step reports beside its counters: repairs, what the transport loses.
+// Purpose: what a step reports of the solids' speeds and maps, of the largest velocity, and of what the transport
+// loses.
 #pragma once
 
 #include <vector>
 
 #include "base/parallel.hpp"
 #include "frame/scene.hpp"
-#include "solid/element/repair.hpp"
+#include "frame/step_info.hpp"
 #include "solid/momentum.hpp"
 
 namespace efsi::sim {
 
-// Cells that a step changed because their map could not be, counted before anything acts, and det F of full cells
-// before and after. Sums and extremes over the solids (EfsiRepairs).
-struct Repairs {
-  std::uint64_t clamped = 0;   // cells whose F was clamped in the forces
-  std::uint64_t rejected = 0;  // cells after the transport whose map was not believed
-  std::uint64_t broken = 0;    // of incompressible solids: det F out of bounds after the transport
-  std::uint64_t put_back = 0;  // cells that the repair moved, with those that it broke itself
-  double min_det_f_before = 1.0, max_det_f_before = 1.0, min_det_f_after = 1.0, max_det_f_after = 1.0;
-};
-// After the transport, and after the repair.
-void inspect_before(const std::vector<solid::SolidRest>& rest, const SolidWorks& work, Repairs& out);
-void inspect_after(const std::vector<solid::SolidRest>& rest, const SolidWorks& work, Repairs& out);
+// What a step's work on the solids says of their speeds, det F and clamped cells.
+void report_solids(const SolidWorks& work, StepInfo& info);
+// Largest component of a velocity at the nodes of a grid [m/s].
+double largest_component(const Parallel& parallel, const grid::Grid& g, const grid::VectorField& velocity);
 
-// What the transport of a step changes in a solid's volume and momenta before anything restores them
-// (EfsiTransportChange).
-struct TransportChange {
-  double volume_mesh = 0.0, volume_cells = 0.0;  // less what the pressure gave, over the volume at rest; incompressible
-  Vec3d momentum = Vec3d::Zero();                // [kg m/s]
-  Vec3d angular_momentum = Vec3d::Zero();        // about the centre of mass [kg m^2/s]
-  double mass = 0.0;                             // as the cells count it, over what the solid weighs, less 1
-};
 // Volumes that a transport without loss ends with, over those at rest.
 struct VolumeTarget {
   double mesh = 1.0, cells = 1.0;

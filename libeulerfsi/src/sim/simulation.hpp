@@ -9,6 +9,7 @@
 
 #include "base/log.hpp"
 #include "base/parallel.hpp"
+#include "frame/force_field.hpp"
 #include "frame/params.hpp"
 #include "frame/profile.hpp"
 #include "frame/state.hpp"
@@ -16,7 +17,6 @@
 #include "sim/step.hpp"
 #include "sim/workspace.hpp"
 #include "solid/particles/passengers.hpp"
-#include "sources/force_field.hpp"
 
 namespace efsi::sim {
 

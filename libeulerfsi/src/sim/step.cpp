@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "contact/fold_contact.hpp"
+#include "contact/given_rows.hpp"
 #include "contact/particle_contact.hpp"
 #include "contact/solid_contact.hpp"
 #include "contact/wall_contact.hpp"
@@ -21,7 +22,8 @@
 #include "solid/particles/particles.hpp"
 #include "solve/pressure.hpp"
 #include "solve/velocity_solve.hpp"
-#include "sources/force_field.hpp"
+#include "sources/apply_forces.hpp"
+#include "sources/external_forces.hpp"
 #include "sources/jets.hpp"
 #include "sources/viscosity.hpp"
 #include "transport/carry_surface.hpp"
@@ -157,7 +159,7 @@ void settle(const StepContext& step, const std::vector<VolumeTarget>& targets, S
     let_leave(step, states, solids);
     ledger.arrive();
   }
-  inspect_before(scene.solids, solids, info.repairs);
+  inspect_maps(scene.solids, solids, info.repairs);
   info.transport = transport_changes(parallel, scene.solids, states, solids, targets, momenta.solids);
   if (numerics.repair_map) repair_maps(step, states, solids);
   if (info.repairs.put_back > 0) ledger.book_solids(EnergyStage::kRepair);

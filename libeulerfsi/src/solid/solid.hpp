@@ -16,8 +16,7 @@
 #include "geometry/triangle_mesh.hpp"
 #include "grid/grid.hpp"
 #include "material/plastic_flow.hpp"
-#include "solid/surface/fold_points.hpp"
-#include "solid/surface/surface_clusters.hpp"
+#include "solid/surface_data.hpp"
 
 namespace efsi::solid {
 

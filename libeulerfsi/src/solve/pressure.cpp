@@ -17,6 +17,7 @@
 #include "solve/velocity_solve.hpp"
 #include "sources/jets.hpp"
 #include "sources/volume_source.hpp"
+#include "sources/wall_inflow.hpp"
 
 namespace efsi::sim {
 

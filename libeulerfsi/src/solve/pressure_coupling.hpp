@@ -3,7 +3,9 @@
 #pragma once
 
 #include "frame/step_context.hpp"
-#include "sim/workspace.hpp"
+#include "nodes/node_fields.hpp"
+#include "solve/pressure_equation.hpp"
+#include "solve/velocity_equation.hpp"
 
 namespace efsi::sim {
 

@@ -1,14 +1,11 @@
-// Purpose: what it takes to hold a node of a solid in a step, where a wall or a given motion prescribes its velocity.
+// Purpose: what held the nodes of solids in the solves of a step (frame/reaction.hpp).
 #pragma once
 
-#include <functional>
-
-#include "sim/workspace.hpp"
+#include "frame/reaction.hpp"
+#include "solve/pressure_equation.hpp"
+#include "solve/velocity_equation.hpp"
 
 namespace efsi::sim {
-
-// Impulse on the node of a solid [kg m/s]; nodes are those of the common grid.
-using Reaction = std::function<Vec3(std::size_t solid, std::size_t node)>;
 
 // After the velocity solve: G v* - f*.
 Reaction velocity_reaction(const Parallel& parallel, VelocityEquation& elasticity);

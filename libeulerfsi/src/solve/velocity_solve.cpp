@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "contact/given_rows.hpp"
 #include "contact/solid_contact.hpp"
 #include "contact/wall_contact.hpp"
 #include "given/prescribed.hpp"
@@ -134,7 +135,7 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
   elasticity.f_star = momentum;
   linalg::multiply(parallel, momentum, system.moves(), momentum);
   add_past_stiffness(step, states, solids, matter.common.grid, elasticity);
-  add_friction(elasticity.walls, elasticity);
+  add_friction(elasticity.walls, system, {elasticity.f_star, elasticity.momentum});
   elasticity.v_old.clear();
   if (!contacts.rows.empty() || !elasticity.given.empty())
     elasticity.v_old = old_velocities(states, solids, matter.common.grid, elasticity);
@@ -149,8 +150,10 @@ void solve_velocity(const StepContext& step, VelocityEquation& elasticity, NodeV
   system::VelocitySystem& system = elasticity.system;
   linalg::SolveStats stats;
   choose_start(parallel, elasticity);
+  const RightSides right{elasticity.f_star, elasticity.momentum};
   const double negligible = negligible_velocity(elasticity.contacts.rows, elasticity.v_star, scene.grid.h / dt);
-  for (int pass = 0; pass == 0 || (pass < kMostPasses && hold_more(elasticity.walls, elasticity)); ++pass) {
+  for (int pass = 0; pass == 0 || (pass < kMostPasses && hold_more(elasticity.walls, system, right, elasticity.v_star));
+       ++pass) {
     stats = system::solve_contact(parallel, numerics.velocity_solver, elasticity.f_star, numerics.velocity_tolerance,
                                   negligible, system, elasticity.contacts.rows, elasticity.v_star);
     info.velocity_iterations += static_cast<std::uint64_t>(stats.iterations);

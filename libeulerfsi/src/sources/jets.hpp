@@ -1,10 +1,17 @@
 // Purpose: the volume that jets bring into the box: a source in the constraint of Eq. 11 (docs/numerics/jets.md).
 #pragma once
 
+#include "fluid/emitter.hpp"
 #include "frame/step_context.hpp"
-#include "sim/workspace.hpp"
+#include "nodes/node_fields.hpp"
 
 namespace efsi::sim {
+
+// What emitters bring into the fluid in this step.
+struct Jets {
+  std::vector<fluid::SourceCell> cells;
+  std::vector<double> flux;  // per emitter of the scene [m^3/s]
+};
 
 // Largest component of the velocity of the scene's emitters within `remaining` [m/s].
 double fastest_jet(const Scene& scene, double time, double remaining);

@@ -2,8 +2,9 @@
 // their nodes, with the mass of both, so that it drags solids along. Before Eq. 8, in which elasticity answers.
 #pragma once
 
+#include "fluid/viscosity.hpp"
 #include "frame/step_context.hpp"
-#include "sim/workspace.hpp"
+#include "nodes/node_fields.hpp"
 
 namespace efsi::sim {
 

@@ -2,7 +2,9 @@
 // Paper: b of Eq. 11.
 #pragma once
 
-#include "sim/workspace.hpp"
+#include "contact/hold.hpp"
+#include "frame/scene.hpp"
+#include "nodes/node_fields.hpp"
 
 namespace efsi::sim {
 

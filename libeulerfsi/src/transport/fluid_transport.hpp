@@ -2,8 +2,11 @@
 // Paper: Alg. 1 line 22.
 #pragma once
 
+#include "fluid/advect.hpp"
 #include "frame/step_context.hpp"
-#include "sim/workspace.hpp"
+#include "nodes/node_fields.hpp"
+#include "sources/jets.hpp"
+#include "system/pressure_solve.hpp"
 
 namespace efsi::sim {
 

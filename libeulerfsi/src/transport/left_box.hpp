@@ -2,7 +2,6 @@
 #pragma once
 
 #include "frame/step_context.hpp"
-#include "sim/workspace.hpp"
 
 namespace efsi::sim {
 

@@ -3,9 +3,17 @@
 #pragma once
 
 #include "frame/step_context.hpp"
-#include "sim/workspace.hpp"
+#include "nodes/node_fields.hpp"
+#include "solid/momentum.hpp"
 
 namespace efsi::sim {
+
+// What the transport has to keep.
+struct TransportMomenta {
+  std::vector<solid::Momenta> first;   // of the solids, at the start of the step
+  std::vector<solid::Momenta> solids;  // the same before the transport
+  Vec3d fluid = Vec3d::Zero();         // the fluid's before the transport [kg m/s]
+};
 
 // The solids' at the start of the step, of the state's velocities: momenta.first.
 void measure_first_momenta(const StepContext& step, const SolidStates& states, const SolidWorks& solids,

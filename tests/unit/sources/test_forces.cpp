@@ -3,7 +3,7 @@
 #include <cmath>
 #include <random>
 
-#include "sources/force_field.hpp"
+#include "frame/force_field.hpp"
 #include "unit/sim/scene.hpp"
 
 using namespace efsi;

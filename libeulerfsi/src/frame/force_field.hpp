@@ -1,12 +1,7 @@
 // Purpose: forces that act in a region: constant, radial, wind with noise (docs/numerics/forces.md).
-// They change the velocities of solids and fluid, each by itself, before these become one (Alg. 1 line 7; f_ext of
-// Eq. 8): what acts on a solid does not push the fluid at the nodes that they share.
 #pragma once
 
-#include <vector>
-
 #include "fluid/fluid.hpp"
-#include "frame/step_context.hpp"
 
 namespace efsi::sim {
 
@@ -32,10 +27,5 @@ struct ForceField : fluid::Region {
 // A velocity field without divergence: root of the mean square 1, features of size 1. time: it changes by about its own
 // size in 1. The same on every machine.
 Vec3d noise_velocity(const Vec3d& x, double time);
-
-// Adds the forces that act in the step, as long as they do, to the velocities of the solids' nodes that have mass and
-// to the fluid's. SolidWork.pushed: what they add to solids.
-void apply_forces(const StepContext& step, const grid::Grid& common, SolidWorks& solids, SolidStates& states,
-                  grid::VectorField& fluid_velocity);
 
 }  // namespace efsi::sim
