@@ -71,6 +71,12 @@ FAULTS = [
     ("check_sources.py includes", "libeulerfsi/src/solid/map/map.hpp", '#include "io/vdb_io.hpp"\n'),
     ("check_sources.py includes", "libeulerfsi/src/motion/stage.cpp", "void stage();\n"),
     ("check_sources.py includes", "tests/unit/motion/test_stage.cpp", "void stage();\n"),
+    ("check_sources.py lengths", "libeulerfsi/src/system/stage.cpp", "void f() {\n" + "  stage();\n" * 70 + "}\n"),
+    (
+        "check_sources.py lengths",
+        "libeulerfsi/src/system/stage.hpp",
+        "struct S {\n  void f() {\n" + "    stage();\n" * 70 + "  }\n};\n",
+    ),
     ("check_sources.py words", "docs/algorithm.md", "TO" + "DO: more\n"),
     ("check_sources.py words", "docs/algorithm.md", "see /ho" + "me/someone/x\n"),
     ("check_algorithm.py lines", "libeulerfsi/src/sim/step.cpp", "  stage();  // Alg. 1 line 9\n"),

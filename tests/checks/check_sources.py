@@ -5,6 +5,7 @@ check_sources.py globals LIBRARY...   no mutable globals or function statics (sy
 check_sources.py threads              "#pragma omp parallel / for" only in base/parallel and base/team
 check_sources.py includes             a room includes only what stands above it in the table ROOMS, and tests/unit has
                                       no other folders; OpenVDB in two translation units
+check_sources.py lengths              functions of at most 70 lines
 check_sources.py words                no unfinished marks, no paths of one machine
 """
 
@@ -13,6 +14,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 from common import ROOT, SRC, code_only, finish, relative, sources
@@ -51,6 +53,7 @@ THREAD_HOMES = {"base/parallel", "base/team"}
 # Asking how many processors there are starts no thread, and an arena of one takes OpenVDB's away.
 THREADS = re.compile(r"\bstd::(?:thread\b(?!::)|jthread\b|async\b|atomic\b)|\btbb::(?!task_arena\(1\))")
 VDB_UNITS = 2
+MAX_LINES = 70  # of a function
 
 
 def room(path: Path) -> str:
@@ -155,6 +158,31 @@ def refused(here: str, target: str) -> str | None:
     return None
 
 
+def lengths() -> None:
+    problems, longest = [], 0
+    for path in sources():
+        for line, length in functions(code_only(path.read_text()).splitlines()):
+            longest = max(longest, length)
+            if length > MAX_LINES:
+                problems.append(f"{relative(path)}:{line}: a function of {length} lines; at most {MAX_LINES}")
+    finish(problems, f"{len(sources())} files, the longest function has {longest} lines")
+
+
+def functions(text: list[str]) -> Iterator[tuple[int, int]]:
+    """First line and length of the functions of a formatted file, also of those in a class: from the first line of the
+    signature, which starts where the closing brace stands, to that."""
+    outer = inner = 0
+    for at, line in enumerate(text):
+        if re.match(r"[\w~]", line):
+            outer = at
+        elif re.match(r"  [\w~]", line):
+            inner = at
+        elif line == "}":
+            yield outer + 1, at + 1 - outer
+        elif line == "  }" and re.match(r"(?:class|struct)\b", text[outer]):
+            yield inner + 1, at + 1 - inner
+
+
 def words() -> None:
     # written in parts, so that this file does not find itself
     marks = re.compile("|".join([r"\bTO" + r"DO\b", r"\bFIX" + r"ME\b", r"\bXX" + r"X\b", r"\bfor " + r"now\b"]))
@@ -197,7 +225,7 @@ def words() -> None:
 
 
 if __name__ == "__main__":
-    actions = {"globals": globals_, "threads": threads, "includes": includes, "words": words}
+    actions = {"globals": globals_, "threads": threads, "includes": includes, "lengths": lengths, "words": words}
     if len(sys.argv) < 2 or sys.argv[1] not in actions:
         sys.exit(__doc__)
     actions[sys.argv[1]](*sys.argv[2:])

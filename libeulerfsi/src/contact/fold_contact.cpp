@@ -12,6 +12,7 @@
 #include "grid/interpolate.hpp"
 #include "solid/hexahedron.hpp"
 #include "solid/map/displacement.hpp"
+#include "solid/surface/fold_points.hpp"
 
 namespace efsi::sim {
 

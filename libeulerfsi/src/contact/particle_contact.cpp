@@ -145,20 +145,19 @@ ContactPair report(const StepContext& step, const SolidStates& states, std::size
 
 ContactPairs repel_particles(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
                              std::vector<solid::Particles>& particles) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
-  ScopedTimer timer(profile, Stage::kContact);
-  const double reach = scene.params.numerics.contact_distance * scene.grid.h;
+  ScopedTimer timer(step.profile, Stage::kContact);
+  const double reach = step.scene.params.numerics.contact_distance * step.scene.grid.h;
   const std::size_t count = states.size();
   std::vector<Sums> sums(count * count);  // of what `other` did to l at l * count + other
   for (std::size_t l = 0; l < count; ++l) {
     solid::Particles& own = particles[l];
-    const solid::SolidRest& rest = scene.solids[l];
+    const solid::SolidRest& rest = step.scene.solids[l];
     for (std::size_t other = 0; other < count; ++other) {
       if (other == l) continue;
-      const solid::SolidRest& there = scene.solids[other];
+      const solid::SolidRest& there = step.scene.solids[other];
       const double stiffness = 0.5 * (rest.contact_stiffness + there.contact_stiffness),
                    friction = 0.5 * (rest.friction + there.friction);
-      sums[l * count + other] = for_particles(parallel, own.size(), [&](std::size_t p, Sums& s) {
+      sums[l * count + other] = for_particles(step.parallel, own.size(), [&](std::size_t p, Sums& s) {
         if (const auto m = meet(there, states[other], solids[other].layer, own.x[p], reach))
           push(*m, reach, stiffness, friction, step.dt, static_cast<double>(own.mass[p]), own.v[p], s);
       });

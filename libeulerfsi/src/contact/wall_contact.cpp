@@ -6,6 +6,7 @@
 #include <limits>
 #include <map>
 
+#include "contact/hold.hpp"
 #include "contact/push_out.hpp"
 #include "frame/grid_loops.hpp"
 #include "nodes/fixed_components.hpp"
@@ -198,17 +199,16 @@ void share_friction(double whole, std::vector<WallRow>& rows) {
 // All rows, the normal velocities of which are those in `velocity`.
 std::vector<WallRow> find_rows(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
                                const CommonGrid& common, const NodeVelocity& velocity) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
   std::vector<WallRow> rows;
   std::map<std::pair<std::size_t, std::size_t>, std::uint8_t> axes;  // solid, node -> axes with a row
-  for (std::size_t l = 0; l < scene.solids.size(); ++l) {
+  for (std::size_t l = 0; l < step.scene.solids.size(); ++l) {
     const LastPresses last = last_presses(states[l]);
     const grid::VectorField& own = states[l].v;
-    const bool fast = states[l].speed * dt > kSlow * scene.grid.h;
+    const bool fast = states[l].speed * step.dt > kSlow * step.scene.grid.h;
     for (std::size_t face = 0; face < 6; ++face) {
       Footprint print = footprint(step, states[l], solids[l], l, common, face);
       if (print.rows.empty()) continue;
-      fill_gaps(states[l].band.grid, scene.solids[l], states[l], print);
+      fill_gaps(states[l].band.grid, step.scene.solids[l], states[l], print);
       find_vertices(common, states[l], face, print);
       std::erase_if(print.rows, [&](const WallRow& row) { return axes[{l, row.node}] & bit(row.axis); });
       for (WallRow& row : print.rows) {
@@ -216,12 +216,12 @@ std::vector<WallRow> find_rows(const StepContext& step, const SolidStates& state
         const std::size_t node =
             band.node(row.place[0] - band.lo[0], row.place[1] - band.lo[1], row.place[2] - band.lo[2]);
         const auto held = last.find({row.place[0], row.place[1], row.place[2], row.axis});
-        decide(held == last.end() ? nullptr : held->second, scene.grid.h, dt, fast, scene.solids[l].friction,
-               row.out * own.c[static_cast<std::size_t>(row.axis)][node],
+        decide(held == last.end() ? nullptr : held->second, step.scene.grid.h, step.dt, fast,
+               step.scene.solids[l].friction, row.out * own.c[static_cast<std::size_t>(row.axis)][node],
                velocity.slip.velocity_of(l, row.node, velocity.field), row);
         axes[{l, row.node}] |= bit(row.axis);
       }
-      share_friction(scene.solids[l].friction * dt * pushed_at(states[l], face), print.rows);
+      share_friction(step.scene.solids[l].friction * step.dt * pushed_at(states[l], face), print.rows);
       rows.insert(rows.end(), print.rows.begin(), print.rows.end());
     }
   }
@@ -261,12 +261,11 @@ void prescribe_shared(std::size_t t, const WallRow& row, system::SlipNodes& slip
 
 void meet_walls(const StepContext& step, const SolidStates& states, const SolidWorks& solids, Matter& matter,
                 NodeVelocity& velocity, std::vector<WallRow>& rows) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
-  ScopedTimer timer(profile, Stage::kFluidForces);
+  ScopedTimer timer(step.profile, Stage::kFluidForces);
   system::SlipNodes& slip = velocity.slip;
-  slip.share_normal(parallel, velocity.field);
+  slip.share_normal(step.parallel, velocity.field);
   rows.clear();
-  if (scene.params.numerics.walls_push_only) rows = find_rows(step, states, solids, matter.common, velocity);
+  if (step.scene.params.numerics.walls_push_only) rows = find_rows(step, states, solids, matter.common, velocity);
   std::vector<Vec3> prescribed;
   for (WallRow& row : rows) {
     const std::size_t t = slip.find_shared(row.solid, row.node);
@@ -278,7 +277,7 @@ void meet_walls(const StepContext& step, const SolidStates& states, const SolidW
     else if (row.rub == Rub::kSticks && row.on_wall)
       matter.fixed[row.node] = static_cast<std::uint8_t>(matter.fixed[row.node] | row.tangents);
   }
-  enforce_walls(parallel, matter.common, matter.fixed, velocity.field);
+  enforce_walls(step.parallel, matter.common, matter.fixed, velocity.field);
   for (std::size_t t = 0; t < slip.nodes().size(); ++t)
     for (int a = 0; a < 3; ++a)
       if (slip.nodes()[t].fixed & bit(a)) slip.solid_velocity()[t][a] = 0;

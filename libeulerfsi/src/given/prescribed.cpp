@@ -109,14 +109,13 @@ void begin_given(const Parallel& parallel, const Scene& scene, double time, doub
 
 std::vector<GivenNode> find_given(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
                                   Matter& matter, system::SlipNodes& slip) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
   std::vector<GivenNode> given;
-  if (scene.pins.empty()) return given;
+  if (step.scene.pins.empty()) return given;
   const Grid& g = matter.common.grid;
   std::set<std::pair<std::size_t, std::size_t>> known;  // (solid, node): the first pin counts
-  for (std::size_t p = 0; p < scene.pins.size(); ++p) {
-    const Pin& pin = scene.pins[p];
-    const PinVelocity velocity = velocity_of(pin, states[pin.solid], time, time, dt);
+  for (std::size_t p = 0; p < step.scene.pins.size(); ++p) {
+    const Pin& pin = step.scene.pins[p];
+    const PinVelocity velocity = velocity_of(pin, states[pin.solid], step.time, step.time, step.dt);
     const std::size_t first = given.size();
     const Grid& band = states[pin.solid].band.grid;
     const Vec3i lo = grid::offset(band, g);
@@ -131,10 +130,11 @@ std::vector<GivenNode> find_given(const StepContext& step, const SolidStates& st
       given.push_back({p, pin.solid, n, velocity.at(x, X).cast<Real>(), Vec3d::Zero()});
     }
     if (velocity.points.moves())
-      keep_volume(scene, velocity, dt, states[pin.solid], solids[pin.solid], g, {&given[first], given.size() - first});
+      keep_volume(step.scene, velocity, step.dt, states[pin.solid], solids[pin.solid], g,
+                  {&given[first], given.size() - first});
   }
   for (const GivenNode& node : given) matter.specific_volume[node.node] = 0;
-  slip.hold(parallel, matter.specific_volume);
+  slip.hold(step.parallel, matter.specific_volume);
   for (const GivenNode& node : given) {
     const std::size_t t = slip.find_shared(node.solid, node.node);
     if (t != system::SlipNodes::kNone) slip.prescribe(t, kAllAxes, kAllAxes);
@@ -176,15 +176,14 @@ void fix_given(const std::vector<GivenNode>& given, system::VelocitySystem& syst
 
 void close_given_cells(const StepContext& step, const SolidStates& states, const Matter& matter,
                        const system::SlipNodes& slip, std::vector<std::uint8_t>& active) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
-  if (scene.pins.empty()) return;
+  if (step.scene.pins.empty()) return;
   const Grid& g = matter.common.grid;
   if (active.empty()) active.assign(g.padded_count(), 1);
   const auto corner = grid::corner_offsets(g);
   std::vector<std::uint8_t> slips(g.node_count(), 0);
   for (const system::SlipNode& n : slip.nodes()) slips[n.node] = 1;
   for (const solid::SolidState& state : states)
-    for_band_cells(parallel, g, state.band, [&](std::size_t, int i, int j, int k) {
+    for_band_cells(step.parallel, g, state.band, [&](std::size_t, int i, int j, int k) {
       const std::size_t n = g.node(i, j, k), c = g.padded(i, j, k);
       const std::uint8_t owner = matter.owned[c];
       const bool moves = std::any_of(corner.begin(), corner.end(), [&](std::size_t o) {
@@ -218,30 +217,28 @@ std::vector<PinReaction> sum_reactions(const StepContext& step, const Grid& grid
 }
 
 void give_map(const StepContext& step, std::size_t l, solid::SolidState& state) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
-  for_pins(scene, l,
-           [&](const Pin& pin) { give(parallel, pin, velocity_of(pin, state, time + dt, time, dt), true, state); });
+  for_pins(step.scene, l, [&](const Pin& pin) {
+    give(step.parallel, pin, velocity_of(pin, state, step.time + step.dt, step.time, step.dt), true, state);
+  });
 }
 
 void give_surface(const StepContext& step, std::size_t l, solid::SolidState& state) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
-  for_pins(scene, l, [&](const Pin& pin) {
-    const Pose pose = pin.motion.pose(time + dt);
-    const std::vector<Vec3d>& points = solid::points_of(scene.solids[l], state);
+  for_pins(step.scene, l, [&](const Pin& pin) {
+    const Pose pose = pin.motion.pose(step.time + step.dt);
+    const std::vector<Vec3d>& points = solid::points_of(step.scene.solids[l], state);
     for (std::size_t v = 0; v < pin.vertices.size(); ++v)
       if (pin.vertices[v]) state.surface[v] = pose.place(points[v]);
   });
 }
 
 void place_collider(const StepContext& step, std::size_t l, solid::SolidState& state, solid::SolidWork& work) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
   const solid::Band old = state.band;
-  for_pins(scene, l, [&](const Pin& pin) {
-    work.max_speed = fastest(pin, velocity_of(pin, state, time, time, dt));
-    update_shape(parallel, scene, pin, time + dt, state);
+  for_pins(step.scene, l, [&](const Pin& pin) {
+    work.max_speed = fastest(pin, velocity_of(pin, state, step.time, step.time, step.dt));
+    update_shape(step.parallel, step.scene, pin, step.time + step.dt, state);
   });
   give_surface(step, l, state);
-  const solid::Band band = band_around(scene.grid, state.surface);
+  const solid::Band band = band_around(step.scene.grid, state.surface);
   if (band.grid.lo != old.grid.lo || band.grid.cells != old.grid.cells) solid::move_band(state, band);
   state.valid.assign(state.band.grid.node_count(), solid::kKnown);
   give_map(step, l, state);

@@ -157,32 +157,30 @@ void leave_film(const Parallel& parallel, double fluid_density, const SolidState
 }  // namespace
 
 void compute_masses(const StepContext& step, const SolidStates& states, SolidWorks& solids) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
-  for (std::size_t l = 0; l < scene.solids.size(); ++l) {
-    ScopedTimer timer(profile, Stage::kSolidMass);
-    solid::compute_mass(parallel, scene.solids[l], states[l], solids[l]);
+  for (std::size_t l = 0; l < step.scene.solids.size(); ++l) {
+    ScopedTimer timer(step.profile, Stage::kSolidMass);
+    solid::compute_mass(step.parallel, step.scene.solids[l], states[l], solids[l]);
     timer.visited(solids[l].mass.size(), 5 * sizeof(Real));
   }
 }
 
 void combine_masses(const StepContext& step, const SolidStates& states, const SolidWorks& solids, Window& window,
                     std::vector<Real>& pressure, Matter& matter, system::SlipNodes& slip) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
-  const fluid::FluidParams& fluid = scene.params.fluid;
-  ScopedTimer timer(profile, Stage::kFluidForces);
-  follow_solids(scene, states, solids, window, pressure, matter);
-  if (scene.solids.empty() && !matter.specific_volume.empty()) return;  // nothing has moved
-  find_fixed_components(parallel, scene, states, solids, matter);
-  find_owned_cells(parallel, states, solids, matter);
-  if (!scene.solids.empty()) {
+  const fluid::FluidParams& fluid = step.scene.params.fluid;
+  ScopedTimer timer(step.profile, Stage::kFluidForces);
+  follow_solids(step.scene, states, solids, window, pressure, matter);
+  if (step.scene.solids.empty() && !matter.specific_volume.empty()) return;  // nothing has moved
+  find_fixed_components(step.parallel, step.scene, states, solids, matter);
+  find_owned_cells(step.parallel, states, solids, matter);
+  if (!step.scene.solids.empty()) {
     const double density = fluid.present ? fluid.density : 0.0;
-    add_fractions(parallel, states, solids, matter);
-    weigh(parallel, density, states, solids, matter);
-    if (scene.params.numerics.walls_push_only) leave_film(parallel, density, states, solids, matter);
+    add_fractions(step.parallel, states, solids, matter);
+    weigh(step.parallel, density, states, solids, matter);
+    if (step.scene.params.numerics.walls_push_only) leave_film(step.parallel, density, states, solids, matter);
     timer.visited(matter.mass.size(), 2 * sizeof(Real));
   }
-  find_specific_volume(parallel, fluid, states, matter);
-  slip = find_slip_nodes(parallel, scene, states, solids, matter);
+  find_specific_volume(step.parallel, fluid, states, matter);
+  slip = find_slip_nodes(step.parallel, step.scene, states, solids, matter);
 }
 
 }  // namespace efsi::sim

@@ -51,24 +51,23 @@ void mix_in(const Parallel& parallel, const SolidStates& states, const SolidWork
 
 void combine_velocities(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
                         const Matter& matter, grid::VectorField& fluid_velocity, NodeVelocity& velocity) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
   const Grid& g = matter.common.grid;
-  ScopedTimer timer(profile, Stage::kFluidForces);
-  const StepWeight weight = weight_in_step(scene, dt, solids);
-  if (scene.params.fluid.present)
+  ScopedTimer timer(step.profile, Stage::kFluidForces);
+  const StepWeight weight = weight_in_step(step.scene, step.dt, solids);
+  if (step.scene.params.fluid.present)
     std::swap(velocity.field.c, fluid_velocity.c);  // the advection gives it back
   else
-    for (auto& component : velocity.field.c) linalg::fill(parallel, component, g.node_count(), Real(0));
+    for (auto& component : velocity.field.c) linalg::fill(step.parallel, component, g.node_count(), Real(0));
   if (!weight.fluid.isZero(0))
     for (std::size_t a = 0; a < 3; ++a) {
       Real* v = velocity.field.c[a].data();
       const Real kick = weight.fluid[static_cast<Eigen::Index>(a)];
-      parallel.for_each(static_cast<std::int64_t>(g.node_count()), [=](std::int64_t n) { v[n] += kick; });
+      step.parallel.for_each(static_cast<std::int64_t>(g.node_count()), [=](std::int64_t n) { v[n] += kick; });
     }
   std::vector<Vec3> slipping;  // the fluid's velocity at slip nodes, where nothing is mixed
   for (const system::SlipNode& n : velocity.slip.nodes()) slipping.push_back(velocity.field.at(n.node));
   for (std::size_t l = 0; l < states.size(); ++l)
-    mix_in(parallel, states, solids, l, weight.solids[l], matter, velocity.field);
+    mix_in(step.parallel, states, solids, l, weight.solids[l], matter, velocity.field);
   for (std::size_t t = 0; t < slipping.size(); ++t) {
     const system::SlipNode& n = velocity.slip.nodes()[t];
     const solid::SolidState& solid = states[n.solid];

@@ -208,7 +208,7 @@ void EnergyLedger::book_inflow(const Jets& jets, const grid::VectorField& flow) 
   const double mass_of_cell = scene_.params.fluid.density * common_.h * common_.h * common_.h;
   const auto corner = grid::corner_offsets(common_);
   double brought = 0.0;
-  for (const fluid::SourceCell& source : jets.cells) {
+  for (const fluid::SourceCell& source : jets) {
     const std::size_t n = common_.node(source.place[0], source.place[1], source.place[2]);
     double square = 0.0;
     for (const std::size_t o : corner) square += flow.at(n + o).cast<double>().squaredNorm() / 8.0;

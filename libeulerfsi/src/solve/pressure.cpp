@@ -14,6 +14,7 @@
 #include "linalg/reduce.hpp"
 #include "solve/bulk.hpp"
 #include "solve/pressure_coupling.hpp"
+#include "solve/reactions.hpp"
 #include "solve/velocity_solve.hpp"
 #include "sources/jets.hpp"
 #include "sources/volume_source.hpp"
@@ -53,19 +54,18 @@ constexpr double kHolds = 4.0;      // penalty of a row in the coupling step ove
 void assemble_pressure_system(const StepContext& step, const SolidStates& states, SolidWorks& solids,
                               const Matter& matter, const Holds& holds, system::SlipNodes& slip,
                               PressureEquation& pressure) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
   if (!pressure.lasts) {
     std::vector<std::uint8_t> active;
-    if (!scene.solids.empty()) active = pressure_cells(parallel, scene, states, matter);
+    if (!step.scene.solids.empty()) active = pressure_cells(step.parallel, step.scene, states, matter);
     close_given_cells(step, states, matter, slip, active);
     compute_compliance(step, states, solids, matter, pressure.compliance);
-    pressure.system.assemble(parallel, matter.common.grid, matter.common.walls, matter.fixed, matter.specific_volume,
-                             std::move(active), matter.owned, &slip, !scene.pins.empty(),
-                             scene.params.fluid.viscosity > 0.0, pressure.compliance);
-    pressure.lasts = scene.solids.empty();
+    pressure.system.assemble(step.parallel, matter.common.grid, matter.common.walls, matter.fixed,
+                             matter.specific_volume, std::move(active), matter.owned, &slip, !step.scene.pins.empty(),
+                             step.scene.params.fluid.viscosity > 0.0, pressure.compliance);
+    pressure.lasts = step.scene.solids.empty();
   }
-  if (scene.params.numerics.volume_source && !scene.solids.empty())
-    compute_volume_source(parallel, scene, dt, states, holds, matter, solids, pressure.source);
+  if (step.scene.params.numerics.volume_source && !step.scene.solids.empty())
+    compute_volume_source(step.parallel, step.scene, step.dt, states, holds, matter, solids, pressure.source);
   else
     pressure.source.clear();
   add_bulk_source(step, states, solids, matter, pressure.source);
@@ -120,17 +120,16 @@ double left_over(const system::VelocitySystem& system, std::size_t solid, const 
 // last step, and all that pushed each other, so that their rows are sought under it.
 std::vector<std::uint8_t> find_held(const StepContext& step, const VelocityEquation& elasticity,
                                     const std::vector<Real>& impulse) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
   const system::VelocitySystem& system = elasticity.system;
-  std::vector<std::uint8_t> held = pressed_solids(scene.solids.size(), elasticity.contacts);
+  std::vector<std::uint8_t> held = pressed_solids(step.scene.solids.size(), elasticity.contacts);
   std::vector<Real> pushed = elasticity.f_star;
   system::add_impulses(elasticity.contacts.rows, pushed);
   std::vector<Real> left = pushed;
-  linalg::add_scaled(parallel, left, -1.0, impulse);
-  system.fold(parallel, left);
-  system.fold(parallel, pushed);
+  linalg::add_scaled(step.parallel, left, -1.0, impulse);
+  system.fold(step.parallel, left);
+  system.fold(step.parallel, pushed);
   for (std::size_t l = 0; l < held.size(); ++l)
-    held[l] = solid::has_pressure(scene.solids[l]) && (held[l] || left_over(system, l, pushed, left) < kLastHolds);
+    held[l] = solid::has_pressure(step.scene.solids[l]) && (held[l] || left_over(system, l, pushed, left) < kLastHolds);
   return held;
 }
 
@@ -147,28 +146,27 @@ void stiffen_rows(const std::vector<std::uint8_t>& held, SolidContacts& contacts
 void prepare_pressure(const StepContext& step, const SolidStates& states, SolidWorks& solids, const Matter& matter,
                       const std::vector<Real>& last, VelocityEquation& elasticity, NodeVelocity& velocity,
                       PressureEquation& pressure) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
   pressure.takes = false;
-  if (!has_pressure(scene)) return;
-  ScopedTimer timer(profile, Stage::kPressureSolve);
+  if (!has_pressure(step.scene)) return;
+  ScopedTimer timer(step.profile, Stage::kPressureSolve);
   const Grid& g = matter.common.grid;
   assemble_pressure_system(step, states, solids, matter, elasticity.holds, velocity.slip, pressure);
-  if (!scene.params.numerics.coupling_step || scene.solids.empty() || last.empty()) return;
+  if (!step.scene.params.numerics.coupling_step || step.scene.solids.empty() || last.empty()) return;
   // Within the solids, over the fluid's level; the fluid's own pressure would feed what it moves.
-  const double level = scene.params.fluid.present ? fluid_level(parallel, g, matter.owned, last) : 0.0;
+  const double level = step.scene.params.fluid.present ? fluid_level(step.parallel, g, matter.owned, last) : 0.0;
   std::vector<Real>& q = pressure.system.scratch();  // -dt times it
   const auto last_of = [&](const std::vector<std::uint8_t>& solids_of_it) {
-    linalg::fill(parallel, q, last.size(), Real(0));
-    for (std::size_t l = 0; l < scene.solids.size(); ++l) {
+    linalg::fill(step.parallel, q, last.size(), Real(0));
+    for (std::size_t l = 0; l < step.scene.solids.size(); ++l) {
       if (!solids_of_it[l]) continue;
-      for_owned_cells(parallel, g, matter.owned, l, states[l].band, [&](std::size_t c, std::size_t) {
-        q[c] = static_cast<Real>(-dt * (static_cast<double>(last[c]) - level));
+      for_owned_cells(step.parallel, g, matter.owned, l, states[l].band, [&](std::size_t c, std::size_t) {
+        q[c] = static_cast<Real>(-step.dt * (static_cast<double>(last[c]) - level));
       });
     }
-    compute_impulses(parallel, g, elasticity.system, velocity.slip, q, pressure.impulse);
+    compute_impulses(step.parallel, g, elasticity.system, velocity.slip, q, pressure.impulse);
   };
-  std::vector<std::uint8_t> all(scene.solids.size());
-  for (std::size_t l = 0; l < all.size(); ++l) all[l] = solid::has_pressure(scene.solids[l]);
+  std::vector<std::uint8_t> all(step.scene.solids.size());
+  for (std::size_t l = 0; l < all.size(); ++l) all[l] = solid::has_pressure(step.scene.solids[l]);
   last_of(all);
   const std::vector<std::uint8_t> held = find_held(step, elasticity, pressure.impulse);
   stiffen_rows(held, elasticity.contacts);
@@ -183,85 +181,83 @@ void prepare_pressure(const StepContext& step, const SolidStates& states, SolidW
   for (std::size_t l = 0; l < held.size(); ++l)  // the start of the solve: nearly at rest
     for (std::size_t i = 3 * system.begin_of(l); held[l] && i < 3 * system.begin_of(l + 1); ++i)
       if (system.free()[i] > 0) elasticity.v_star[i] = 0;
-  pressure.system.project(parallel, q, velocity.field);
-  linalg::copy(parallel, pressure.taken, q);
-  give_way(parallel, g, q, pressure);
+  pressure.system.project(step.parallel, q, velocity.field);
+  linalg::copy(step.parallel, pressure.taken, q);
+  give_way(step.parallel, g, q, pressure);
 }
 
 void solve_pressure(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Matter& matter,
                     std::vector<Real>& last, VelocityEquation& elasticity, NodeVelocity& velocity,
                     PressureEquation& pressure) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
-  if (!has_pressure(scene)) return;
+  if (!has_pressure(step.scene)) return;
   const Grid& g = matter.common.grid;
-  const Numerics& numerics = scene.params.numerics;
+  const Numerics& numerics = step.scene.params.numerics;
   system::DivergenceNorms before;
   double inflow = 0.0;  // through the walls, that the source allows for
   {
-    ScopedTimer timer(profile, Stage::kPressureSolve);
+    ScopedTimer timer(step.profile, Stage::kPressureSolve);
     balance_inflow(step, solids, matter, velocity, elasticity.walls, inflow, pressure.source);
-    before = pressure.system.set_right_side(parallel, velocity.field, pressure.source);
-    info.divergence_before = before.all;
-    info.divergence_before_solid = before.solid;
+    before = pressure.system.set_right_side(step.parallel, velocity.field, pressure.source);
+    step.info.divergence_before = before.all;
+    step.info.divergence_before_solid = before.solid;
   }
   pressure.coupled = 0;
   pressure.largest = 0.0;
   // A body at rest that the step now serves and now does not would never come to rest.
   std::vector<Real> way;  // of the next coupling step
-  if (pressure.takes || needs_coupling(scene, before)) estimate_way(step, pressure, way);
+  if (pressure.takes || needs_coupling(step.scene, before)) estimate_way(step, pressure, way);
   for (int steps = 0;; ++steps) {
     const bool first = steps == 0;
     if (!way.empty()) {
       couple_pressure(step, states, solids, matter, way, elasticity, pressure, velocity);
-      ScopedTimer timer(profile, Stage::kPressureSolve);
+      ScopedTimer timer(step.profile, Stage::kPressureSolve);
       balance_inflow(step, solids, matter, velocity, elasticity.walls, inflow, pressure.source);
-      pressure.system.set_right_side(parallel, velocity.field, pressure.source);
+      pressure.system.set_right_side(step.parallel, velocity.field, pressure.source);
     }
-    ScopedTimer timer(profile, Stage::kPressureSolve);
+    ScopedTimer timer(step.profile, Stage::kPressureSolve);
     if (first) {  // the solve starts from the last pressure, less what acts already
       std::swap(pressure.q, last);
       pressure.q.resize(g.padded_count(), 0);
-      linalg::scale(parallel, pressure.q, -dt);
-      if (pressure.takes) linalg::add_scaled(parallel, pressure.q, -1.0, pressure.taken);
+      linalg::scale(step.parallel, pressure.q, -step.dt);
+      if (pressure.takes) linalg::add_scaled(step.parallel, pressure.q, -1.0, pressure.taken);
     } else {
-      linalg::add_scaled(parallel, pressure.q, -1.0, way);
+      linalg::add_scaled(step.parallel, pressure.q, -1.0, way);
     }
     const linalg::SolveStats stats =
-        pressure.system.solve(parallel, numerics.pressure_solver, numerics.pressure_tolerance, before, pressure.q);
-    info.pressure_iterations += static_cast<std::uint64_t>(stats.iterations);
-    info.pressure_residual = stats.residual;
-    info.unconverged += first && !stats.converged;
+        pressure.system.solve(step.parallel, numerics.pressure_solver, numerics.pressure_tolerance, before, pressure.q);
+    step.info.pressure_iterations += static_cast<std::uint64_t>(stats.iterations);
+    step.info.pressure_residual = stats.residual;
+    step.info.unconverged += first && !stats.converged;
     timer.visited(g.cell_count(), 12 * sizeof(Real));
     if (steps == kMostCoupling || !strains_much(step, solids, g, velocity.slip, elasticity, pressure)) return;
-    linalg::copy(parallel, way, pressure.q);
+    linalg::copy(step.parallel, way, pressure.q);
   }
 }
 
 void project_velocity(const StepContext& step, const Grid& g, VelocityEquation& elasticity, PressureEquation& pressure,
                       NodeVelocity& velocity, std::vector<Real>& next) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
-  if (!has_pressure(scene)) return;
-  if (scene.params.numerics.stiff_correction && !scene.solids.empty()) {
+  if (!has_pressure(step.scene)) return;
+  if (step.scene.params.numerics.stiff_correction && !step.scene.solids.empty()) {
     solve_correction(step, g, velocity.slip, pressure.q, elasticity.system, pressure);
     correct_velocity(step, pressure.q, 1, elasticity, pressure, velocity);
   } else {
-    ScopedTimer timer(profile, Stage::kPressureSolve);
-    pressure.system.project(parallel, pressure.q, velocity.field);
+    ScopedTimer timer(step.profile, Stage::kPressureSolve);
+    pressure.system.project(step.parallel, pressure.q, velocity.field);
   }
-  give_way(parallel, g, pressure.q, pressure);
-  ScopedTimer timer(profile, Stage::kPressureSolve);
-  if (pressure.takes) linalg::add_scaled(parallel, pressure.q, 1.0, pressure.taken);  // the q of all the step
+  give_way(step.parallel, g, pressure.q, pressure);
+  ScopedTimer timer(step.profile, Stage::kPressureSolve);
+  if (pressure.takes) linalg::add_scaled(step.parallel, pressure.q, 1.0, pressure.taken);  // the q of all the step
   if (!elasticity.walls.empty() || !elasticity.given.empty()) {
     grid::fill_ghosts(g, pressure.q, Real(0));
-    const Reaction reaction = pressure_reaction(parallel, g, pressure, velocity.slip, elasticity);
+    const Reaction reaction = pressure_reaction(step.parallel, g, pressure, velocity.slip, elasticity);
     add_pressure_reactions(reaction, elasticity.walls);
     add_given_reactions(reaction, elasticity.given);
   }
   std::swap(pressure.q, next);
-  linalg::scale(parallel, next, -1.0 / dt);
-  const system::DivergenceNorms after = pressure.system.norms(parallel, velocity.field, pressure.source);
-  info.divergence_after = after.all;
-  info.divergence_after_solid = after.solid;
+  linalg::scale(step.parallel, next, -1.0 / step.dt);
+  const system::DivergenceNorms after = pressure.system.norms(step.parallel, velocity.field, pressure.source);
+  step.info.divergence_after = after.all;
+  step.info.divergence_after_solid = after.solid;
 }
 
 }  // namespace efsi::sim

@@ -9,6 +9,8 @@
 #include "given/prescribed.hpp"
 #include "linalg/reduce.hpp"
 #include "solid/map/displacement.hpp"
+#include "solve/reactions.hpp"
+#include "system/contact_solve.hpp"
 
 namespace efsi::sim {
 namespace {
@@ -86,28 +88,27 @@ double negligible_velocity(const std::vector<system::ContactRow>& rows, const st
 
 void assemble_velocity_system(const StepContext& step, SolidStates& states, SolidWorks& solids, const Matter& matter,
                               NodeVelocity& velocity, VelocityEquation& elasticity) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
-  if (scene.solids.empty()) return;
+  if (step.scene.solids.empty()) return;
   SolidContacts& contacts = elasticity.contacts;
   {
-    ScopedTimer timer(profile, Stage::kContact);
+    ScopedTimer timer(step.profile, Stage::kContact);
     contacts = find_solid_contacts(step, states, solids, matter.common, velocity);
     timer.visited(contacts.looked, 10 * sizeof(double));  // of both: distance, length, normal
   }
-  ScopedTimer timer(profile, Stage::kComputeG);
+  ScopedTimer timer(step.profile, Stage::kComputeG);
   system::VelocitySystem& system = elasticity.system;
   std::vector<Real>& momentum = elasticity.momentum;
-  const std::vector<std::uint8_t> pressed = pressed_solids(scene.solids.size(), contacts);
+  const std::vector<std::uint8_t> pressed = pressed_solids(step.scene.solids.size(), contacts);
   std::vector<system::SolidRef> refs;
-  for (std::size_t l = 0; l < scene.solids.size(); ++l) {
-    const solid::SolidRest& rest = scene.solids[l];
+  for (std::size_t l = 0; l < step.scene.solids.size(); ++l) {
+    const solid::SolidRest& rest = step.scene.solids[l];
     system::SolidRef ref{&rest, &states[l], &solids[l], {}, {}};
-    if (scene.params.numerics.stiffness_by_pace) {
+    if (step.scene.params.numerics.stiffness_by_pace) {
       const double stiffest = std::max(rest.elastic.mu, rest.elastic.lambda + rest.bulk);
-      const double pace = dt * std::sqrt(stiffest / rest.density) / scene.grid.h;
-      const double strain = dt * solid::largest_strain_rate(parallel, states[l], solids[l].carries);
+      const double pace = step.dt * std::sqrt(stiffest / rest.density) / step.scene.grid.h;
+      const double strain = step.dt * solid::largest_strain_rate(step.parallel, states[l], solids[l].carries);
       const double growth = std::max(solids[l].max_det_f, 1.0 / solids[l].min_det_f);
-      ref.loose = shares_while(pressed[l] || is_pinned(scene.pins, l), pace, strain, growth);
+      ref.loose = shares_while(pressed[l] || is_pinned(step.scene.pins, l), pace, strain, growth);
       ref.held = shares_while(true, pace, strain, growth);
     }
     refs.push_back(ref);
@@ -115,25 +116,25 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
   const std::vector<WallRow>& walls = elasticity.walls;
   std::vector<std::uint8_t> held;
   if (!walls.empty()) held = held_components(matter.fixed, walls);
-  system.assemble(parallel, matter.common.grid, walls.empty() ? matter.fixed : held, refs, matter.mass, velocity.slip,
-                  dt, grid::slab_axis(matter.common.grid, matter.common.walls));
+  system.assemble(step.parallel, matter.common.grid, walls.empty() ? matter.fixed : held, refs, matter.mass,
+                  velocity.slip, step.dt, grid::slab_axis(matter.common.grid, matter.common.walls));
   tie_rows(elasticity.walls, system);
   fix_given(elasticity.given, system);
   number_rows(system, contacts);
   drop_blocked_rows(elasticity.given, system, contacts);
-  elasticity.holds = find_holds(scene.solids.size(), system, meeting_pairs(contacts));
-  system.gather(parallel, velocity.field, velocity.slip, elasticity.v_star);
+  elasticity.holds = find_holds(step.scene.solids.size(), system, meeting_pairs(contacts));
+  system.gather(step.parallel, velocity.field, velocity.slip, elasticity.v_star);
   // momentum = M (v + dt f_ext / m) + dt f_int, f* = momentum + what stands for K v^n
   std::vector<Real> force;
-  system.internal_force(parallel, force);
-  system.multiply_mass(parallel, elasticity.v_star, momentum);
-  const Real duration = static_cast<Real>(dt);
-  parallel.for_each(system.unknowns(), [&](std::int64_t u) {
+  system.internal_force(step.parallel, force);
+  system.multiply_mass(step.parallel, elasticity.v_star, momentum);
+  const Real duration = static_cast<Real>(step.dt);
+  step.parallel.for_each(system.unknowns(), [&](std::int64_t u) {
     for (std::size_t i = 3 * static_cast<std::size_t>(u); i < 3 * static_cast<std::size_t>(u) + 3; ++i)
       momentum[i] += duration * force[i];
   });
   elasticity.f_star = momentum;
-  linalg::multiply(parallel, momentum, system.moves(), momentum);
+  linalg::multiply(step.parallel, momentum, system.moves(), momentum);
   add_past_stiffness(step, states, solids, matter.common.grid, elasticity);
   add_friction(elasticity.walls, system, {elasticity.f_star, elasticity.momentum});
   elasticity.v_old.clear();
@@ -143,33 +144,34 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
 }
 
 void solve_velocity(const StepContext& step, VelocityEquation& elasticity, NodeVelocity& velocity) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
-  if (scene.solids.empty()) return;
-  ScopedTimer timer(profile, Stage::kVelocitySolve);
-  const Numerics& numerics = scene.params.numerics;
+  if (step.scene.solids.empty()) return;
+  ScopedTimer timer(step.profile, Stage::kVelocitySolve);
+  const Numerics& numerics = step.scene.params.numerics;
   system::VelocitySystem& system = elasticity.system;
   linalg::SolveStats stats;
-  choose_start(parallel, elasticity);
+  choose_start(step.parallel, elasticity);
   const RightSides right{elasticity.f_star, elasticity.momentum};
-  const double negligible = negligible_velocity(elasticity.contacts.rows, elasticity.v_star, scene.grid.h / dt);
+  const double negligible =
+      negligible_velocity(elasticity.contacts.rows, elasticity.v_star, step.scene.grid.h / step.dt);
   for (int pass = 0; pass == 0 || (pass < kMostPasses && hold_more(elasticity.walls, system, right, elasticity.v_star));
        ++pass) {
-    stats = system::solve_contact(parallel, numerics.velocity_solver, elasticity.f_star, numerics.velocity_tolerance,
-                                  negligible, system, elasticity.contacts.rows, elasticity.v_star);
-    info.velocity_iterations += static_cast<std::uint64_t>(stats.iterations);
+    stats =
+        system::solve_contact(step.parallel, numerics.velocity_solver, elasticity.f_star, numerics.velocity_tolerance,
+                              negligible, system, elasticity.contacts.rows, elasticity.v_star);
+    step.info.velocity_iterations += static_cast<std::uint64_t>(stats.iterations);
   }
   system::add_impulses(elasticity.contacts.rows, elasticity.f_star);
   system::add_impulses(elasticity.contacts.rows, elasticity.momentum);
-  elasticity.holds = find_holds(scene.solids.size(), system, pushing_pairs(elasticity.contacts));
+  elasticity.holds = find_holds(step.scene.solids.size(), system, pushing_pairs(elasticity.contacts));
   if (!elasticity.walls.empty() || !elasticity.given.empty()) {
-    const Reaction reaction = velocity_reaction(parallel, elasticity);
+    const Reaction reaction = velocity_reaction(step.parallel, elasticity);
     add_velocity_reactions(reaction, elasticity.walls);
     add_given_reactions(reaction, elasticity.given);
   }
-  info.velocity_residual = stats.residual;
-  info.unconverged += !stats.converged;
-  if (numerics.conserve_momentum) system.conserve_momentum(parallel, elasticity.momentum, elasticity.v_star);
-  write_back(parallel, system, elasticity.v_star, velocity);
+  step.info.velocity_residual = stats.residual;
+  step.info.unconverged += !stats.converged;
+  if (numerics.conserve_momentum) system.conserve_momentum(step.parallel, elasticity.momentum, elasticity.v_star);
+  write_back(step.parallel, system, elasticity.v_star, velocity);
   timer.visited(static_cast<std::uint64_t>(system.unknowns()), 15 * sizeof(Real));
 }
 

@@ -12,23 +12,22 @@ double fastest_jet(const Scene& scene, double time, double remaining) {
 }
 
 void add_jets(const StepContext& step, const Matter& matter, Jets& jets, std::vector<Real>& source) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
   const grid::Grid& g = matter.common.grid;
-  jets.cells.clear();
-  jets.flux.assign(scene.emitters.size(), 0.0);
-  if (!scene.params.fluid.present || !scene.params.walls.any_open()) return;
-  const Real fluid_volume = static_cast<Real>(1.0 / scene.params.fluid.density);
-  for (std::size_t e = 0; e < scene.emitters.size(); ++e) {
-    const fluid::Emitter& emitter = scene.emitters[e];
+  jets.clear();
+  step.info.jets.assign(step.scene.emitters.size(), 0.0);
+  if (!step.scene.params.fluid.present || !step.scene.params.walls.any_open()) return;
+  const Real fluid_volume = static_cast<Real>(1.0 / step.scene.params.fluid.density);
+  for (std::size_t e = 0; e < step.scene.emitters.size(); ++e) {
+    const fluid::Emitter& emitter = step.scene.emitters[e];
     if (!emitter.is_jet()) continue;
-    const fluid::Emission emission = emitter.emission(time, dt);
+    const fluid::Emission emission = emitter.emission(step.time, step.dt);
     if (emission.share > 0.0)
-      jets.flux[e] = fluid::find_sources(g, emitter, emission, matter.fixed, matter.owned, matter.specific_volume,
-                                         fluid_volume, jets.cells);
+      step.info.jets[e] = fluid::find_sources(g, emitter, emission, matter.fixed, matter.owned, matter.specific_volume,
+                                              fluid_volume, jets);
   }
-  if (jets.cells.empty()) return;
+  if (jets.empty()) return;
   source.resize(g.padded_count(), 0);
-  for (const fluid::SourceCell& cell : jets.cells)
+  for (const fluid::SourceCell& cell : jets)
     source[g.padded(cell.place[0], cell.place[1], cell.place[2])] += cell.rate;
 }
 

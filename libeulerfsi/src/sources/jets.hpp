@@ -7,16 +7,13 @@
 
 namespace efsi::sim {
 
-// What emitters bring into the fluid in this step.
-struct Jets {
-  std::vector<fluid::SourceCell> cells;
-  std::vector<double> flux;  // per emitter of the scene [m^3/s]
-};
+// What emitters bring into the fluid in this step, cell by cell.
+using Jets = std::vector<fluid::SourceCell>;
 
 // Largest component of the velocity of the scene's emitters within `remaining` [m/s].
 double fastest_jet(const Scene& scene, double time, double remaining);
 // Adds what emitters bring in this step to `source`, wanted divergence per padded cell [1/s], which may be empty.
-// Nothing where the box has no open face: there it could not go anywhere.
+// StepInfo::jets: their flux. Nothing where the box has no open face: there it could not go anywhere.
 void add_jets(const StepContext& step, const Matter& matter, Jets& jets, std::vector<Real>& source);
 
 }  // namespace efsi::sim

@@ -10,9 +10,8 @@ using grid::Grid;
 void balance_inflow(const StepContext& step, const SolidWorks& solids, const Matter& matter,
                     const NodeVelocity& velocity, const std::vector<WallRow>& rows, double& balanced,
                     std::vector<Real>& source) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
   const Grid& g = matter.common.grid;
-  if (source.empty() || !scene.params.fluid.present || scene.params.walls.any_open()) return;
+  if (source.empty() || !step.scene.params.fluid.present || step.scene.params.walls.any_open()) return;
   double inflow = -velocity.slip.opening(velocity.field);  // [m^3/s]
   for (const WallRow& row : rows) {
     if (!row.on_wall || velocity.slip.find(row.solid, row.node) != system::SlipNodes::kNone) continue;
@@ -23,7 +22,7 @@ void balance_inflow(const StepContext& step, const SolidWorks& solids, const Mat
   const double fluid_cells = count_fluid_cells(g, solids);
   if (inflow == balanced || fluid_cells < 1.0) return;
   const double share = (inflow - balanced) / (g.h * g.h * g.h * fluid_cells);
-  take_from_fluid(parallel, matter, static_cast<Real>(share), source);
+  take_from_fluid(step.parallel, matter, static_cast<Real>(share), source);
   balanced = inflow;
 }
 

@@ -29,25 +29,24 @@ void still_inflow(const Parallel& parallel, const Grid& g, const grid::Walls& wa
 void advect_fluid(const StepContext& step, grid::VectorField& flow, const system::SlipNodes& slip, const Jets& jets,
                   Matter& matter, fluid::FluidState& fluid, fluid::AdvectWorkspace& work,
                   system::PressureSystem& scratch) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
-  if (!scene.params.fluid.present) return;
-  const bool corrected = scene.params.numerics.corrected_fluid_advection;
-  const Real fluid_volume = static_cast<Real>(1.0 / scene.params.fluid.density);
+  if (!step.scene.params.fluid.present) return;
+  const bool corrected = step.scene.params.numerics.corrected_fluid_advection;
+  const Real fluid_volume = static_cast<Real>(1.0 / step.scene.params.fluid.density);
   const Grid& g = matter.common.grid;
-  still_inflow(parallel, scene.grid, scene.params.walls, flow);
+  still_inflow(step.parallel, step.scene.grid, step.scene.params.walls, flow);
   scratch.exchange_scratch(work.storage());
   {
-    ScopedTimer timer(profile, Stage::kSmoke);
+    ScopedTimer timer(step.profile, Stage::kSmoke);
     const std::uint64_t tiles =
-        fluid::advect_smoke(parallel, g, corrected, dt, flow, matter.cell_fraction, fluid, work, jets.cells);
+        fluid::advect_smoke(step.parallel, g, corrected, step.dt, flow, matter.cell_fraction, fluid, work, jets);
     timer.visited(512 * tiles, 6 * sizeof(Real));
   }
   for (const system::SlipNode& n : slip.nodes())  // fluid like any other: corrected
     matter.specific_volume[n.node] = fluid_volume;
   {
-    ScopedTimer timer(profile, Stage::kFluidAdvection);
-    const std::uint64_t tiles =
-        fluid::advect_velocity(parallel, g, corrected, dt, flow, matter.specific_volume, fluid_volume, fluid, work);
+    ScopedTimer timer(step.profile, Stage::kFluidAdvection);
+    const std::uint64_t tiles = fluid::advect_velocity(step.parallel, g, corrected, step.dt, flow,
+                                                       matter.specific_volume, fluid_volume, fluid, work);
     timer.visited(512 * tiles, 12 * sizeof(Real));
   }
   scratch.exchange_scratch(work.storage());

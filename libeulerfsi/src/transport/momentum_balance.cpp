@@ -47,45 +47,42 @@ NodeSums sum_nodes(const Parallel& parallel, const Grid& g, const std::vector<Re
 
 void measure_first_momenta(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
                            TransportMomenta& momenta) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
   momenta.first.clear();
   for (std::size_t l = 0; l < states.size(); ++l)
     momenta.first.push_back(
-        solid::measure_momenta(parallel, states[l].band, solids[l], states[l].band.grid, states[l].v));
+        solid::measure_momenta(step.parallel, states[l].band, solids[l], states[l].band.grid, states[l].v));
 }
 
 void measure_momenta(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Matter& matter,
                      NodeVelocity& velocity, TransportMomenta& momenta) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
   const Grid& g = matter.common.grid;
   momenta.solids.clear();
   for (std::size_t l = 0; l < states.size(); ++l) {
-    const system::SolidView view(parallel, velocity.slip, l, velocity.field);
-    momenta.solids.push_back(solid::measure_momenta(parallel, states[l].band, solids[l], g, velocity.field));
+    const system::SolidView view(step.parallel, velocity.slip, l, velocity.field);
+    momenta.solids.push_back(solid::measure_momenta(step.parallel, states[l].band, solids[l], g, velocity.field));
   }
-  if (states.empty() || conserved_axes(scene).isZero()) return;
-  const NodeSums all = sum_nodes(parallel, g, matter.mass, velocity.field);
+  if (states.empty() || conserved_axes(step.scene).isZero()) return;
+  const NodeSums all = sum_nodes(step.parallel, g, matter.mass, velocity.field);
   momenta.fluid = all.momentum + velocity.slip.relative_momentum(velocity.field);
   for (const solid::Momenta& solid : momenta.solids) momenta.fluid -= solid.linear;
 }
 
 void restore_momenta(const StepContext& step, const TransportMomenta& momenta, const SolidWorks& solids,
                      const Matter& matter, SolidStates& states, grid::VectorField& fluid_velocity) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
   {
-    ScopedTimer timer(profile, Stage::kSolidAdvection);
+    ScopedTimer timer(step.profile, Stage::kSolidAdvection);
     for (std::size_t l = 0; l < states.size(); ++l)
-      if (states[l].whole && !is_collider(scene.pins, l))
-        solid::restore_momenta(parallel, momenta.solids[l], solids[l], states[l]);
+      if (states[l].whole && !is_collider(step.scene.pins, l))
+        solid::restore_momenta(step.parallel, momenta.solids[l], solids[l], states[l]);
   }
-  const Vec3d axes = conserved_axes(scene);
+  const Vec3d axes = conserved_axes(step.scene);
   if (states.empty() || axes.isZero()) return;
-  ScopedTimer timer(profile, Stage::kFluidAdvection);
+  ScopedTimer timer(step.profile, Stage::kFluidAdvection);
   const Grid& g = matter.common.grid;
-  const NodeSums now = sum_nodes(parallel, g, matter.fluid_mass, fluid_velocity);
+  const NodeSums now = sum_nodes(step.parallel, g, matter.fluid_mass, fluid_velocity);
   if (!(now.mass > 0.0)) return;
   const Vec3 missing = ((momenta.fluid - now.momentum) / now.mass).cwiseProduct(axes).cast<Real>();
-  parallel.for_each(static_cast<std::int64_t>(g.node_count()), [&](std::int64_t n) {
+  step.parallel.for_each(static_cast<std::int64_t>(g.node_count()), [&](std::int64_t n) {
     for (std::size_t a = 0; a < 3; ++a)
       fluid_velocity.c[a][static_cast<std::size_t>(n)] += missing[static_cast<Eigen::Index>(a)];
   });

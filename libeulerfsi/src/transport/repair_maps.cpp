@@ -41,13 +41,12 @@ void inspect_maps(const std::vector<solid::SolidRest>& rest, const SolidWorks& w
 }
 
 void repair_maps(const StepContext& step, SolidStates& states, SolidWorks& solids) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
-  ScopedTimer timer(profile, Stage::kSolidMass);
-  for (std::size_t l = 0; l < scene.solids.size(); ++l)
-    info.repairs.put_back += solid::repair_map(parallel, scene.solids[l], states[l], solids[l]);
-  if (info.repairs.put_back == 0) return;
-  info.degenerate_cells += info.repairs.put_back;
-  inspect_after(scene.solids, solids, info.repairs);
+  ScopedTimer timer(step.profile, Stage::kSolidMass);
+  for (std::size_t l = 0; l < step.scene.solids.size(); ++l)
+    step.info.repairs.put_back += solid::repair_map(step.parallel, step.scene.solids[l], states[l], solids[l]);
+  if (step.info.repairs.put_back == 0) return;
+  step.info.degenerate_cells += step.info.repairs.put_back;
+  inspect_after(step.scene.solids, solids, step.info.repairs);
 }
 
 }  // namespace efsi::sim

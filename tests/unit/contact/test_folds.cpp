@@ -9,6 +9,7 @@
 
 #include "contact/fold_contact.hpp"
 #include "record/contact_record.hpp"
+#include "solid/surface/fold_points.hpp"
 #include "unit/geometry/shapes.hpp"
 #include "unit/sim/scene.hpp"
 #include "unit/solid/hairpin.hpp"

@@ -1,6 +1,7 @@
 #include "solid/element/material_force.hpp"
 
 #include <algorithm>
+#include <array>
 #include <limits>
 
 #include "solid/element/mass.hpp"
@@ -107,74 +108,82 @@ std::array<Real, 12> hourglass_force(const ElasticPoint& center, const Hourglass
   return out;
 }
 
+// det F over elements, their largest stretch, what they store, and how many of them are degenerate.
+struct MaterialRange {
+  double low = std::numeric_limits<double>::infinity(), high = 0.0, stretch = 1.0, energy = 0.0;
+  std::uint64_t degenerate = 0;
+
+  void add(const MaterialRange& other) {
+    low = std::min(low, other.low);
+    high = std::max(high, other.high);
+    stretch = std::max(stretch, other.stretch);
+    energy += other.energy;
+    degenerate += other.degenerate;
+  }
+};
+
+// The quadrature points of element e.
+void compute_element(const SolidRest& rest, const SolidState& state, const PlasticField& plastic,
+                     const std::array<std::size_t, 8>& corner, std::size_t e, SolidWork& work, MaterialRange& range) {
+  const Grid& g = state.band.grid;
+  const auto points = static_cast<std::size_t>(work.points_per_element);
+  const auto n = static_cast<std::size_t>(work.element_corner[e]);
+  Vec3d u[8];
+  for (std::size_t a = 0; a < 8; ++a) u[a] = state.u.at(n + corner[a]).cast<double>();
+  const Vec3d x0 = plastic.empty() ? Vec3d(Vec3d::Zero()) : position_of(g, n);
+  bool degenerate = false;
+  material::Elastic elastic = rest.elastic;
+  elastic.mu *= work.element_weight * work.factor(e);
+  elastic.lambda *= work.element_weight * work.factor(e);
+  const double bulk = rest.bulk * bulk_weight(rest, work, e);
+  for (std::size_t q = 0; q < points; ++q) {
+    const Vec3d local = work.local_point(e, q);
+    const ElasticPoint p = elastic_point(plastic, u, x0, g.h, local);
+    const Deformation& d = p.elastic;
+    double energy = 0.0;
+    const double volume = g.h * g.h * g.h / (static_cast<double>(points) * d.det);
+    ElementPoint point = linearise(elastic, d, volume, energy);
+    if (points == 1) {
+      for (int i = 0; i < 3; ++i) point.local[i] = static_cast<Real>(local[i]);
+      const Hourglass modes = hourglass_modes(rest, plastic, p, u, g.h, elastic.mu);
+      const double k = modes.stiffness;
+      point.hourglass[0] = static_cast<Real>(k);
+      for (int i = 0; i < 3; ++i) point.hourglass[i + 1] = static_cast<Real>(k / (d.stretch[i] * d.stretch[i]));
+      energy += modes.energy;
+      if (!plastic.empty()) work.hourglass_force[e] = hourglass_force(p, modes);
+    }
+    work.set_element_point(e, q, point);
+    const double det = points != 1 || local.isZero(0.0) ? d.det : det_f_at_center(u, g.h);
+    energy += volume * d.det / det * material::bulk_energy(bulk, det);
+    range.energy += energy;
+    range.low = std::min(range.low, det);
+    range.high = std::max(range.high, det);
+    if (!d.degenerate) range.stretch = std::max(range.stretch, p.total_stretch);
+    degenerate = degenerate || d.degenerate;
+  }
+  range.degenerate += degenerate;
+}
+
 }  // namespace
 
 void compute_material(const Parallel& parallel, const SolidRest& rest, const SolidState& state, int points_per_element,
                       SolidWork& work) {
-  const Grid& g = state.band.grid;
-  const auto corner = grid::corner_offsets(g);
+  const auto corner = grid::corner_offsets(state.band.grid);
   const std::size_t elements = work.element_cell.size();
-  const auto points = static_cast<std::size_t>(points_per_element);
   work.resize_elements(points_per_element);
   const PlasticField plastic(rest, state);
-  work.hourglass_force.resize(plastic.empty() || points != 1 ? 0 : elements);
+  work.hourglass_force.resize(plastic.empty() || points_per_element != 1 ? 0 : elements);
 
-  struct Range {
-    double low = std::numeric_limits<double>::infinity(), high = 0.0, stretch = 1.0, energy = 0.0;
-    std::uint64_t degenerate = 0;
-  };
   constexpr std::int64_t kChunk = 256;
   const auto chunks = (static_cast<std::int64_t>(elements) + kChunk - 1) / kChunk;
-  std::vector<Range> ranges(static_cast<std::size_t>(chunks));
+  std::vector<MaterialRange> ranges(static_cast<std::size_t>(chunks));
   parallel.for_each(chunks, [&](std::int64_t chunk) {
-    Range& range = ranges[static_cast<std::size_t>(chunk)];
     const std::size_t end = std::min(elements, static_cast<std::size_t>((chunk + 1) * kChunk));
-    for (std::size_t e = static_cast<std::size_t>(chunk * kChunk); e < end; ++e) {
-      const auto n = static_cast<std::size_t>(work.element_corner[e]);
-      Vec3d u[8];
-      for (std::size_t a = 0; a < 8; ++a) u[a] = state.u.at(n + corner[a]).cast<double>();
-      const Vec3d x0 = plastic.empty() ? Vec3d(Vec3d::Zero()) : position_of(g, n);
-      bool degenerate = false;
-      material::Elastic elastic = rest.elastic;
-      elastic.mu *= work.element_weight * work.factor(e);
-      elastic.lambda *= work.element_weight * work.factor(e);
-      const double bulk = rest.bulk * bulk_weight(rest, work, e);
-      for (std::size_t q = 0; q < points; ++q) {
-        const Vec3d local = work.local_point(e, q);
-        const ElasticPoint p = elastic_point(plastic, u, x0, g.h, local);
-        const Deformation& d = p.elastic;
-        double energy = 0.0;
-        const double volume = g.h * g.h * g.h / (static_cast<double>(points) * d.det);
-        ElementPoint point = linearise(elastic, d, volume, energy);
-        if (points == 1) {
-          for (int i = 0; i < 3; ++i) point.local[i] = static_cast<Real>(local[i]);
-          const Hourglass modes = hourglass_modes(rest, plastic, p, u, g.h, elastic.mu);
-          const double k = modes.stiffness;
-          point.hourglass[0] = static_cast<Real>(k);
-          for (int i = 0; i < 3; ++i) point.hourglass[i + 1] = static_cast<Real>(k / (d.stretch[i] * d.stretch[i]));
-          energy += modes.energy;
-          if (!plastic.empty()) work.hourglass_force[e] = hourglass_force(p, modes);
-        }
-        work.set_element_point(e, q, point);
-        const double det = points != 1 || local.isZero(0.0) ? d.det : det_f_at_center(u, g.h);
-        energy += volume * d.det / det * material::bulk_energy(bulk, det);
-        range.energy += energy;
-        range.low = std::min(range.low, det);
-        range.high = std::max(range.high, det);
-        if (!d.degenerate) range.stretch = std::max(range.stretch, p.total_stretch);
-        degenerate = degenerate || d.degenerate;
-      }
-      range.degenerate += degenerate;
-    }
+    for (std::size_t e = static_cast<std::size_t>(chunk * kChunk); e < end; ++e)
+      compute_element(rest, state, plastic, corner, e, work, ranges[static_cast<std::size_t>(chunk)]);
   });
-  Range total;
-  for (const Range& range : ranges) {
-    total.low = std::min(total.low, range.low);
-    total.high = std::max(total.high, range.high);
-    total.stretch = std::max(total.stretch, range.stretch);
-    total.energy += range.energy;
-    total.degenerate += range.degenerate;
-  }
+  MaterialRange total;
+  for (const MaterialRange& range : ranges) total.add(range);
   work.min_det_f = elements ? total.low : 1.0;
   work.max_det_f = elements ? total.high : 1.0;
   work.max_stretch = total.stretch;
