@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import author, box
-from eulerfsi import checks
 from eulerfsi.errors import SceneError
-from eulerfsi.scene import read_scene
-from eulerfsi.simulate import Options, simulate
+from eulerfsi.run.simulate import Options, simulate
+from eulerfsi.scene import checks
+from eulerfsi.scene.read import read_scene
 from pxr import UsdGeom
 from slab_scenes import add_disc, disc, points_of, run, slab_stage
 

@@ -13,13 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from . import __version__, binding, files, stats_file
-from .errors import CacheIOError, UsageError
-from .frames import file_number
+from .. import __version__, files
+from ..errors import CacheIOError, UsageError
+from ..frames import file_number
+from ..scene.parts import Scene
+from ..solver import binding
+from ..solver.simulation import Simulation
+from . import stats_file
 from .localize import localize_scene
 from .manifest import FILE_NAME, Manifest
-from .scene_parts import Scene
-from .solver import Simulation
 from .start_from import Start
 from .usd_writer import UsdWriter
 
@@ -104,20 +106,12 @@ class Cache:
         return all(not self.manifest.damaged_files(frame) for frame in self.scene.frames)
 
     def write_frame(
-        self, frame: int, simulation: Simulation, solids: list[int], passengers: list[int], left: list[str]
-    ) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Writes all files of a frame and registers them; returns (points, velocities) of scene.simulated.
+        self, frame: int, simulation: Simulation, surfaces: list[tuple[np.ndarray, np.ndarray]], left: list[str]
+    ) -> None:
+        """Writes all files of a frame and registers them.
 
-        left: paths of the solids that have left the box.
+        surfaces: (points, velocities) of scene.simulated; left: paths of the solids that have left the box.
         """
-        surfaces = [
-            simulation.surface(identifier, len(solid.mesh.points))
-            for identifier, solid in zip(solids, self.scene.solids, strict=True)
-        ]
-        surfaces += [
-            simulation.passenger(identifier, len(passenger.mesh.points))
-            for identifier, passenger in zip(passengers, self.scene.passengers, strict=True)
-        ]
         written = {}
         if self.scene.drawn:
             written[self.writer.frame_name(frame)] = self.writer.write_frame(frame, surfaces)
@@ -136,7 +130,6 @@ class Cache:
         }
         self._flush_stats()
         self.manifest.save()
-        return surfaces
 
     def write_root(self) -> Path:
         """Writes the layer that opens the cache, for the frames that are there. Returns its path."""

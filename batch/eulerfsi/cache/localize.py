@@ -10,9 +10,9 @@ from pathlib import Path
 
 from pxr import Ar, Sdf, Tf, UsdUtils
 
-from .errors import CacheIOError
-from .files import export_layer
-from .reasons import usd_reason
+from ..errors import CacheIOError
+from ..files import export_layer
+from ..reasons import usd_reason
 
 
 def localize_scene(scene: Path, folder: Path) -> Path:

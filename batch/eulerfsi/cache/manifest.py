@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from . import files
-from .errors import CacheIOError, SceneError, UsageError
+from .. import files
+from ..errors import CacheIOError, SceneError, UsageError
 
 FILE_NAME = "manifest.json"
 _FORMAT = "eulerfsi-cache"

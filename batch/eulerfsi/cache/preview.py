@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from . import files
-from .scene_parts import Scene
+from .. import files
+from ..scene.parts import Scene
 from .usd_writer import vertex_normals
 
 # Fill colours of the solids, repeated when there are more.

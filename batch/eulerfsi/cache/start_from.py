@@ -7,11 +7,12 @@ import re
 from pathlib import Path
 from typing import Any
 
-from . import binding, files
-from .errors import CacheIOError, LibraryError, SceneError, UsageError
+from .. import files
+from ..errors import CacheIOError, LibraryError, SceneError, UsageError
+from ..scene.parts import Scene
+from ..solver import binding
+from ..solver.simulation import Simulation
 from .manifest import FILE_NAME, Manifest
-from .scene_parts import Scene
-from .solver import Simulation
 
 
 @dataclasses.dataclass

@@ -8,8 +8,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from . import files
-from .errors import CacheIOError
+from .. import files
+from ..errors import CacheIOError
 
 NAME = "stats.jsonl"
 

@@ -15,10 +15,10 @@ import numpy as np
 from eulerfsi_usd.transforms import places
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 
-from . import files
-from .frames import file_number
-from .scene_parts import Passenger, Rider, Scene, Solid
-from .space import transform_points, transform_vectors
+from .. import files
+from ..frames import file_number
+from ..scene.parts import Passenger, Rider, Scene, Solid
+from ..scene.space import transform_points, transform_vectors
 
 _TYPES = {
     "points": Sdf.ValueTypeNames.Point3fArray,

@@ -15,10 +15,11 @@ import traceback
 from collections.abc import Sequence
 from pathlib import Path
 
-from . import __version__, binding, errors, mesh_file, paths, progress
-from .command import command_line
-from .errors import EulerFsiError, UsageError
-from .say import say
+from .. import __version__, errors, paths, progress
+from ..command import command_line
+from ..errors import EulerFsiError, UsageError
+from ..say import say
+from ..solver import binding, mesh_file
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -145,7 +146,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _simulate(options: argparse.Namespace) -> int:
-    from .simulate import Options, simulate
+    from ..run.simulate import Options, simulate
 
     if options.preset is not None and options.preset not in binding.PRESETS:
         raise UsageError(f"--preset {options.preset}: must be one of {', '.join(binding.PRESETS)}")
@@ -175,8 +176,8 @@ def _simulate(options: argparse.Namespace) -> int:
 
 
 def _validate(options: argparse.Namespace) -> int:
+    from ..usd_messages import usd_messages
     from .report import validate
-    from .usd_messages import usd_messages
 
     with usd_messages():
         lines = validate(options.scene, options.frames, options.start_frame, options.settings, options.threads)
@@ -185,8 +186,8 @@ def _validate(options: argparse.Namespace) -> int:
 
 
 def _info(options: argparse.Namespace) -> int:
+    from ..usd_messages import usd_messages
     from .report import info
-    from .usd_messages import usd_messages
 
     with usd_messages():
         for line in info(options.path):
@@ -202,8 +203,8 @@ def _plot(options: argparse.Namespace) -> int:
 
 
 def _new(options: argparse.Namespace) -> int:
+    from ..usd_messages import usd_messages
     from .new_scene import new_scene
-    from .usd_messages import usd_messages
 
     with usd_messages():
         layout, warnings = new_scene(options.scene, options.solid, options.smoke)

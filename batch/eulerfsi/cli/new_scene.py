@@ -12,18 +12,20 @@ from pathlib import Path
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
-from . import estimate, solver
-from .errors import LibraryError, SceneError, UsageError
-from .files import export_layer, replacing
-from .log import Log
-from .parameters import table
-from .reasons import mesh_reason
-from .references import how_to_reference, is_usd_file
-from .scene import EARTH_GRAVITY, open_stage
-from .scene_bodies import DEFAULT_DENSITY
-from .scene_values import DOMAIN_API, EMITTER_API, SOLID_API
-from .simulate import Options, build_simulation, load_scene
-from .system import available_memory, available_threads
+from ..errors import LibraryError, SceneError, UsageError
+from ..files import export_layer, replacing
+from ..log import Log
+from ..parameters import table
+from ..reasons import mesh_reason
+from ..run import estimate
+from ..run.build import build_simulation
+from ..run.simulate import Options, load_scene
+from ..scene.bodies import DEFAULT_DENSITY
+from ..scene.read import EARTH_GRAVITY, open_stage
+from ..scene.references import how_to_reference, is_usd_file
+from ..scene.values import DOMAIN_API, EMITTER_API, SOLID_API
+from ..solver import simulation as solver
+from ..system import available_memory, available_threads
 
 _CELLS_ACROSS = 24  # of the smallest solid
 _CELLS_THROUGH = 3  # of the shortest edge of a solid's box
@@ -141,7 +143,7 @@ def _examine(scene: Path, prims: dict[str, Path], layout: Layout) -> list[str]:
     log = Log(told)
     try:
         read, _ = load_scene(scene, Options(), log, limit)
-        build_simulation(read, available_threads(), limit, log)[0].close()
+        build_simulation(read, available_threads(), limit, log).simulation.close()
     except (SceneError, LibraryError) as error:
         lines = []
         for line in str(error).splitlines():

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import files, stats_file
-from .errors import CacheIOError, UsageError
-from .manifest import Manifest
+from .. import files
+from ..cache import stats_file
+from ..cache.manifest import Manifest
+from ..errors import CacheIOError, UsageError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,15 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from . import __version__, binding, checks, estimate, memory
-from .errors import EulerFsiError, LibraryError, SceneError
-from .frames import FrameRange, demand_start, parse_frames
-from .manifest import FILE_NAME, Manifest
-from .overrides import apply_overrides
-from .parameters import Parameter, table
-from .scene import open_stage, read_scene, set_frames
-from .scene_parts import Scene
-from .system import available_memory, available_threads, format_bytes
+from .. import __version__
+from ..cache.manifest import FILE_NAME, Manifest
+from ..errors import EulerFsiError, LibraryError, SceneError
+from ..frames import FrameRange, demand_start, parse_frames
+from ..parameters import Parameter, table
+from ..run import estimate
+from ..scene import checks, memory
+from ..scene.overrides import apply_overrides
+from ..scene.parts import Scene
+from ..scene.read import open_stage, read_scene, set_frames
+from ..solver import binding
+from ..system import available_memory, available_threads, format_bytes
 
 _MOST_LINES = 8  # of passengers of one body
 

@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from . import binding
-from .log import Log
-from .simulate import build_simulation
+from ..log import Log
+from ..solver import binding
+from .build import build_simulation
 
 if TYPE_CHECKING:
-    from .scene_parts import Scene, Solid
+    from ..scene.parts import Scene, Solid
 
 # Limits of the library's steps, in cells (kContactCfl, kContactPace, kContactReach, kVacuumReach, kFluidReach, kThin,
 # kFarthest there).
@@ -212,7 +212,7 @@ def try_steps(scene: Scene, threads: int, memory_limit: int) -> list[float]:
         return []
     begun = time.monotonic()
     taken: list[float] = []
-    simulation, _ = build_simulation(scene, threads, memory_limit, Log(io.StringIO()))
+    simulation = build_simulation(scene, threads, memory_limit, Log(io.StringIO())).simulation
     with simulation:
         while len(taken) < _TRIAL_STEPS and time.monotonic() - begun + max(taken, default=0) < _TRIAL_SECONDS:
             step = time.monotonic()

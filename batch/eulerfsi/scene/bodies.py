@@ -12,15 +12,16 @@ from eulerfsi_usd.physics import friction_of, physics_material
 from eulerfsi_usd.pose import Pose, PoseError
 from pxr import Usd, UsdGeom
 
-from . import binding, solver
-from .errors import Cancelled, LibraryError, SceneError
+from ..errors import Cancelled, LibraryError, SceneError
+from ..progress import Waiting
+from ..reasons import mesh_reason
+from ..signals import Signals
+from ..solver import binding
+from ..solver import simulation as solver
 from .motion import fit_rigid_motion, volume_center
-from .progress import Waiting
-from .reasons import mesh_reason
-from .scene_parts import Collider, Deformation, Emitter, Motion, Pin, Solid, slab_axis
-from .scene_values import Reader
-from .signals import Signals
+from .parts import Collider, Deformation, Emitter, Motion, Pin, Solid, slab_axis
 from .space import SimulationSpace, determinant, orthonormal_rows, transform_points, transform_vectors
+from .values import Reader
 
 DEFAULT_DENSITY = 1000.0  # kg/m^3
 

@@ -13,11 +13,12 @@ from eulerfsi_usd.checks import check_stage
 from eulerfsi_usd.issues import Issue
 from pxr import Usd
 
-from . import binding, memory
-from .errors import CacheIOError, SceneError
-from .scene_parts import Collider, Emitter, Scene, Solid, face_name, open_faces, slab_axis
-from .solver import Surface
-from .usd_messages import composition_faults
+from ..errors import CacheIOError, SceneError
+from ..solver import binding
+from ..solver.simulation import Surface
+from ..usd_messages import composition_faults
+from . import memory
+from .parts import Collider, Emitter, Scene, Solid, face_name, open_faces, slab_axis
 
 __all__ = ["Issue", "check_output", "check_scene", "check_stage", "raise_errors", "stage_issues"]
 

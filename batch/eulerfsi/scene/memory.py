@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from . import solver
-from .errors import SceneError
-from .system import format_bytes
+from ..errors import SceneError
+from ..solver import simulation as solver
+from ..system import format_bytes
 
 # The library's counts of bytes end here.
 _LARGEST = 2**64 - 1

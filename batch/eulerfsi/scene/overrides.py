@@ -8,9 +8,9 @@ from typing import Any
 
 from pxr import Sdf, Usd
 
-from .errors import UsageError
-from .parameters import NAMESPACE, table
-from .scene_values import applied_scopes
+from ..errors import UsageError
+from ..parameters import NAMESPACE, table
+from .values import applied_scopes
 
 _TYPES = {
     "double": Sdf.ValueTypeNames.Double,

@@ -16,10 +16,11 @@ from eulerfsi_usd import deform, transforms
 from eulerfsi_usd.pose import PoseError
 from pxr import Usd, UsdGeom
 
-from . import binding, solver
+from ..frames import FrameRange
+from ..parameters import StageUnits
+from ..solver import binding
+from ..solver import simulation as solver
 from .follow import Binding
-from .frames import FrameRange
-from .parameters import StageUnits
 from .space import SimulationSpace, transform_points
 
 _RECENT = 4  # times of which a shape is kept

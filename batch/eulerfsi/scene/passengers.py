@@ -8,13 +8,13 @@ import numpy as np
 from eulerfsi_usd.passengers import find_riders
 from pxr import Usd, UsdGeom
 
-from . import solver
-from .errors import SceneError
+from ..errors import SceneError
+from ..solver import simulation as solver
+from .bodies import posed_mesh
 from .follow import Binding
-from .scene_bodies import posed_mesh
-from .scene_parts import Collider, Deformation, Passenger, Rider
-from .scene_values import Reader
+from .parts import Collider, Deformation, Passenger, Rider
 from .space import SimulationSpace, determinant, transform_points
+from .values import Reader
 
 
 def read_passenger(reader: Reader, space: SimulationSpace, solid: Usd.Prim, prim: Usd.Prim) -> Passenger:

@@ -12,19 +12,19 @@ from eulerfsi_usd.issues import all_prims
 from eulerfsi_usd.passengers import find_passengers
 from pxr import Tf, Usd, UsdGeom, UsdPhysics
 
+from ..errors import SceneError, UsageError
+from ..frames import FrameRange, check_frames
+from ..parameters import StageUnits, table
+from ..reasons import usd_reason
+from ..system import available_threads
 from . import memory
-from .errors import SceneError, UsageError
-from .frames import FrameRange, check_frames
-from .parameters import StageUnits, table
-from .reasons import usd_reason
+from .bodies import examine, read_collider, read_density, read_pins, read_solid
+from .parts import Scene, slab_axis
+from .passengers import read_passenger, read_riders
 from .references import how_to_make_a_scene, is_usd_file
-from .scene_bodies import examine, read_collider, read_density, read_pins, read_solid
-from .scene_parts import Scene, slab_axis
-from .scene_passengers import read_passenger, read_riders
-from .scene_sources import read_emitters, read_forces
-from .scene_values import DOMAIN_API, Reader, find_prims, stage_units
+from .sources import read_emitters, read_forces
 from .space import domain_space
-from .system import available_threads
+from .values import DOMAIN_API, Reader, find_prims, stage_units
 
 EARTH_GRAVITY = 9.81  # m/s^2
 _VOXEL_SIZES = (1e-6, 1e6)  # m: what single precision and OpenVDB's transforms can hold, and a continuum is

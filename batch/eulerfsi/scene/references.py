@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pxr import Tf, Usd, UsdGeom
 
-from .command import command_line
+from ..command import command_line
 
 _SHOWN = 3  # meshes of a file
 

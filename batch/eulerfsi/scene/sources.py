@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from . import binding
-from .errors import SceneError
-from .frames import FrameRange
-from .parameters import table
-from .scene_bodies import closed_mesh
-from .scene_parts import Emitter, Force
-from .scene_values import EMITTER_API, FORCE_API, Reader
+from ..errors import SceneError
+from ..frames import FrameRange
+from ..parameters import table
+from ..solver import binding
+from .bodies import closed_mesh
+from .parts import Emitter, Force
 from .space import SimulationSpace, determinant
+from .values import EMITTER_API, FORCE_API, Reader
 
 
 def read_emitters(reader: Reader, space: SimulationSpace, prim: Usd.Prim, frames: FrameRange) -> list[Emitter]:

@@ -11,7 +11,7 @@ import dataclasses
 
 import numpy as np
 
-from .errors import SceneError
+from ..errors import SceneError
 
 # Cosine between two axes of a box above which its transform counts as sheared.
 _SHEAR_LIMIT = 1e-4

@@ -10,8 +10,8 @@ from eulerfsi_usd.issues import all_prims
 from eulerfsi_usd.parameters import API_SCHEMAS
 from pxr import Usd, UsdGeom, UsdPhysics
 
-from . import binding
-from .parameters import Parameter, StageUnits, table
+from ..parameters import Parameter, StageUnits, table
+from ..solver import binding
 
 DOMAIN_API, SOLID_API, EMITTER_API, FORCE_API = (
     API_SCHEMAS[scope] for scope in ("domain", "solid", "emitter", "force")

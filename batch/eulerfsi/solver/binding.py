@@ -22,8 +22,8 @@ from ctypes import (
     c_void_p,
 )
 
-from . import paths
-from .errors import EulerFsiError, LibraryError
+from .. import paths
+from ..errors import EulerFsiError, LibraryError
 
 OK = 0
 ERROR_INTERNAL, ERROR_ARGUMENT, ERROR_MESH, ERROR_DIVERGED = 1, 2, 3, 4

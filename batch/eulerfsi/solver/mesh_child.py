@@ -1,9 +1,9 @@
 """The child process that reads one mesh file: under a memory limit, and gone when its parent is.
 
-`python -m eulerfsi.mesh_child PATH DESCRIPTOR MEMORY PARENT` writes to the open file DESCRIPTOR one line of JSON:
-{"points", "faces", "corners"}, counts with the arrays behind it (points float32 x y z, corners per face int32, indices
-int32), or {"status", "message"} of a file that was refused. `mesh_file.py` is the other side. It does without NumPy,
-which would take longer to import than most meshes to read.
+`python -m eulerfsi.solver.mesh_child PATH DESCRIPTOR MEMORY PARENT` writes to the open file DESCRIPTOR one line of
+JSON: {"points", "faces", "corners"}, counts with the arrays behind it (points float32 x y z, corners per face int32,
+indices int32), or {"status", "message"} of a file that was refused. `mesh_file.py` is the other side. It does without
+NumPy, which would take longer to import than most meshes to read.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from collections.abc import Iterator
 from ctypes import byref, c_void_p
 from typing import Any, BinaryIO
 
+from ..errors import EulerFsiError, LibraryError
 from . import binding
-from .errors import EulerFsiError, LibraryError
 
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 

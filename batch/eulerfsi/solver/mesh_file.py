@@ -17,9 +17,10 @@ from typing import BinaryIO
 
 import numpy as np
 
-from . import binding, paths
-from .errors import EulerFsiError, LibraryError
-from .system import available_memory, format_bytes
+from .. import paths
+from ..errors import EulerFsiError, LibraryError
+from ..system import available_memory, format_bytes
+from . import binding
 
 FORMATS = ("obj", "ply", "stl", "off", "gltf", "glb", "fbx", "dae", "3ds")
 SECONDS, SECONDS_PER_MEGABYTE = 10.0, 1.0
@@ -71,7 +72,7 @@ def _run(path: str | Path, memory: int, seconds: float, answer: BinaryIO, noise:
     # The child shall find what this process found, whatever the environment says.
     places = [str(paths.PACKAGE.parent), *(place for place in sys.path if os.path.isabs(place))]
     child = subprocess.Popen(
-        [sys.executable, "-P", "-m", "eulerfsi.mesh_child", *arguments],
+        [sys.executable, "-P", "-m", "eulerfsi.solver.mesh_child", *arguments],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=noise,

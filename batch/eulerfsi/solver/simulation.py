@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import LibraryError
 from . import binding, mesh_file
 from .binding import check_error, library
-from .errors import LibraryError
 
 LogFunction = Callable[[int, str], None]
 ProgressFunction = Callable[[float, dict], bool]
