@@ -27,9 +27,9 @@ PLANTED = {
         "omp_get_thread_num() != 0 || leader_busy_",
         "leader_busy_ || omp_get_thread_num() != 0",
     ),
-    "a member does not see why it is woken": (
-        "loop_.fetch_add(1, std::memory_order_release)",
-        "loop_.fetch_add(1, std::memory_order_relaxed)",
+    "a loop is offered before its work is there": (
+        "std::memory_order_release);\n  loop_.store(loop, std::memory_order_release)",
+        "std::memory_order_relaxed);\n  loop_.store(loop, std::memory_order_relaxed)",
     ),
 }
 

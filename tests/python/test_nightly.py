@@ -27,9 +27,10 @@ def option(command: str, name: str) -> str | None:
 def nightly_cases() -> list[str]:
     """As CTest names them: "room: title"."""
     case = re.compile(r'TEST_CASE\(\s*"([^"]*)",\s*"[^"]*\[nightly\][^"]*"\)')
+    unit = ROOT / "tests" / "unit"
     return [
-        f"{path.parent.name}: {title}"
-        for path in sorted((ROOT / "tests").rglob("test_*.cpp"))
+        f"{path.relative_to(unit).parts[0]}: {title}"
+        for path in sorted(unit.rglob("test_*.cpp"))
         for title in case.findall(path.read_text())
     ]
 

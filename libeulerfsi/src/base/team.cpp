@@ -72,13 +72,13 @@ void Team::serve() {
   while (true) {
     wait_for_news(loop_, seen);
     seen = loop_.load(std::memory_order_acquire);
-    if (dismissed_) return;
+    if (dismissed_.load(std::memory_order_relaxed)) return;  // perhaps before the loop that it was woken for is over
     take_parts(seen);
   }
 }
 
 void Team::dismiss() {
-  dismissed_ = true;
+  dismissed_.store(true, std::memory_order_relaxed);
   loop_.fetch_add(1, std::memory_order_release);
   loop_.notify_all();
 }

@@ -12,8 +12,8 @@
 #include <random>
 #include <string>
 
-#include "sim/window.hpp"
-#include "solid/plasticity.hpp"
+#include "frame/window.hpp"
+#include "solid/element/plasticity.hpp"
 #include "unit/sim/scene.hpp"
 #include "unit/solid/hairpin.hpp"
 
