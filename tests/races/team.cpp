@@ -23,12 +23,18 @@ void check(bool holds, const char* what) {
   ++failures;
 }
 
+// Leaves the other parts of a loop to the other threads, on a busy machine too.
+void pause() { std::this_thread::sleep_for(std::chrono::microseconds(300)); }
+
 // Plain values that loops write and the caller reads, between loops and inside them.
 void loops(const Parallel& parallel) {
   std::vector<long> values(301, 0);
   const auto n = static_cast<std::int64_t>(values.size());
   for (int loop = 1; loop <= 200; ++loop) {
-    parallel.for_each(n, [&](std::int64_t i) { values[static_cast<std::size_t>(i)] += loop; });
+    parallel.for_each(n, [&](std::int64_t i) {
+      values[static_cast<std::size_t>(i)] += loop;
+      if (loop % 20 == 0 && i % 50 == 0) pause();
+    });
     // Written by the caller alone, read by all in the next loop.
     values[0] = values[static_cast<std::size_t>(n - 1)];
     const double sum = parallel.sum(
@@ -40,6 +46,7 @@ void loops(const Parallel& parallel) {
   // A loop inside a loop is its thread's own.
   std::vector<double> sums(9);
   parallel.for_each(9, [&](std::int64_t i) {
+    pause();
     sums[static_cast<std::size_t>(i)] = parallel.sum(10, [](std::int64_t k) { return static_cast<double>(k); });
   });
   check(std::accumulate(sums.begin(), sums.end(), 0.0) == 9 * 45.0, "loops inside a loop");
@@ -58,8 +65,8 @@ void race() {
   parallel.together([&] {
     for (int loop = 0; loop < 20; ++loop)
       parallel.for_each(2, [&](std::int64_t i) {
-        sum += i;  // the pause leaves the other part to the other thread
-        std::this_thread::sleep_for(std::chrono::milliseconds(2));
+        sum += i;
+        pause();
       });
   });
   std::printf("%ld\n", sum);
