@@ -1,8 +1,8 @@
 """The documents name things that are there.
 
 check_docs.py links      relative links of docs/ and of the documents of the root lead to a file, and to a heading of it
-check_docs.py paths      source files and folders that docs/, README.md and CONTRIBUTING.md name exist, and so do documents that the code
-                         names
+check_docs.py paths      source files and folders that docs/, README.md and CONTRIBUTING.md name exist, and so do
+                         documents that the code names
 check_docs.py numerics   docs/numerics: a file is one screen and stands in the index; constants have the values of the
                          code; tests that guard a mechanism exist
 check_docs.py names      identifiers in backticks in docs/numerics, algorithm.md and notation.md occur in the code
