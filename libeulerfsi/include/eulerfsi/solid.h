@@ -45,11 +45,11 @@ typedef struct EfsiMeshReport {
 
 /* A mesh that was read from a file. */
 typedef struct EfsiMesh EfsiMesh;
-/* Reads a mesh file. path: UTF-8; its suffix, in upper or lower case, is the format: obj, ply, stl, off, gltf, glb,
- * fbx, dae, 3ds. mesh: out; error may be NULL. EFSI_ERROR_MESH for another suffix or content that does not match it,
- * EFSI_ERROR_IO where the file cannot be read. The file is read in this process: a damaged or hostile file can exhaust
- * memory, crash the reader or never finish. To read untrusted files, call this function in a child process with limits
- * on memory and time. */
+/* Reads a mesh file. path: UTF-8; its suffix, in upper or lower case, is the format:
+ * obj, ply, stl, off, gltf, glb, fbx, dae, 3ds. mesh: out; error may be NULL. EFSI_ERROR_MESH for another suffix or
+ * content that does not match it, EFSI_ERROR_IO where the file cannot be read. The file is read in this process: a
+ * damaged or hostile file can exhaust memory, crash the reader or never finish. To read untrusted files, call this
+ * function in a child process with limits on memory and time. */
 EFSI_API EfsiStatus efsi_mesh_load(const char* path, EfsiMesh** mesh, EfsiError* error);
 /* Returns a view of a mesh, valid until it is destroyed. */
 EFSI_API EfsiStatus efsi_mesh_get_view(const EfsiMesh* mesh, EfsiMeshView* view);
