@@ -92,7 +92,7 @@ struct Transport {
   Real fluid_volume;
 };
 
-// What arrives at a node, and how far it is from there to where it comes from: by the midpoint rule. Where half the way
+// The position from which a node is reached, relative to the node, by the midpoint rule. Where half the trace
 // already leads through a wall it comes from the wall: the midpoint's velocity there, at a no-slip wall none, would
 // keep a jet away from the wall where it is for ever.
 EFSI_INLINE void carry_node(const Transport& t, const Row& row, int i, VectorField& first, VectorField& back) {

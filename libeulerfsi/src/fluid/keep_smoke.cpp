@@ -22,7 +22,7 @@ constexpr std::size_t kCells = 512;   // of a tile
 constexpr std::size_t kWithin = 27;   // functions that are not 0 in a tile
 constexpr std::size_t kAround = 128;  // those of the tile and its neighbours, 5^3, and room to write rows of four
 constexpr double kNegligible = 1e-6;  // of the largest room
-constexpr int kRounds = 32;           // what finds no room goes on by so many intervals at most
+constexpr int kRounds = 32;           // intervals over which an amount without capacity is passed on, at most
 
 using Cells = Real[kCells];
 using Sums = Real[kWithin];
@@ -188,7 +188,7 @@ EFSI_KERNEL void take_arrivals(const Grid& g, const PackedSampler& sampler, cons
       for (int i = tile.begin[0]; i < tile.end[0]; i += 2) {
         const Real amount = pairs[i - tile.begin[0]] + pairs[i - tile.begin[0] + 1];
         if (amount == 0) continue;
-        // The middle of the block, and the mean way of two opposite corners.
+        // The middle of the block, and the mean displacement of two opposite corners.
         const int after_i = std::min(i + 1, last[0]);
         const Quad middle = Real(0.5) * Quad{static_cast<Real>(i + after_i + 1), static_cast<Real>(j + after_j + 1),
                                              static_cast<Real>(k + after_k + 1), 0};
@@ -447,7 +447,7 @@ void ScalarBudget::gather(const Parallel& parallel, const grid::Walls& walls) {
   });
 }
 
-// The share of each function. What finds no room goes on to the six neighbours.
+// The share of each function. An amount without capacity is passed on to the six neighbours.
 void ScalarBudget::exchange(const Parallel& parallel, const Grid& g) {
   const Vec3i& n = functions_;
   const auto near = [&](std::size_t a, int i) { return place_along(i, n[a], g.periodic[a]); };

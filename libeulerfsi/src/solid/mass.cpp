@@ -16,7 +16,7 @@ namespace efsi::solid {
 namespace {
 
 constexpr double kMostWeight = 2.0;    // of an element: crumbs of a solid do not become rigid
-constexpr double kThinnestFree = 0.1;  // cells: width of an element beside a pin that gives way
+constexpr double kThinnestFree = 0.1;  // cells: least width of the deforming part of an element beside a pin
 
 // Cells: further away the plane phi = 0 misses the cell. Half the cell's diagonal times a bound of the length of
 // F^-T grad phi, clamped as below; the slope of a distance is at most 1 along each axis.
@@ -37,7 +37,7 @@ Plane plane_of(const geometry::SignedDistance& distance, const Vec3d& material, 
   return {phi / std::clamp(length, 0.25, 4.0), length > 1e-12 ? Vec3d(normal / length) : Vec3d(0, 1, 0)};
 }
 
-constexpr double kMostCrushed = 0.2, kMostStretched = 5.0;  // stretches that are believed at the edge of the data
+constexpr double kMostCrushed = 0.2, kMostStretched = 5.0;  // stretches that are accepted at the edge of the data
 constexpr double kSplinterGrowth = 1.25;  // of the volume of an element that is torn off, or its inverse
 constexpr std::size_t kSplinter = 3;      // elements
 
@@ -51,8 +51,8 @@ bool is_positive(const Mat3d& m) {
   return m(0, 0) > 0.0 && m(0, 0) * m(1, 1) > m(0, 1) * m(1, 0) && m.determinant() > 0.0;
 }
 
-// Whether a cell's map can be the solid's: of what the extension made up nothing is, and of what it had a part in
-// nothing that is inverted or whose elastic part is out of shape. Beside folds and thin parts the extension leads back
+// Whether a cell's map is valid: not where it is extrapolated, and where it is partly so only if it is not inverted
+// and its elastic stretches are accepted. Beside folds and thin parts the extension leads back
 // into the solid.
 bool is_credible(std::uint8_t nearest, std::uint8_t farthest, const PlasticField& plastic, const Vec3d& material,
                  const Mat3d& inverse_f) {
@@ -208,11 +208,11 @@ void stiffen_by_part(const Parallel& parallel, const SolidRest& rest, const Soli
   });
 }
 
-// One at the border of a pin gives way in its part outside only, a width theta of a cell, in which all of its strain
+// One at the border of a pin deforms in its part outside only, a width theta of a cell, in which all of its strain
 // lies: theta psi(F / theta) is about psi(F) / theta.
 void stiffen_beside_pins(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work) {
   if (state.shape)
-    work.element_factor.assign(work.element_corner.size(), 0.0);  // what deforms as given resists nothing
+    work.element_factor.assign(work.element_corner.size(), 0.0);  // prescribed deformation meets no resistance
   if (rest.held.empty() || rest.plastic.yields()) return;         // what has yielded is kept by cells
   const Grid& g = state.band.grid;
   work.element_factor.resize(work.element_corner.size(), 1.0);

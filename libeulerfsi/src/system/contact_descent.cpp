@@ -9,9 +9,10 @@ namespace efsi::system {
 namespace {
 
 constexpr int kMostIterations = 1000;
-constexpr int kRenew = 8;            // iterations after which the preconditioner is that of what is closed then
-constexpr int kMostTrials = 20;      // of a line search
-constexpr double kDescended = 1e-2;  // the force along the way that may be left at its end, over that at its start
+constexpr int kRenew = 8;        // iterations after which the preconditioner is that of what is closed then
+constexpr int kMostTrials = 20;  // of a line search
+constexpr double kDescended =
+    1e-2;  // line search: directional derivative left at its end, relative to that at its start
 
 // The rows along x + t d.
 class Ray {
@@ -58,12 +59,13 @@ class Ray {
   std::vector<RowAct> acts_;
 };
 
-// The way along d at whose end no force along d is left: that of the rest falls from `start` by `slope` t.
+// Line search along d to a zero of the directional derivative; that of the system falls from `start` by `slope` t.
 double way(const Ray& ray, double start, double slope) {
   const auto force = [&](double t) { return start - t * slope + ray.force(t); };
   const double first = force(0.0);
   double low = 0.0, high = first / (slope + ray.stiffness()), at_low = first, at_high = force(high);
-  for (int i = 0; i < kMostTrials && at_high > kDescended * first; ++i) {  // rows have opened on the way
+  for (int i = 0; i < kMostTrials && at_high > kDescended * first;
+       ++i) {  // rows have opened along the search direction
     low = high;
     at_low = at_high;
     high *= 2.0;

@@ -56,7 +56,7 @@ std::array<AxisTable, 3> restriction_tables(const PressureGrid& fine, const Grid
     const auto s = static_cast<std::size_t>(a);
     tables[s] = restriction_table(fine.grid.cells[s], coarse.cells[s], fine.walls.lower(a), fine.walls.upper(a),
                                   fine.grid.periodic[s], fine.outer[s]);
-    // A slab's coarse cell counts as a cube, twice as thick as the fine cells that it stands for.
+    // A slab's coarse cell is treated as a cube, twice as thick as the fine cells that it represents.
     if (a == slab) tables[s].weight[0] = {0, 2, 0, 0};
   }
   return tables;
