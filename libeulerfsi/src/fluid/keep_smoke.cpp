@@ -167,6 +167,7 @@ EFSI_KERNEL void take_arrivals(const Grid& g, const PackedSampler& sampler, cons
                                const grid::VectorField& back, Real* around) {
   const PackedSampler box = sampler;
   const auto axes = [&](const auto& value) { return Quad{value(0), value(1), value(2), Real(1)}; };
+  // The three intervals around the tile along each axis.
   Quad width[3], begin[3], before[3], after[3];
   for (int m = 0; m < 3; ++m) {
     width[m] = 1 / axes([&](int a) { return tile.axis[a]->width[m]; });
@@ -178,6 +179,7 @@ EFSI_KERNEL void take_arrivals(const Grid& g, const PackedSampler& sampler, cons
   begin[2] = begin[1] + axes([&](int a) { return tile.axis[a]->width[1]; });
   const Quad zero = {0, 0, 0, 0}, one = {1, 1, 1, 1};
   const Vec3i last = {tile.end[0] - 1, tile.end[1] - 1, tile.end[2] - 1};
+  // Blocks of 2^3 cells.
   for (int k = tile.begin[2]; k < tile.end[2]; k += 2)
     for (int j = tile.begin[1]; j < tile.end[1]; j += 2) {
       const int after_j = std::min(j + 1, last[1]), after_k = std::min(k + 1, last[2]);
@@ -195,6 +197,7 @@ EFSI_KERNEL void take_arrivals(const Grid& g, const PackedSampler& sampler, cons
         const Quad way = Real(0.5) * (node_value(back, low + static_cast<std::size_t>(i)) +
                                       node_value(back, high + static_cast<std::size_t>(after_i)));
         const Quad from = box.keep_inside(middle + way);
+        // The splines at the origin of the block, and the tiles that they belong to.
         const auto is_before = from < begin[1], is_after = from >= begin[2];
         const auto choose = [&](const Quad(&of)[3]) { return is_before ? of[0] : (is_after ? of[2] : of[1]); };
         const Quad place = grid::clamp((from - choose(begin)) * choose(width), zero, one), left = one - place;

@@ -79,12 +79,14 @@ std::vector<std::vector<Holding>> compute_fractions(const Parallel& parallel, co
     for (int j = 0; j < g.cells[1]; ++j)
       for (int i = 0; i < g.cells[0]; ++i) {
         const std::size_t n = g.node(i, j, k);
+        // Origin of the map at the corners.
         std::uint8_t nearest = kExtended, farthest = kNoData;
         for (std::size_t offset : corner) {
           nearest = std::min(nearest, state.valid[n + offset]);
           farthest = std::max(farthest, state.valid[n + offset]);
         }
         if (nearest == kNoData) continue;
+        // Material at the centre, and the cut of the cell by the surface.
         Vec3d u[8], mean = Vec3d::Zero();
         for (std::size_t a = 0; a < 8; ++a) {
           u[a] = state.u.at(n + corner[a]).cast<double>();
@@ -100,6 +102,7 @@ std::vector<std::vector<Holding>> compute_fractions(const Parallel& parallel, co
           const Plane surface = plane_of(distance, material, phi / g.h, inverse_f);
           fraction = grid::plane_cut_fraction(surface.distance, surface.normal);
         }
+        // Cells with an invalid map are counted and left empty.
         const std::size_t c = g.cell(i, j, k);
         if (fraction > 0.0 && !is_credible(nearest, farthest, plastic, material, inverse_f)) {
           rejected[static_cast<std::size_t>(k)] += static_cast<Real>(fraction) > least_fraction(rest, state, c);

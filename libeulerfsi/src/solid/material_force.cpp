@@ -119,6 +119,7 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
   const PlasticField plastic(rest, state);
   work.hourglass_force.resize(plastic.empty() || points != 1 ? 0 : elements);
 
+  // Extrema and sums per chunk, combined in order at the end.
   struct Range {
     double low = std::numeric_limits<double>::infinity(), high = 0.0, stretch = 1.0, energy = 0.0;
     std::uint64_t degenerate = 0;
@@ -131,6 +132,7 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
     const std::size_t end = std::min(elements, static_cast<std::size_t>((chunk + 1) * kChunk));
     for (std::size_t e = static_cast<std::size_t>(chunk * kChunk); e < end; ++e) {
       const auto n = static_cast<std::size_t>(work.element_corner[e]);
+      // Displacements and moduli of the element.
       Vec3d u[8];
       for (std::size_t a = 0; a < 8; ++a) u[a] = state.u.at(n + corner[a]).cast<double>();
       const Vec3d x0 = plastic.empty() ? Vec3d(Vec3d::Zero()) : position_of(g, n);
@@ -139,6 +141,7 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
       elastic.mu *= work.element_weight * work.factor(e);
       elastic.lambda *= work.element_weight * work.factor(e);
       const double bulk = rest.bulk * bulk_weight(rest, work, e);
+      // Stress and moduli at each quadrature point; with one point also the hourglass modes.
       for (std::size_t q = 0; q < points; ++q) {
         const Vec3d local = work.local_point(e, q);
         const ElasticPoint p = elastic_point(plastic, u, x0, g.h, local);
@@ -156,6 +159,7 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
           if (!plastic.empty()) work.hourglass_force[e] = hourglass_force(p, modes);
         }
         work.set_element_point(e, q, point);
+        // The part of the bulk stiffness in the pressure has det F at the centre of the cell.
         const double det = points != 1 || local.isZero(0.0) ? d.det : det_f_at_center(u, g.h);
         energy += volume * d.det / det * material::bulk_energy(bulk, det);
         range.energy += energy;
@@ -167,6 +171,7 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
       range.degenerate += degenerate;
     }
   });
+  // Totals of the solid.
   Range total;
   for (const Range& range : ranges) {
     total.low = std::min(total.low, range.low);

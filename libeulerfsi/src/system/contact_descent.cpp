@@ -93,6 +93,7 @@ double way(const Ray& ray, double start, double slope) {
 linalg::SolveStats descend(const Parallel& parallel, const std::vector<Real>& f, const Target& target,
                            const std::vector<ContactRow>& rows, int iterations, VelocitySystem& system,
                            std::vector<Real>& x) {
+  // The forces without contact, updated along with x.
   linalg::SolveStats stats;
   system.follow_ties(x);
   Ray ray(rows, x);
@@ -101,6 +102,7 @@ linalg::SolveStats descend(const Parallel& parallel, const std::vector<Real>& f,
   linalg::add_scaled(parallel, rest, -1.0, q);
   system.fold(parallel, rest);
   double residual = 0.0, enough = 0.0;
+  // The residual with the impulses of the rows, and the tolerance.
   const auto find_left = [&] {
     linalg::fill(parallel, pushed, f.size(), Real(0));
     for (std::size_t r = 0; r < rows.size(); ++r) {
@@ -116,6 +118,7 @@ linalg::SolveStats descend(const Parallel& parallel, const std::vector<Real>& f,
   find_left();
   double rz = 0.0;
   while (residual > enough && stats.iterations < kMostIterations) {
+    // Search direction (Polak-Ribiere); steepest descent where it does not descend.
     if ((iterations + stats.iterations) % kRenew == 0) close_rows(parallel, rows, ray.acts(), system);
     system.precondition(parallel, left, z);
     const double next = linalg::dot(parallel, left, z);
@@ -123,6 +126,7 @@ linalg::SolveStats descend(const Parallel& parallel, const std::vector<Real>& f,
     if (beta > 0.0) linalg::scale_add(parallel, d, beta, z);
     if (!(beta > 0.0) || !(linalg::dot(parallel, d, left) > 0.0)) linalg::copy(parallel, d, z);
     rz = next;
+    // Line search, in which rows open, stick and slide.
     system.apply_bare(parallel, d, q);
     linalg::copy(parallel, whole, d);
     system.follow_ties(whole);

@@ -37,6 +37,7 @@ StiffnessShares stiffness_shares(double pace, double strain, double growth) {
 void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, const std::vector<std::uint8_t>& fixed,
                               std::span<const SolidRef> solids, const std::vector<Real>& mass, const SlipNodes& slip,
                               double dt, int slab) {
+  // Reset what the last step has left.
   global_ = global;
   across_slab_ = slab < 0 ? 0u : 1u << slab;
   h_ = global.h;
@@ -93,12 +94,14 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
         }
     unknown_begin_.push_back(node_.size());
   }
+  // Factors of the stiffness: implicit, and with the old velocity.
   for (std::size_t l = 0; l < solids_.size(); ++l) {
     const StiffnessShares& shares = touches(l) ? solids_[l].held : solids_[l].loose;
     stiffness_factor_.push_back(static_cast<Real>(shares.ahead * dt * dt + dt * solids_[l].rest->rayleigh_beta));
     past_factor_.push_back(static_cast<Real>(shares.behind * dt * dt));
   }
 
+  // Masses; at slip nodes only the normal part of the fluid's mass moves with the solid.
   node_mass_.resize(node_.size());
   inertia_.resize(node_.size());
   for (std::size_t i = 0; i < node_.size(); ++i) {
@@ -116,6 +119,7 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
     normal_[u] = s.normal;
   }
 
+  // Ties and contact rows are added after this.
   moves_ = free_;
   ties_.clear();
   penalties_.clear();
@@ -141,6 +145,7 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
                                       k + lo[2] + grid::kCorner[a][2])));
     });
   }
+  // For each unknown the corners that it gathers from, in order.
   gather_begin_.assign(node_.size() + 1, 0);
   for (std::int32_t u : corner_)
     if (u >= 0) ++gather_begin_[static_cast<std::size_t>(u) + 1];
