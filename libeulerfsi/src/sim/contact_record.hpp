@@ -1,4 +1,4 @@
-// Purpose: what a step, or several, report of solids that push each other (EfsiContactPair).
+// Purpose: the record of contacts between solids in one or several steps (EfsiContactPair).
 #pragma once
 
 #include <cstdint>
@@ -12,8 +12,8 @@ namespace efsi::sim {
 struct VelocityEquation;
 struct PressureEquation;
 
-// Two solids of which a row has pushed, or one whose folds have pushed each other; counts are sums over the steps in
-// which one did, overlaps are at their starts.
+// Two solids with an active row between them, or one with an active row between its folds; counts are sums over the
+// steps in which one did, overlaps are at their starts.
 struct ContactPair {
   std::size_t one = 0, other = 0;  // one < other; folds: one = other
   std::uint64_t steps = 0;
@@ -25,7 +25,7 @@ struct ContactPair {
 };
 using ContactPairs = std::vector<ContactPair>;  // in the order of (one, other)
 
-// Of a step after its projection. Empty where nothing pushes.
+// Of a step after its projection. Empty without contact impulses.
 ContactPairs record_contacts(const Scene& scene, const SolidStates& states, const VelocityEquation& elasticity,
                              const PressureEquation& pressure);
 // Adds those of a later step.

@@ -16,7 +16,8 @@ using grid::Grid;
 namespace {
 
 constexpr std::uint8_t kAllAxes = 7;
-constexpr double kFreePart = 0.5;  // of a contact's weights on one of its sides: less than that cannot give way
+constexpr double kFreePart =
+    0.5;  // of a contact's weights on one of its sides: with less on free nodes that side is prescribed
 
 // Largest component of a pin's velocity, over the box around it or over its vertices where those are given [m/s].
 double fastest(const Pin& pin, const PinVelocity& velocity) {
@@ -37,7 +38,7 @@ double fastest(const Pin& pin, const PinVelocity& velocity) {
   return speed;
 }
 
-// Where a pin holds nodes of a band: velocity, and the map where `map`.
+// Pinned nodes of a band: velocity, and the map where `map`.
 void give(const Parallel& parallel, const Pin& pin, const PinVelocity& velocity, bool map, solid::SolidState& state) {
   const Grid& g = state.band.grid;
   parallel.for_each(g.cells[2] + 1, [&](std::int64_t plane) {

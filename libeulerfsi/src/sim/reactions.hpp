@@ -1,4 +1,4 @@
-// Purpose: what it takes to hold a node of a solid in a step, where a wall or a given motion prescribes its velocity.
+// Purpose: impulses on nodes of solids whose velocity a wall or a prescribed motion fixes in a step.
 #pragma once
 
 #include <functional>
@@ -12,7 +12,7 @@ using Reaction = std::function<Vec3(std::size_t solid, std::size_t node)>;
 
 // After the velocity solve: G v* - f*.
 Reaction velocity_reaction(const Parallel& parallel, VelocityEquation& elasticity);
-// After the projection: J^T q of all the step (q: ghosts filled), less what elasticity and contact answered to it.
+// After the projection: J^T q of all the step (q: ghosts filled), minus the response of elasticity and contact.
 Reaction pressure_reaction(const Parallel& parallel, const grid::Grid& grid, const PressureEquation& pressure,
                            const system::SlipNodes& slip, VelocityEquation& elasticity);
 

@@ -1,4 +1,4 @@
-// Purpose: broken cells of the solids are put back in shape after the transport (solid/repair.hpp).
+// Purpose: broken cells of the solids are repaired after the transport (solid/repair.hpp).
 #pragma once
 
 #include "sim/step_context.hpp"

@@ -36,7 +36,7 @@ struct NodeVelocity {
   system::SlipNodes slip;   // nodes where the fluid slips along a solid, with the solid's velocity there
 };
 
-// What friction does at a row: nothing, it brakes what slides, or it holds.
+// Friction at a row: none, sliding, or sticking.
 enum class Rub : std::uint8_t { kNone, kSlides, kSticks };
 
 // A node of a solid on a wall (sim/wall_contact.hpp).
@@ -62,7 +62,7 @@ struct WallRow {
 struct GivenNode {
   std::size_t pin = 0, solid = 0, node = 0;  // node: of the common grid
   Vec3 velocity = Vec3::Zero();
-  Vec3d impulse = Vec3d::Zero();  // that holds it in this step [kg m/s]
+  Vec3d impulse = Vec3d::Zero();  // reaction in this step [kg m/s]
 };
 
 // Where two solids may touch (sim/solid_contact.hpp): the rows of Eq. 8, and of each the solids and the cell of the
@@ -72,7 +72,7 @@ struct RowPlace {
   Vec3i cell{};
   double gap = 0.0;    // less the skin, < 0: too deep [m]
   double skin = 0.0;   // what the row keeps between the surfaces [m]
-  bool meets = false;  // it has pushed in the last step, or will if the solids' own forces do nothing
+  bool meets = false;  // active in the last step, or will be without the solids' own forces
   bool is_fold() const { return solids[0] == solids[1]; }
 };
 struct SolidContacts {
@@ -84,7 +84,7 @@ struct SolidContacts {
 // Eq. 8 on its unknowns.
 struct VelocityEquation {
   system::VelocitySystem system;
-  Holds holds;                   // what holds the solids while it is solved and after
+  Holds holds;                   // constraints of the solids during and after the solve
   std::vector<WallRow> walls;    // what walls do
   SolidContacts contacts;        // what solids do to each other
   std::vector<GivenNode> given;  // what pins and colliders prescribe
@@ -105,7 +105,7 @@ struct PressureEquation {
   system::PressureSystem system;
   bool lasts = false;            // the system of a scene without solids is built
   std::vector<Real> source;      // wanted divergence per padded cell [1/s]; empty: none
-  std::vector<Real> compliance;  // by which cells give way to q, per padded cell [m^4/kg]; empty: none does
+  std::vector<Real> compliance;  // of cells under q, per padded cell [m^4/kg]; empty: all are rigid
   Jets jets;                     // the part of it that emitters bring
   std::vector<Real> q;           // the multiplier, padded cells; the state's pressure is put away in it meanwhile
   std::vector<Real> taken;       // the part of q that acts before the projection, padded cells
@@ -118,7 +118,7 @@ struct PressureEquation {
   std::vector<Real> corrected;   // v* less a share of the correction on them [m/s]
   std::vector<Real> way;         // of q that the last coupling step went, padded cells
   std::vector<Real> left;        // the right-hand side of Eq. 12 before it [m^3/s]
-  double slope = 0.0;            // that times the estimate of which the way was made
+  double slope = 0.0;            // that times the estimate from which the search direction was made
 };
 
 // What the transport has to keep.
@@ -142,7 +142,7 @@ struct Workspace {
   State backup;                             // the last good state
   bool masses_ready = false;                // solids' masses and matter are those of the state
 
-  // Another state: nothing that was made of the last one holds.
+  // Another state: nothing derived from the last one is valid.
   void forget() { masses_ready = pressure.lasts = false; }
 };
 
