@@ -101,7 +101,7 @@ typedef struct EfsiContactPair {
   uint64_t steps;         /* number of steps with a contact impulse */
   uint64_t rows;          /* rows, summed over these steps */
   uint64_t pushing_rows;  /* rows with a non-zero normal impulse, summed over these steps */
-  uint64_t sticking_rows; /* of the pushing rows those that stick (no sliding) */
+  uint64_t sticking_rows; /* of pushing_rows, those that stick */
   double row_overlap;     /* largest overlap of a row relative to the contact distance [cells] */
   double surface_overlap; /* largest depth of a row or vertex of one solid in the other [cells] */
   double normal_impulse;  /* magnitude of the normal impulses, summed over rows and steps [N s] */
