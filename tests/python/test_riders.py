@@ -264,7 +264,7 @@ def test_what_has_no_points_is_left_behind_with_a_warning(tmp_path: Path, librar
     stage.GetPrimAtPath("/World/Ball").GetRelationship("eulerfsi:pins").SetTargets(["/World/Ball/Hand"])
     assert [code for code, _ in issues(stage)] == ["LeftBehind"] * 2
     found = [message for _, message in issues(stage)]
-    assert found[0].startswith("/World/Ball: does not take along /World/Ball/Beads: only a Mesh, curves and Points")
+    assert found[0].startswith("/World/Ball: does not carry /World/Ball/Beads: only a Mesh, curves and Points")
     assert found[1].startswith(f"{BODY}: does not carry {BODY}/Button")
     stage.GetPrimAtPath(BODY).GetAttribute("points").Clear()  # what does not deform takes along by its transform
     stage.GetPrimAtPath(BODY).GetAttribute("points").Set(body_points(1))
@@ -279,7 +279,7 @@ def test_an_instance_below_a_collider_that_deforms_is_refused(tmp_path: Path, li
     hat.SetInstanceable(True)
     [(code, message)] = issues(stage)
     assert code == "InstancePassenger"
-    wanted = f"{BODY}/Hat.instanceable = true: must be false: {BODY}/Hat/Brim inside it is carried, and given its own"
+    wanted = f"{BODY}/Hat.instanceable = true: must be false: {BODY}/Hat/Brim inside it is carried and needs its own"
     assert message.startswith(wanted)
     hat.SetInstanceable(False)
     assert issues(stage) == []
