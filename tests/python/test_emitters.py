@@ -166,7 +166,7 @@ def test_a_jet_inside_a_collider_is_told_of_once(room: Path, tmp_path: Path, cli
     assert cli("simulate", room, "-o", tmp_path / "covered").stderr.count(warning) == 1
     cover.GetAttribute("size").Set(0.25)  # a quarter of what it was: the jet looks out
     save(stage)
-    assert "brings no fluid in" not in cli("simulate", room, "-o", tmp_path / "free").stderr
+    assert "adds no fluid" not in cli("simulate", room, "-o", tmp_path / "free").stderr
 
 
 def messages(path: Path) -> str:
