@@ -360,7 +360,7 @@ def render_docs(table: Table) -> str:
 
 
 OUTPUTS: dict[str, Callable[[Table], str]] = {
-    "libeulerfsi/src/sim/parameter_table.inc": render_cpp,
+    "libeulerfsi/src/frame/parameter_table.inc": render_cpp,
     "usd_plugin/eulerfsi_schema/schema.usda": render_schema,
     "usd_plugin/eulerfsi_usd/parameters.json": render_json,
     "houdini_hda/otls/eulerfsi_bake.hda/eulerfsi_8_8Driver_1bake_8_81.0/DialogScript": render_dialog,

@@ -21,7 +21,7 @@ for folder in (ROOT / "batch", ROOT / "usd_plugin", ROOT / "tests" / "bench"):
     if str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
 
-from eulerfsi.solver import Mesh, Surface, load_mesh  # noqa: E402
+from eulerfsi.solver.simulation import Mesh, Surface, load_mesh  # noqa: E402
 from loop import shapes  # noqa: E402
 
 BAR = 5.0  # s, on two threads

@@ -23,9 +23,11 @@ for folder in (ROOT / "batch", ROOT / "usd_plugin", Path(__file__).resolve().par
 
 import eulerfsi_usd  # noqa: E402, F401 - registers the schema
 from bench_loop import machine  # noqa: E402
-from eulerfsi import binding, checks, files  # noqa: E402
+from eulerfsi import files  # noqa: E402
+from eulerfsi.cli.plot import Statistics  # noqa: E402
 from eulerfsi.frames import parse_frames  # noqa: E402
-from eulerfsi.plot import Statistics  # noqa: E402
+from eulerfsi.scene import checks  # noqa: E402
+from eulerfsi.solver import binding  # noqa: E402
 from pxr import Usd  # noqa: E402
 
 SCENES = ROOT / "examples" / "scenes"

@@ -24,7 +24,7 @@ EQUATIONS = (1, 8, 12, 13, 14, 15)
 MECHANISM = """# Stage
 | `kLimit` | 3 | - | most |
 
-**Guarded by** `tests/unit/test_stage.cpp`: "A stage is
+**Guarded by** `tests/unit/system/test_stage.cpp`: "A stage is
 a stage".
 
 **Trials.** [index](README.md#index-of-all)
@@ -37,7 +37,10 @@ GOOD = {
     "libeulerfsi/src/system/stage.cpp": '// Purpose: stage.\n#include "system/stage.hpp"\nvoid stage() {\n}\n',
     "libeulerfsi/src/sim/step.cpp": STEP % "".join(f"  stage();  // Alg. 1 line {n}\n" for n in LINES),
     "libeulerfsi/src/io/vdb_io.cpp": "#include <openvdb/openvdb.h>\n",
-    "tests/unit/test_stage.cpp": 'TEST_CASE("A stage is a stage") {}\n',
+    "libeulerfsi/src/contact/row.hpp": '#include "solid/map/map.hpp"\n',
+    "libeulerfsi/src/solid/map/map.hpp": '#include "solid/mass.hpp"\n',
+    "libeulerfsi/src/solve/equation.hpp": '#include "contact/row.hpp"\n',
+    "tests/unit/system/test_stage.cpp": 'TEST_CASE("A stage is a stage") {}\n',
     "README.md": "[lines](docs/algorithm.md), `system/stage.cpp`, <https://example.org/a/b.cpp>\n",
     "docs/architecture.md": "| `tests/unit/` | `src/` |\n",
     "docs/numerics/README.md": "# Index of `all`\n[stage](stage.md)\n",
@@ -63,6 +66,17 @@ FAULTS = [
     ("check_sources.py includes", "libeulerfsi/src/system/stage.hpp", '#include "io/vdb_io.hpp"\n'),
     ("check_sources.py includes", "libeulerfsi/src/system/stage.hpp", "#include <openvdb/openvdb.h>\n"),
     ("check_sources.py includes", "libeulerfsi/src/solid/mass.hpp", '#include "system/stage.hpp"\n'),
+    ("check_sources.py includes", "libeulerfsi/src/contact/row.hpp", '#include "solve/equation.hpp"\n'),
+    ("check_sources.py includes", "libeulerfsi/src/solid/mass.hpp", '#include "solid/map/map.hpp"\n'),
+    ("check_sources.py includes", "libeulerfsi/src/solid/map/map.hpp", '#include "io/vdb_io.hpp"\n'),
+    ("check_sources.py includes", "libeulerfsi/src/motion/stage.cpp", "void stage();\n"),
+    ("check_sources.py includes", "tests/unit/motion/test_stage.cpp", "void stage();\n"),
+    ("check_sources.py lengths", "libeulerfsi/src/system/stage.cpp", "void f() {\n" + "  stage();\n" * 70 + "}\n"),
+    (
+        "check_sources.py lengths",
+        "libeulerfsi/src/system/stage.hpp",
+        "struct S {\n  void f() {\n" + "    stage();\n" * 70 + "  }\n};\n",
+    ),
     ("check_sources.py words", "docs/algorithm.md", "TO" + "DO: more\n"),
     ("check_sources.py words", "docs/algorithm.md", "see /ho" + "me/someone/x\n"),
     ("check_algorithm.py lines", "libeulerfsi/src/sim/step.cpp", "  stage();  // Alg. 1 line 9\n"),
@@ -84,7 +98,7 @@ FAULTS = [
     ("check_docs.py numerics", "docs/numerics/stage.md", "x" * 121 + "\n"),
     ("check_docs.py numerics", "docs/numerics/stage.md", "=# Stage\nGuarded by nothing.\n"),
     ("check_docs.py numerics", "docs/numerics/README.md", "=# Index\n"),
-    ("check_docs.py numerics", "tests/unit/test_stage.cpp", '=TEST_CASE("Another") {}\n'),
+    ("check_docs.py numerics", "tests/unit/system/test_stage.cpp", '=TEST_CASE("Another") {}\n'),
     ("check_docs.py names", "docs/algorithm.md", "see `gone_stage`\n"),
     ("check_docs.py names", "docs/numerics/stage.md", "`Stage.kGone` is 3\n"),
     ("check_docs.py names", "libeulerfsi/src/base/error.hpp", "=// empty\n"),
@@ -144,6 +158,7 @@ def main(cc: str, cxx: str) -> None:
         for check, name, text in FAULTS:
             path = root / name
             before = path.read_text() if path.exists() else None
+            path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text[1:] if text[0] == "=" else (before or "") + text)
             if run(check, root, library, cc, cxx).returncode != 1:
                 problems.append(f"{check} does not see the fault in {name}: {text!r}")

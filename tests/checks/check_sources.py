@@ -3,7 +3,9 @@
 check_sources.py globals LIBRARY...   no mutable globals or function statics (symbols of the libraries); no prints,
                                       exits, environment, clocks or random devices outside capi and io
 check_sources.py threads              "#pragma omp parallel / for" only in base/parallel and base/team
-check_sources.py includes             rooms include downwards only, without cycles; OpenVDB in two translation units
+check_sources.py includes             a room includes only what stands above it in the table ROOMS, and tests/unit has
+                                      no other folders; OpenVDB in two translation units
+check_sources.py lengths              functions of at most 70 lines
 check_sources.py words                no unfinished marks, no paths of one machine
 """
 
@@ -12,25 +14,33 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 from common import ROOT, SRC, code_only, finish, relative, sources
 
-LEVEL = {
-    "base": 0,
-    "linalg": 1,
-    "grid": 1,
-    "geometry": 1,
-    "material": 2,
-    "solid": 3,
-    "fluid": 3,
-    "contact": 3,
-    "system": 3,
-    "sim": 4,
-    "capi": 5,
-}
-IO_MAY_INCLUDE = {"base", "grid", "geometry", "io"}
-WITHOUT_GRID = {"linalg", "material"}
+# The rooms of libeulerfsi/src. A room is a folder; it may include what stands in a row above its own, and no other room
+# of its own row. Files of a room include each other.
+ROOMS = [
+    ("base",),
+    ("linalg", "material", "grid", "geometry"),
+    ("io", "fluid", "solid"),
+    ("solid/map",),
+    ("solid/element", "solid/surface", "solid/particles"),
+    ("system",),
+    ("frame",),
+    ("nodes",),
+    ("given",),
+    ("contact",),
+    ("sources",),
+    ("solve",),
+    ("transport",),
+    ("record",),
+    ("sim",),
+    ("capi",),
+]
+ROW = {room: row for row, rooms in enumerate(ROOMS) for room in rooms}
+ONLY_USER = {"io": "capi"}
 FORBIDDEN_CALLS = re.compile(
     r"\b(?:v?f?printf|puts|putchar|perror|exit|_exit|quick_exit|abort|getenv|setenv|rand|srand|clock|gettimeofday)\s*\("
     r"|\bstd::(?:cout|cerr|clog|random_device)\b|\b(?:system_clock|high_resolution_clock|clock_gettime)\b"
@@ -38,15 +48,16 @@ FORBIDDEN_CALLS = re.compile(
 )
 # The profile measures the stages and the whole; nothing else may look at a clock.
 CLOCK = re.compile(r"\bsteady_clock\b")
-CLOCK_HOME = {"sim/profile.hpp", "sim/profile.cpp", "sim/simulation.cpp"}
+CLOCK_HOME = {"frame/profile.hpp", "sim/simulation.cpp"}
 THREAD_HOMES = {"base/parallel", "base/team"}
 # Asking how many processors there are starts no thread, and an arena of one takes OpenVDB's away.
 THREADS = re.compile(r"\bstd::(?:thread\b(?!::)|jthread\b|async\b|atomic\b)|\btbb::(?!task_arena\(1\))")
 VDB_UNITS = 2
+MAX_LINES = 70  # of a function
 
 
 def room(path: Path) -> str:
-    return path.relative_to(SRC).parts[0]
+    return path.relative_to(SRC).parent.as_posix()
 
 
 def numbered(text: str) -> list[tuple[int, str]]:
@@ -63,7 +74,7 @@ def globals_(*libraries: str) -> None:
             if room(path) not in {"capi", "io"} and (found := FORBIDDEN_CALLS.search(text)):
                 problems.append(f"{relative(path)}:{line}: {found.group().strip()} is for capi and io only")
             if name not in CLOCK_HOME and room(path) != "capi" and CLOCK.search(text):
-                problems.append(f"{relative(path)}:{line}: only sim/profile reads a clock")
+                problems.append(f"{relative(path)}:{line}: only frame/profile reads a clock")
     everything = "\n".join(code_only(path.read_text()) for path in sources())
     for library in libraries:
         problems += [f"{library}: mutable global or static {symbol}" for symbol in mutable_symbols(library, everything)]
@@ -102,11 +113,10 @@ def threads() -> None:
 
 def includes() -> None:
     problems = []
-    edges: dict[str, set[str]] = {}
     vdb_units = []
     for path in sources():
         here = room(path)
-        if here not in LEVEL and here != "io":
+        if here not in ROW:
             problems.append(f"{relative(path)}: '{here}' is no room")
             continue
         for line, text in numbered(path.read_text()):
@@ -125,47 +135,52 @@ def includes() -> None:
                     problems.append(f"{at}: the C API is for capi only")
             elif quoted and (problem := refused(here, target)):
                 problems.append(f"{at}: {problem}")
-            elif quoted:
-                edges.setdefault(here, set()).add(target.split("/")[0])
+    for test in sorted((ROOT / "tests" / "unit").rglob("test_*.cpp")):
+        if (mirrored := test.parent.relative_to(ROOT / "tests" / "unit").as_posix()) not in ROW:
+            problems.append(f"{relative(test)}: '{mirrored}' is no room")
     if len(vdb_units) > VDB_UNITS:
         names = ", ".join(map(relative, vdb_units))
         problems.append(f"{len(vdb_units)} translation units include OpenVDB, at most {VDB_UNITS} may: {names}")
-    problems += [f"rooms include each other in a circle: {' -> '.join(c)}" for c in cycles(edges)]
-    finish(problems, f"{len(sources())} files, {len(edges)} rooms")
+    finish(problems, f"{len(sources())} files, {len(ROW)} rooms")
 
 
 def refused(here: str, target: str) -> str | None:
     """Why a file of room `here` must not include `target`, or None."""
-    there = target.split("/")[0]
-    if there not in LEVEL and there != "io":
+    there = Path(target).parent.as_posix()
+    if there not in ROW:
         return f'"{target}" does not start with a room'
     if there == here:
         return None
-    if there == "io":
-        return None if here == "capi" else "io is used by capi only"
-    if here == "io":
-        return None if there in IO_MAY_INCLUDE else f"io must not include {there}"
-    if here in WITHOUT_GRID and there == "grid":
-        return f"{here} stands without grid"
-    if LEVEL[there] > LEVEL[here]:
-        return f"{here} must not include {there}, which lies above it"
+    if ONLY_USER.get(there, here) != here:
+        return f"{there} is used by {ONLY_USER[there]} only"
+    if ROW[there] >= ROW[here]:
+        return f"{here} must not include {there}, which does not stand above it"
     return None
 
 
-def cycles(edges: dict[str, set[str]]) -> list[list[str]]:
-    """Each circle of rooms once, by depth-first search from every room."""
-    found: dict[frozenset[str], list[str]] = {}
+def lengths() -> None:
+    problems, longest = [], 0
+    for path in sources():
+        for line, length in functions(code_only(path.read_text()).splitlines()):
+            longest = max(longest, length)
+            if length > MAX_LINES:
+                problems.append(f"{relative(path)}:{line}: a function of {length} lines; at most {MAX_LINES}")
+    finish(problems, f"{len(sources())} files, the longest function has {longest} lines")
 
-    def walk(path: list[str]) -> None:
-        for there in sorted(edges.get(path[-1], ())):
-            if there == path[0] and len(path) > 1:
-                found.setdefault(frozenset(path), [*path, there])
-            elif there not in path:
-                walk([*path, there])
 
-    for start in sorted(edges):
-        walk([start])
-    return list(found.values())
+def functions(text: list[str]) -> Iterator[tuple[int, int]]:
+    """First line and length of the functions of a formatted file, also of those in a class: from the first line of the
+    signature, which starts where the closing brace stands, to that."""
+    outer = inner = 0
+    for at, line in enumerate(text):
+        if re.match(r"[\w~]", line):
+            outer = at
+        elif re.match(r"  [\w~]", line):
+            inner = at
+        elif line == "}":
+            yield outer + 1, at + 1 - outer
+        elif line == "  }" and re.match(r"(?:class|struct)\b", text[outer]):
+            yield inner + 1, at + 1 - inner
 
 
 def words() -> None:
@@ -210,7 +225,7 @@ def words() -> None:
 
 
 if __name__ == "__main__":
-    actions = {"globals": globals_, "threads": threads, "includes": includes, "words": words}
+    actions = {"globals": globals_, "threads": threads, "includes": includes, "lengths": lengths, "words": words}
     if len(sys.argv) < 2 or sys.argv[1] not in actions:
         sys.exit(__doc__)
     actions[sys.argv[1]](*sys.argv[2:])

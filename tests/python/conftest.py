@@ -22,7 +22,7 @@ for folder in ("batch", "usd_plugin"):
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
 import eulerfsi_usd  # noqa: E402, F401 - registers the schema before the first stage is opened
-from eulerfsi import binding  # noqa: E402
+from eulerfsi.solver import binding  # noqa: E402
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics  # noqa: E402
 
 

@@ -17,8 +17,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "batch"))
 
-from eulerfsi import mesh_file, solver  # noqa: E402
 from eulerfsi.errors import LibraryError  # noqa: E402
+from eulerfsi.solver import mesh_file  # noqa: E402
+from eulerfsi.solver import simulation as solver
 
 
 def trial(path: Path, memory: int) -> dict:

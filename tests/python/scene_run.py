@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
-from eulerfsi.simulate import Options, simulate
+from eulerfsi.run.simulate import Options, simulate
 from pxr import Usd, UsdGeom
 
 SCENES = Path(__file__).resolve().parents[2] / "examples" / "scenes"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from conftest import author, box, metric_stage
-from eulerfsi.simulate import Options, simulate
+from eulerfsi.run.simulate import Options, simulate
 from pxr import Usd, UsdGeom, UsdPhysics
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import author, box, make_scene
-from eulerfsi import report
+from eulerfsi.cli import report
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade
 
 

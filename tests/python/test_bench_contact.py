@@ -12,7 +12,7 @@ from conftest import ROOT
 sys.path.insert(0, str(ROOT / "tests" / "bench"))
 
 import bench_loop  # noqa: E402, F401 - sets the paths
-from eulerfsi import binding  # noqa: E402
+from eulerfsi.solver import binding  # noqa: E402
 from loop import contact_laws, groups  # noqa: E402
 from loop.experiment import GRAVITY, RADIUS, of, simulate  # noqa: E402
 from loop.measure import Result, from_child  # noqa: E402

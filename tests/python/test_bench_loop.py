@@ -17,8 +17,8 @@ from conftest import ROOT
 sys.path.insert(0, str(ROOT / "tests" / "bench"))
 
 import bench_loop  # noqa: E402
-from eulerfsi import binding  # noqa: E402
-from eulerfsi.solver import Surface  # noqa: E402
+from eulerfsi.solver import binding  # noqa: E402
+from eulerfsi.solver.simulation import Surface  # noqa: E402
 from loop import energy_laws, given_laws, measure, shapes, survival, table, wall_laws  # noqa: E402
 from loop.experiment import Experiment  # noqa: E402
 from loop.laws import Line  # noqa: E402

@@ -13,8 +13,8 @@ from conftest import ROOT
 sys.path.insert(0, str(ROOT / "tests" / "bench"))
 
 import bench_random  # noqa: E402
-from eulerfsi import binding  # noqa: E402
-from eulerfsi.solver import Simulation, Surface  # noqa: E402
+from eulerfsi.solver import binding  # noqa: E402
+from eulerfsi.solver.simulation import Simulation, Surface  # noqa: E402
 from loop.experiment import OUT_OF_TIME  # noqa: E402
 from loop.measure import Result  # noqa: E402
 from loop.overlap import deepest_in, deepest_vertex  # noqa: E402

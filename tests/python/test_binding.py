@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import ROOT, sphere, write_obj
-from eulerfsi import binding, solver
 from eulerfsi.errors import EXIT_SCENE, EulerFsiError, LibraryError
 from eulerfsi.parameters import table
+from eulerfsi.solver import binding
+from eulerfsi.solver import simulation as solver
 
 HEADERS = ROOT / "libeulerfsi" / "include"
 BOX = {"domain_min": (-0.3, -0.5, -0.3), "domain_size": (0.6, 0.7, 0.6), "voxel_size": 0.05, "gravity": (0, -9.8, 0)}

@@ -15,11 +15,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import author, content_hashes, environment, make_scene, write_obj
-from eulerfsi import __version__, binding, files
+from eulerfsi import __version__, files
 from eulerfsi.errors import CacheIOError, Cancelled
 from eulerfsi.log import Log
 from eulerfsi.progress import Progress
-from eulerfsi.simulate import Options, simulate
+from eulerfsi.run.simulate import Options, simulate
+from eulerfsi.solver import binding
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdValidation, UsdVol, Vt
 
 pytestmark = pytest.mark.usefixtures("library")

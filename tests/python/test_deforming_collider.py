@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import content_hashes, make_scene, sphere, world_points
-from eulerfsi.scene import open_stage, read_scene
-from eulerfsi.simulate import Options, simulate
+from eulerfsi.run.simulate import Options, simulate
+from eulerfsi.scene.read import open_stage, read_scene
 from eulerfsi_usd import checks, transforms
 from eulerfsi_usd.pose import Pose
 from figures import BODY, make_figure

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import box, content_hashes, make_scene
-from eulerfsi import stats_file
+from eulerfsi.cache import stats_file
 from eulerfsi.log import Log
-from eulerfsi.simulate import Options, Result, simulate
+from eulerfsi.run.simulate import Options, Result, simulate
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdVol
 
 pytestmark = pytest.mark.usefixtures("library")

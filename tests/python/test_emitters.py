@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import author, box, content_hashes, make_scene, sphere
+from eulerfsi.cli.report import validate
 from eulerfsi.errors import EulerFsiError
-from eulerfsi.report import validate
-from eulerfsi.scene import read_scene
-from eulerfsi.simulate import Options, simulate
+from eulerfsi.run.simulate import Options, simulate
+from eulerfsi.scene.read import read_scene
 from eulerfsi_usd import checks
 from pxr import Gf, Usd, UsdGeom
 

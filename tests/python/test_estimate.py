@@ -9,10 +9,12 @@ import sys
 
 import pytest
 from conftest import ROOT, make_scene
-from eulerfsi import binding, estimate, report
+from eulerfsi.cli import report
 from eulerfsi.errors import LibraryError
-from eulerfsi.estimate import Body, Plan
-from eulerfsi.scene import open_stage, read_scene
+from eulerfsi.run import estimate
+from eulerfsi.run.estimate import Body, Plan
+from eulerfsi.scene.read import open_stage, read_scene
+from eulerfsi.solver import binding
 
 BALL = Body(speed=0.0, fall=9.81, meets=0.2, wave=3.0, size=0.2)
 PLAN = Plan(voxel=0.01, frame=1 / 24, frames=24, bodies=[BALL])

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 from conftest import sphere
-from eulerfsi.follow import Binding
-from eulerfsi.nearest import nearest_on_triangles
-from eulerfsi.solver import Mesh
+from eulerfsi.scene.follow import Binding
+from eulerfsi.scene.nearest import nearest_on_triangles
+from eulerfsi.solver.simulation import Mesh
 
 
 def folded(angle: float) -> np.ndarray:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import author, box, make_scene
-from eulerfsi.simulate import Options, simulate
+from eulerfsi.run.simulate import Options, simulate
 
 
 def test_a_force_with_samples_gives_a_solid_its_momentum(tmp_path: Path) -> None:

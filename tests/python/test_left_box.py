@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 from conftest import content_hashes, make_scene
-from eulerfsi import stats_file
-from eulerfsi.simulate import Options, simulate
+from eulerfsi.cache import stats_file
+from eulerfsi.run.simulate import Options, simulate
 from pxr import Usd, UsdGeom
 from test_passengers import add_eye
 

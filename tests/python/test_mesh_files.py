@@ -15,8 +15,9 @@ import mesh_samples
 import numpy as np
 import pytest
 from conftest import ROOT, environment, write_obj
-from eulerfsi import binding, mesh_file, solver
 from eulerfsi.errors import EXIT_SCENE, LibraryError
+from eulerfsi.solver import binding, mesh_file
+from eulerfsi.solver import simulation as solver
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -40,7 +41,7 @@ def children(path: Path) -> list[int]:
             words = (folder / "cmdline").read_bytes().split(b"\0")
         except OSError:
             continue  # it has just ended
-        if b"eulerfsi.mesh_child" in words and os.fsencode(path) in words:
+        if b"eulerfsi.solver.mesh_child" in words and os.fsencode(path) in words:
             found.append(int(folder.name))
     return found
 

@@ -10,12 +10,13 @@ from pathlib import Path
 
 import pytest
 from conftest import environment, make_scene, sphere, write_obj
-from eulerfsi import memory, report
 from eulerfsi.__main__ import main
+from eulerfsi.cli import report
 from eulerfsi.command import command_line
 from eulerfsi.errors import LibraryError, SceneError
 from eulerfsi.reasons import mesh_reason
-from eulerfsi.solver import Mesh, Simulation
+from eulerfsi.scene import memory
+from eulerfsi.solver.simulation import Mesh, Simulation
 from eulerfsi.usd_messages import usd_messages
 from pxr import Tf, Usd, UsdGeom
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from conftest import write_obj
-from eulerfsi import new_scene
-from eulerfsi.scene import EARTH_GRAVITY
+from eulerfsi.cli import new_scene
+from eulerfsi.scene.read import EARTH_GRAVITY
 from pxr import Usd
 
 BAR_OBJ = "".join(f"v {x} {y} {z}\n" for x in (0, 1) for y in (0, 1) for z in (0, 1)) + "".join(

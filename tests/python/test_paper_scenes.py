@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from eulerfsi.log import Log
-from eulerfsi.scene import open_stage, read_scene
-from eulerfsi.simulate import build_simulation
+from eulerfsi.run.build import build_simulation
+from eulerfsi.scene.read import open_stage, read_scene
 from pxr import Usd, UsdGeom, UsdPhysics
 from scene_run import SCENES, Run
 
@@ -236,16 +236,17 @@ def test_ball_rebounds_draws_smoke_up_and_leaves_vortices_in_the_quadrants() -> 
     """Fig. 5: the apex, curl about y around the axis, smoke above the middle of a ball that lies on the floor."""
     path = SCENES / "ball.usda"
     scene = read_scene(open_stage(path), path)
-    simulation, ids = build_simulation(scene, 0, 0, Log())
+    build = build_simulation(scene, 0, 0, Log())
+    simulation, identifier = build.simulation, build.solids[0].id
     radius, floor = 0.1, scene.domain["domain_min"][1]
     heights, above_floor, vortices, smoke = [], [], [], []
     with simulation:
         for frame in range(1, 16):
             if frame > 1:
                 simulation.advance(1 / scene.fps)
-            ball = simulation.solid_diagnostics(ids.solids[0])
+            ball = simulation.solid_diagnostics(identifier)
             heights.append(ball["center"][1])
-            above_floor.append(simulation.surface(ids.solids[0], len(scene.solids[0].mesh.points))[0][:, 1] - floor)
+            above_floor.append(simulation.surface(identifier, len(scene.solids[0].mesh.points))[0][:, 1] - floor)
             assert ball["volume_mesh"] == pytest.approx(ball["rest_volume"], rel=0.01), f"frame {frame}"
             assert ball["volume_cells"] == pytest.approx(ball["rest_volume_cells"], rel=0.01), f"frame {frame}"
             vortices.append(sectors(*simulation.field("velocity")))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import make_scene, sphere, world_points
-from eulerfsi.simulate import Options, simulate
+from eulerfsi.run.simulate import Options, simulate
 from eulerfsi_usd import checks
 from pxr import Gf, Usd, UsdGeom
 

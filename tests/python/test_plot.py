@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from conftest import make_scene
 from eulerfsi.__main__ import main
+from eulerfsi.cli.plot import KINDS, Statistics, plot
 from eulerfsi.errors import CacheIOError, SceneError, UsageError
-from eulerfsi.plot import KINDS, Statistics, plot
 from PIL import Image
 
 matplotlib.use("Agg")

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from eulerfsi.motion import fit_rigid_motion, volume_center
-from eulerfsi.scene import read_scene
-from eulerfsi.simulate import Options, simulate
-from eulerfsi.solver import Mesh
+from eulerfsi.run.simulate import Options, simulate
+from eulerfsi.scene.motion import fit_rigid_motion, volume_center
+from eulerfsi.scene.read import read_scene
+from eulerfsi.solver.simulation import Mesh
 from eulerfsi_usd import checks
 from eulerfsi_usd.pose import Pose
 from figures import BODY, add_tube, make_figure, start_stage, tube

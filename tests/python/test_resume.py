@@ -13,10 +13,10 @@ from pathlib import Path
 
 import pytest
 from conftest import content_hashes, environment, make_scene
-from eulerfsi import stats_file
+from eulerfsi.cache import stats_file
 from eulerfsi.errors import CacheIOError, SceneError, UsageError
 from eulerfsi.log import Log
-from eulerfsi.simulate import Options, Result, simulate
+from eulerfsi.run.simulate import Options, Result, simulate
 from pxr import Usd
 
 pytestmark = pytest.mark.usefixtures("library")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from conftest import content_hashes, make_scene, sphere, world_points
 from eulerfsi.errors import SceneError
-from eulerfsi.simulate import Options, simulate
+from eulerfsi.run.simulate import Options, simulate
 from eulerfsi_usd import checks
 from eulerfsi_usd.pose import Pose
 from figures import BODY as FIGURE

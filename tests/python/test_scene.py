@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import author, box, make_scene, sphere, write_obj
-from eulerfsi import binding
+from eulerfsi.cache.localize import localize_scene
 from eulerfsi.errors import SceneError, UsageError
 from eulerfsi.frames import FrameRange, parse_frames
-from eulerfsi.localize import localize_scene
-from eulerfsi.overrides import apply_overrides
 from eulerfsi.parameters import StageUnits, table
-from eulerfsi.scene import read_scene
-from eulerfsi.space import domain_space, orthonormal_rows
+from eulerfsi.scene.overrides import apply_overrides
+from eulerfsi.scene.read import read_scene
+from eulerfsi.scene.space import domain_space, orthonormal_rows
+from eulerfsi.solver import binding
 from eulerfsi_usd.transforms import frames_of
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, UsdUtils
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import author, box
-from eulerfsi import checks
 from eulerfsi.errors import SceneError
-from eulerfsi.scene import read_scene
-from eulerfsi.simulate import Options, simulate
+from eulerfsi.run.simulate import Options, simulate
+from eulerfsi.scene import checks
+from eulerfsi.scene.read import read_scene
 from pxr import UsdGeom
 from slab_scenes import add_disc, disc, points_of, run, slab_stage
 
@@ -70,7 +70,7 @@ def test_two_discs_that_meet_part_again(tmp_path: Path, fluid: bool) -> None:
 
 
 def test_a_lid_drives_a_viscous_fluid_that_takes_a_soft_disc_along(tmp_path: Path) -> None:
-    """Where Zhao, Freund and Moser's disc (2008) is after a second, see tests/unit/sim/test_viscosity.cpp."""
+    """Where Zhao, Freund and Moser's disc (2008) is after a second, see tests/unit/sources/test_viscosity.cpp."""
     path = tmp_path / "scene.usda"
     walls = {f"wall{side}": "noSlip" for side in ("XMin", "XMax", "YMin", "YMax")}
     stage = slab_stage(

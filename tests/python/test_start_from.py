@@ -11,7 +11,7 @@ from conftest import author, content_hashes, make_scene
 from eulerfsi.__main__ import main
 from eulerfsi.errors import CacheIOError, SceneError, UsageError
 from eulerfsi.log import Log
-from eulerfsi.simulate import Options, Result, simulate
+from eulerfsi.run.simulate import Options, Result, simulate
 from pxr import Usd, UsdGeom
 
 pytestmark = pytest.mark.usefixtures("library")

@@ -10,8 +10,11 @@ import threading
 import numpy as np
 import pytest
 from conftest import make_scene, sphere
-from eulerfsi import binding, progress, scene, solver
+from eulerfsi import progress
 from eulerfsi.errors import Cancelled, LibraryError
+from eulerfsi.scene import read as scene
+from eulerfsi.solver import binding
+from eulerfsi.solver import simulation as solver
 from pxr import Sdf, Usd, UsdGeom
 
 

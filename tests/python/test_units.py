@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from conftest import make_scene
 from eulerfsi.log import Log
-from eulerfsi.simulate import Options, simulate
+from eulerfsi.run.simulate import Options, simulate
 from pxr import Gf, Usd, UsdGeom
 
 pytestmark = pytest.mark.usefixtures("library")

@@ -6,7 +6,7 @@
 #include <map>
 #include <tuple>
 
-#include "solid/material_force.hpp"
+#include "solid/element/material_force.hpp"
 #include "system/velocity_system.hpp"
 
 namespace efsi::reference {

@@ -1,5 +1,5 @@
 """Sag of a bar that is clamped at one end, by linear elasticity in three dimensions: the constants of
-tests/unit/sim/test_given_motion.cpp. Taylor-Hood hexahedra (displacement quadratic, pressure linear).
+tests/unit/given/test_given_motion.cpp. Taylor-Hood hexahedra (displacement quadratic, pressure linear).
 
 Run by hand: needs scikit-fem (12.0), which the project does not. Prints, for n elements over the height, the sag of the
 free end's corners over that of Timoshenko's beam with Cowper's shear coefficient (1966).

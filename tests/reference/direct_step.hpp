@@ -7,7 +7,8 @@
 #include <Eigen/Dense>
 
 #include "reference/assembled_constraint.hpp"
-#include "sim/workspace.hpp"
+#include "nodes/node_fields.hpp"
+#include "solve/velocity_equation.hpp"
 
 namespace efsi::reference {
 

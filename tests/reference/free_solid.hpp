@@ -5,9 +5,9 @@
 
 #include <cmath>
 
-#include "solid/displacement.hpp"
+#include "solid/map/displacement.hpp"
 #include "solid/momentum.hpp"
-#include "solid/particles.hpp"
+#include "solid/particles/particles.hpp"
 #include "system/velocity_system.hpp"
 #include "unit/solid/ball.hpp"
 

@@ -7,7 +7,7 @@
 #include "base/error.hpp"
 #include "base/math_types.hpp"
 #include "base/refuse.hpp"
-#include "sim/parameter_table.inc"
+#include "frame/parameter_table.inc"
 
 namespace efsi::capi {
 namespace {

@@ -3,7 +3,7 @@
 #include "capi/definition.hpp"
 #include "capi/guard.hpp"
 #include "capi/solid_id.hpp"
-#include "sim/parameter_table.inc"
+#include "frame/parameter_table.inc"
 
 using namespace efsi::capi;
 using efsi::Error;

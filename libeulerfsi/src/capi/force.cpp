@@ -2,7 +2,7 @@
 #include "capi/convert.hpp"
 #include "capi/definition.hpp"
 #include "capi/guard.hpp"
-#include "sim/parameter_table.inc"
+#include "frame/parameter_table.inc"
 
 using namespace efsi::capi;
 

@@ -4,8 +4,8 @@
 #include "capi/convert.hpp"
 #include "capi/definition.hpp"
 #include "capi/guard.hpp"
+#include "frame/parameter_table.inc"
 #include "sim/checkpoint.hpp"
-#include "sim/parameter_table.inc"
 
 using namespace efsi::capi;
 using efsi::Error;

@@ -4,10 +4,10 @@
 #include "capi/guard.hpp"
 #include "capi/mesh_view.hpp"
 #include "capi/solid_id.hpp"
+#include "frame/parameter_table.inc"
 #include "geometry/mesh_sdf.hpp"
 #include "geometry/overlap.hpp"
 #include "geometry/slab.hpp"
-#include "sim/parameter_table.inc"
 
 using namespace efsi::capi;
 using efsi::Error;

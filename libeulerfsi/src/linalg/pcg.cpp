@@ -18,7 +18,7 @@ SolveStats pcg(const Parallel& parallel, const Operator& apply, const Operator& 
                const std::vector<Real>& b, std::vector<Real>& x, const SolveOptions& options, PcgWorkspace& work) {
   const std::size_t n = b.size();
   for (auto* v : {&work.r, &work.z, &work.d, &work.q}) v->resize(n);
-  auto& [r, z, d, q, best] = work;
+  auto &r = work.r, &z = work.z, &d = work.d, &q = work.q, &best = work.best;
 
   // A right-hand side that is zero or not finite needs no iteration.
   SolveStats stats;

@@ -10,7 +10,7 @@ SolveStats pcr(const Parallel& parallel, const Operator& apply, const Operator& 
                const std::vector<Real>& b, std::vector<Real>& x, const SolveOptions& options, PcrWorkspace& work) {
   const std::size_t n = b.size();
   for (auto* v : {&work.r, &work.z, &work.p, &work.az, &work.ap, &work.mp}) v->resize(n);
-  auto& [r, z, p, az, ap, mp] = work;
+  auto &r = work.r, &z = work.z, &p = work.p, &az = work.az, &ap = work.ap, &mp = work.mp;
 
   // A right-hand side that is zero or not finite needs no iteration.
   SolveStats stats;

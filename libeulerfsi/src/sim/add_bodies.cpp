@@ -5,12 +5,14 @@
 
 #include "base/error.hpp"
 #include "base/refuse.hpp"
+#include "frame/slab_state.hpp"
 #include "geometry/overlap.hpp"
-#include "sim/given_shape.hpp"
+#include "given/given_shape.hpp"
 #include "sim/simulation.hpp"
-#include "sim/slab_state.hpp"
-#include "solid/mass.hpp"
-#include "solid/plasticity.hpp"
+#include "solid/element/mass.hpp"
+#include "solid/element/plasticity.hpp"
+#include "solid/surface/fold_points.hpp"
+#include "solid/surface/surface_clusters.hpp"
 
 namespace efsi::sim {
 namespace {
@@ -78,6 +80,108 @@ void demand_flat(const SolidDesc& d, int axis) {
       refuse(std::string("EfsiSolidDef.angular_velocity") + name[a], d.angular_velocity[a], limit);
 }
 
+// What the description says of the material.
+solid::SolidRest rest_of(const SolidDesc& desc, const Params& params, bool collider) {
+  solid::SolidRest rest;
+  rest.elastic = material::from_youngs_modulus(desc.law, desc.youngs_modulus, desc.poissons_ratio);
+  if (params.numerics.volume_by_pressure && !collider) {
+    const double lambda = rest.elastic.lambda;
+    rest.elastic = material::beside_pressure(rest.elastic);
+    if (desc.compressible) rest.bulk = lambda - rest.elastic.lambda;
+  }
+  rest.density = desc.density;
+  rest.rayleigh_alpha = desc.rayleigh_alpha;
+  rest.rayleigh_beta = desc.rayleigh_beta;
+  rest.friction = desc.friction;
+  rest.stiff_by_part = params.numerics.stiffness_by_part;
+  rest.wet = params.fluid.present;
+  rest.element = rest.stiff_by_part && !collider && !rest.wet ? solid::kElementPart : solid::kElementPartInFluid;
+  rest.contact_stiffness = desc.contact_stiffness;
+  rest.compressible = desc.compressible;
+  rest.plastic = desc.plastic;
+  return rest;
+}
+
+// The surface at rest, laid in the slab where the domain is one.
+std::shared_ptr<const geometry::Surface> surface_of(const SolidDesc& desc, double h,
+                                                    const std::optional<geometry::Slab>& slab,
+                                                    const Parallel& parallel) {
+  const double spacing = kRestSpacing * h;
+  auto surface = desc.examined ? desc.examined : geometry::examine(desc.surface, spacing, parallel);
+  if (surface->distance.spacing != spacing)
+    refuse("EfsiSolidDef.surface: made for voxel_size", surface->distance.spacing / kRestSpacing,
+           "the simulation's, " + number(h));
+  if (slab) {
+    demand_flat(desc, slab->axis);
+    if (surface->distance.flat != slab->axis) surface = geometry::lay_in_slab(*surface, *slab, parallel);
+  } else if (surface->distance.flat >= 0) {
+    throw Error(ErrorCode::kArgument, "EfsiSolidDef.surface: laid in a slab: must not be, where the domain is none");
+  }
+  return surface;
+}
+
+// What the solid keeps of it.
+void set_surface(const geometry::Surface& surface, const Numerics& numerics, bool collider, double h,
+                 solid::SolidRest& rest) {
+  rest.distance = surface.distance;
+  rest.surface = surface.mesh;
+  if (numerics.uses_particles()) rest.nearest = geometry::NearestTriangle(rest.surface);
+  rest.along = surface.along;
+  rest.clusters = solid::make_surface_clusters(rest.surface, rest.distance, h);
+  if (numerics.walls_push_only && !collider) rest.fold_points = solid::make_fold_points(rest.surface, rest.distance, h);
+  rest.volume = surface.report.solid_volume;
+  rest.area = geometry::surface_area(rest.surface);
+  if (!(rest.volume > 0.0)) throw Error(ErrorCode::kMesh, "EfsiSolidDef.mesh: encloses no volume");
+}
+
+// Band and initial state: u = x - X, v = velocity + angular velocity x (x - center). start: the surface where it
+// starts.
+solid::SolidState state_of(const SolidDesc& desc, const Vec3d& center, const geometry::Surface& start,
+                           const grid::Grid& grid) {
+  solid::SolidState state;
+  Vec3i lo, hi;
+  for (int a = 0; a < 3; ++a) {
+    const auto s = static_cast<std::size_t>(a);
+    lo[s] = static_cast<int>(std::floor((start.report.extent_min[a] - grid.origin[a]) / grid.h));
+    hi[s] = static_cast<int>(std::ceil((start.report.extent_max[a] - grid.origin[a]) / grid.h));
+  }
+  solid::move_band(state, solid::make_band(grid, lo, hi));
+  const grid::Grid& g = state.band.grid;
+  std::fill(state.valid.begin(), state.valid.end(), solid::kKnown);
+  const Vec3d shift = Vec3d::Ones() - desc.stretch.cwiseInverse();
+  for (int k = 0; k <= g.cells[2]; ++k)
+    for (int j = 0; j <= g.cells[1]; ++j)
+      for (int i = 0; i <= g.cells[0]; ++i) {
+        const Vec3d arm = g.node_position(i, j, k) - center, v = desc.velocity + desc.angular_velocity.cross(arm);
+        state.u.set(g.node(i, j, k), shift.cwiseProduct(arm).cast<Real>());
+        state.v.set(g.node(i, j, k), v.cast<Real>());
+      }
+  state.surface = start.mesh.points;
+  return state;
+}
+
+// Of the surface, where a solid starts.
+double starting_speed(const SolidDesc& desc, const Vec3d& center, const std::vector<Vec3d>& surface) {
+  double speed = 0.0;
+  for (const Vec3d& x : surface)
+    speed = std::max(speed, (desc.velocity + desc.angular_velocity.cross(x - center)).cwiseAbs().maxCoeff());
+  return speed;
+}
+
+std::string thin_feature(std::size_t number, double feature, double h) {
+  std::ostringstream text;
+  text << "solid " << number << ": its thinnest feature is about " << feature << " m, less than two voxels of " << h
+       << " m; voxel size " << 0.5 * feature << " m would resolve it";
+  return text.str();
+}
+
+std::string no_cell_inside(double feature, double h) {
+  std::ostringstream text;
+  text << "EfsiSolidDef.mesh: no cell of size " << h << " m lies inside the solid; its thinnest feature is about "
+       << feature << " m";
+  return text.str();
+}
+
 constexpr double kOnBorder = 1e-3;  // cells: what is so near to the border of a region is in it
 
 }  // namespace
@@ -136,100 +240,33 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
                                           ": must be at most " + std::to_string(kMostSolids) +
                                           " solids, colliders included");
   validate(desc);
-  solid::SolidRest rest;
-  rest.elastic = material::from_youngs_modulus(desc.law, desc.youngs_modulus, desc.poissons_ratio);
-  if (params_.numerics.volume_by_pressure && !collider) {
-    const double lambda = rest.elastic.lambda;
-    rest.elastic = material::beside_pressure(rest.elastic);
-    if (desc.compressible) rest.bulk = lambda - rest.elastic.lambda;
-  }
-  rest.density = desc.density;
-  rest.rayleigh_alpha = desc.rayleigh_alpha;
-  rest.rayleigh_beta = desc.rayleigh_beta;
-  rest.friction = desc.friction;
-  rest.stiff_by_part = params_.numerics.stiffness_by_part;
-  rest.wet = params_.fluid.present;
-  rest.element = rest.stiff_by_part && !collider && !rest.wet ? solid::kElementPart : solid::kElementPartInFluid;
-  rest.contact_stiffness = desc.contact_stiffness;
-  rest.compressible = desc.compressible;
-  rest.plastic = desc.plastic;
-  const double spacing = kRestSpacing * grid_.h;
-  auto surface = desc.examined ? desc.examined : geometry::examine(desc.surface, spacing, parallel_);
-  if (surface->distance.spacing != spacing)
-    refuse("EfsiSolidDef.surface: made for voxel_size", surface->distance.spacing / kRestSpacing,
-           "the simulation's, " + number(grid_.h));
+  solid::SolidRest rest = rest_of(desc, params_, collider);
   const std::optional<geometry::Slab> slab = slab_of(params_, grid_);
-  if (slab) {
-    demand_flat(desc, slab->axis);
-    if (surface->distance.flat != slab->axis) surface = geometry::lay_in_slab(*surface, *slab, parallel_);
-  } else if (surface->distance.flat >= 0) {
-    throw Error(ErrorCode::kArgument, "EfsiSolidDef.surface: laid in a slab: must not be, where the domain is none");
-  }
+  const std::shared_ptr<const geometry::Surface> surface = surface_of(desc, grid_.h, slab, parallel_);
   report = surface->report;
   if (report.repaired) log_.warning("mesh repaired: " + report.repairs);
-  rest.distance = surface->distance;
-  rest.surface = surface->mesh;
-  if (params_.numerics.uses_particles()) rest.nearest = geometry::NearestTriangle(rest.surface);
-  rest.along = surface->along;
-  rest.clusters = solid::make_surface_clusters(rest.surface, rest.distance, grid_.h);
-  if (params_.numerics.walls_push_only && !collider)
-    rest.fold_points = solid::make_fold_points(rest.surface, rest.distance, grid_.h);
-  rest.volume = report.solid_volume;
-  rest.area = geometry::surface_area(rest.surface);
-  if (!(rest.volume > 0.0)) throw Error(ErrorCode::kMesh, "EfsiSolidDef.mesh: encloses no volume");
-  const Vec3d center = geometry::center_of_volume(rest.surface);
-  auto start = stretched(desc, center, spacing, surface, slab, parallel_);
-  const geometry::MeshReport& placed = start->report;
-  if (!collider) demand_inside(placed);
-  demand_apart(collider, start->distance);
-  if (placed.thinnest_feature < 2.0 * grid_.h) {
-    std::ostringstream text;
-    text << "solid " << solids_.size() + 1 << ": its thinnest feature is about " << placed.thinnest_feature
-         << " m, less than two voxels of " << grid_.h << " m; voxel size " << 0.5 * placed.thinnest_feature
-         << " m would resolve it";
-    log_.warning(text.str());
-  }
+  set_surface(*surface, params_.numerics, collider, grid_.h, rest);
 
-  // Band and initial state: u = x - X, v = velocity + angular velocity x (x - centre).
-  solid::SolidState state;
-  Vec3i lo, hi;
-  for (int a = 0; a < 3; ++a) {
-    const auto s = static_cast<std::size_t>(a);
-    lo[s] = static_cast<int>(std::floor((placed.extent_min[a] - grid_.origin[a]) / grid_.h));
-    hi[s] = static_cast<int>(std::ceil((placed.extent_max[a] - grid_.origin[a]) / grid_.h));
-  }
-  solid::move_band(state, solid::make_band(grid_, lo, hi));
-  const grid::Grid& g = state.band.grid;
-  std::fill(state.valid.begin(), state.valid.end(), solid::kKnown);
-  const Vec3d shift = Vec3d::Ones() - desc.stretch.cwiseInverse();
-  for (int k = 0; k <= g.cells[2]; ++k)
-    for (int j = 0; j <= g.cells[1]; ++j)
-      for (int i = 0; i <= g.cells[0]; ++i) {
-        const Vec3d arm = g.node_position(i, j, k) - center, v = desc.velocity + desc.angular_velocity.cross(arm);
-        state.u.set(g.node(i, j, k), shift.cwiseProduct(arm).cast<Real>());
-        state.v.set(g.node(i, j, k), v.cast<Real>());
-      }
-  state.surface = start->mesh.points;
+  const Vec3d center = geometry::center_of_volume(rest.surface);
+  auto start = stretched(desc, center, kRestSpacing * grid_.h, surface, slab, parallel_);
+  const double thinnest = start->report.thinnest_feature;
+  if (!collider) demand_inside(start->report);
+  demand_apart(collider, start->distance);
+  if (thinnest < 2.0 * grid_.h) log_.warning(thin_feature(solids_.size() + 1, thinnest, grid_.h));
+
+  solid::SolidState state = state_of(desc, center, *start, grid_);
   if (slab) flatten(parallel_, rest, slab->axis, state);
   if (rest.plastic.yields()) {
     rest.plastic_lattice = solid::make_plastic_lattice(report.extent_min, report.extent_max, grid_.h);
     state.plastic.resize(rest.plastic_lattice.node_count());
   }
-  double speed = 0.0;
-  for (const Vec3d& x : state.surface)
-    speed = std::max(speed, (desc.velocity + desc.angular_velocity.cross(x - center)).cwiseAbs().maxCoeff());
-
+  state.speed = starting_speed(desc, center, state.surface);
   solid::SolidWork work;
   solid::compute_mass(parallel_, rest, state, work);
-  if (work.element_cell.empty() && !collider) {
-    std::ostringstream text;
-    text << "EfsiSolidDef.mesh: no cell of size " << grid_.h
-         << " m lies inside the solid; its thinnest feature is about " << placed.thinnest_feature << " m";
-    throw Error(ErrorCode::kMesh, text.str());
-  }
+  if (work.element_cell.empty() && !collider) throw Error(ErrorCode::kMesh, no_cell_inside(thinnest, grid_.h));
   state.rest_volume_cells = start == surface ? work.volume : rest.volume;  // few cells measure what is pressed
   rest.weighed_volume = collider ? state.rest_volume_cells : rest.volume;  // a collider may reach out of the box
-  state.speed = speed;
+
   starts_.push_back(start == surface ? nullptr : std::move(start));
   solids_.push_back(std::move(rest));
   state_.solids.push_back(std::move(state));

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "sim/state.hpp"
+#include "frame/state.hpp"
 
 namespace efsi::sim {
 

@@ -4,11 +4,11 @@
 
 #include "base/byte_count.hpp"
 #include "sim/simulation.hpp"
-#include "solid/mass.hpp"
-#include "solid/material_force.hpp"
+#include "solid/element/mass.hpp"
+#include "solid/element/material_force.hpp"
+#include "solid/element/plasticity.hpp"
 #include "solid/momentum.hpp"
-#include "solid/plasticity.hpp"
-#include "solid/surface.hpp"
+#include "solid/surface/surface.hpp"
 
 namespace efsi::sim {
 

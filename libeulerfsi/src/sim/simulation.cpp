@@ -9,11 +9,12 @@
 #include "base/kernel.hpp"
 #include "base/refuse.hpp"
 #include "linalg/reduce.hpp"
+#include "record/contact_record.hpp"
 #include "sim/checkpoint.hpp"
 #include "sim/time_step.hpp"
-#include "solid/displacement.hpp"
-#include "solid/mass.hpp"
-#include "solid/surface.hpp"
+#include "solid/element/mass.hpp"
+#include "solid/map/displacement.hpp"
+#include "solid/surface/surface.hpp"
 
 namespace efsi::sim {
 namespace {
@@ -275,12 +276,13 @@ void Simulation::locate_passenger(std::size_t index, std::vector<Vec3d>& points,
 }
 
 const std::vector<Real>& Simulation::solid_fraction() {
+  if (fills_box() && work_.masses_ready) return work_.matter.cell_fraction;
   std::vector<Real>& fraction = fills_box() ? work_.matter.cell_fraction : box_.fraction;
   fraction.clear();
   if (solids_.empty()) return fraction;
   fraction.assign(grid_.cell_count(), 0);
   for (std::size_t l = 0; l < solids_.size(); ++l) {
-    solid::compute_mass(parallel_, solids_[l], state_.solids[l], work_.solids[l]);
+    if (!work_.masses_ready) solid::compute_mass(parallel_, solids_[l], state_.solids[l], work_.solids[l]);
     const grid::Grid& band = state_.solids[l].band.grid;
     for (int k = 0; k < band.cells[2]; ++k)
       for (int j = 0; j < band.cells[1]; ++j)

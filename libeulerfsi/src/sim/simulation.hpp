@@ -9,14 +9,14 @@
 
 #include "base/log.hpp"
 #include "base/parallel.hpp"
+#include "frame/force_field.hpp"
+#include "frame/params.hpp"
+#include "frame/profile.hpp"
+#include "frame/state.hpp"
 #include "geometry/mesh_sdf.hpp"
-#include "sim/force_field.hpp"
-#include "sim/params.hpp"
-#include "sim/profile.hpp"
-#include "sim/state.hpp"
 #include "sim/step.hpp"
 #include "sim/workspace.hpp"
-#include "solid/passengers.hpp"
+#include "solid/particles/passengers.hpp"
 
 namespace efsi::sim {
 

@@ -2,33 +2,36 @@
 
 #include <algorithm>
 
+#include "contact/fold_contact.hpp"
+#include "contact/given_rows.hpp"
+#include "contact/particle_contact.hpp"
+#include "contact/solid_contact.hpp"
+#include "contact/wall_contact.hpp"
 #include "fluid/advect.hpp"
-#include "sim/carry_surface.hpp"
-#include "sim/contact_record.hpp"
-#include "sim/energy_ledger.hpp"
-#include "sim/fluid_transport.hpp"
-#include "sim/fold_contact.hpp"
-#include "sim/force_field.hpp"
-#include "sim/jets.hpp"
-#include "sim/left_box.hpp"
-#include "sim/masses.hpp"
-#include "sim/momentum_balance.hpp"
-#include "sim/node_velocity.hpp"
-#include "sim/particle_contact.hpp"
-#include "sim/prescribed.hpp"
-#include "sim/pressure.hpp"
-#include "sim/repair_maps.hpp"
-#include "sim/slab_state.hpp"
-#include "sim/solid_contact.hpp"
+#include "frame/slab_state.hpp"
+#include "given/prescribed.hpp"
+#include "nodes/masses.hpp"
+#include "nodes/node_velocity.hpp"
+#include "record/contact_record.hpp"
+#include "record/energy_ledger.hpp"
+#include "record/step_record.hpp"
 #include "sim/time_step.hpp"
-#include "sim/velocity_solve.hpp"
-#include "sim/viscosity.hpp"
-#include "sim/wall_contact.hpp"
-#include "solid/displacement.hpp"
-#include "solid/mass.hpp"
-#include "solid/material_force.hpp"
-#include "solid/particles.hpp"
-#include "solid/plasticity.hpp"
+#include "solid/element/mass.hpp"
+#include "solid/element/material_force.hpp"
+#include "solid/element/plasticity.hpp"
+#include "solid/map/displacement.hpp"
+#include "solid/particles/particles.hpp"
+#include "solve/pressure.hpp"
+#include "solve/velocity_solve.hpp"
+#include "sources/apply_forces.hpp"
+#include "sources/external_forces.hpp"
+#include "sources/jets.hpp"
+#include "sources/viscosity.hpp"
+#include "transport/carry_surface.hpp"
+#include "transport/fluid_transport.hpp"
+#include "transport/left_box.hpp"
+#include "transport/momentum_balance.hpp"
+#include "transport/repair_maps.hpp"
 
 namespace efsi::sim {
 namespace {
@@ -83,97 +86,96 @@ void remember_elements(const StepContext& step, const Hold& hold, const solid::S
 void take_velocities(const StepContext& step, std::uint64_t steps, const grid::Grid& common, NodeVelocity& velocity,
                      SolidStates& states, SolidWorks& solids, std::vector<solid::Particles>& particles,
                      EnergyLedger& ledger) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
-  const bool uses_particles = scene.params.numerics.uses_particles();
+  const bool uses_particles = step.scene.params.numerics.uses_particles();
   if (uses_particles) particles.resize(solids.size());
   for (std::size_t l = 0; l < solids.size(); ++l) {
-    ScopedTimer timer(profile, Stage::kSolidAdvection);
-    const system::SolidView view(parallel, velocity.slip, l, velocity.field);
-    solid::take_velocity(parallel, common, velocity.field, states[l], solids[l]);  // Alg. 1 line 13
+    ScopedTimer timer(step.profile, Stage::kSolidAdvection);
+    const system::SolidView view(step.parallel, velocity.slip, l, velocity.field);
+    solid::take_velocity(step.parallel, common, velocity.field, states[l], solids[l]);  // Alg. 1 line 13
     if (!uses_particles) continue;
-    if (is_collider(scene.pins, l)) {  // its velocity is given everywhere
+    if (is_collider(step.scene.pins, l)) {  // its velocity is given everywhere
       std::fill(solids[l].layer.begin(), solids[l].layer.end(), std::uint8_t{0});
       continue;
     }
-    solid::extend(parallel, scene.solids[l], states[l], solids[l]);
+    solid::extend(step.parallel, step.scene.solids[l], states[l], solids[l]);
     ledger.leave(l);
-    solid::seed_particles(parallel, scene.solids[l], states[l], solids[l], steps * solids.size() + l, particles[l]);
+    solid::seed_particles(step.parallel, step.scene.solids[l], states[l], solids[l], steps * solids.size() + l,
+                          particles[l]);
     timer.visited(particles[l].size(), sizeof(Vec3d) + sizeof(Vec3));
   }
-  if (uses_particles) info.contacts = repel_particles(step, states, solids, particles);  // Alg. 1 line 14
+  if (uses_particles) step.info.contacts = repel_particles(step, states, solids, particles);  // Alg. 1 line 14
 }
 
 // Lines 18 to 20 for solid l: map, velocity and surface move with it, and its band follows.
 void transport_solid(const StepContext& step, std::size_t l, const solid::RigidStep& frame, const Hold& hold,
                      solid::SolidWork& work, solid::SolidState& state, solid::AdvectWorkspace& packed,
                      std::vector<solid::Particles>& particles, EnergyLedger& ledger) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
-  const int slab = grid::slab_axis(scene.grid, scene.params.walls);
-  if (is_collider(scene.pins, l)) {
-    ScopedTimer timer(profile, Stage::kSolidAdvection);
+  const int slab = grid::slab_axis(step.scene.grid, step.scene.params.walls);
+  if (is_collider(step.scene.pins, l)) {
+    ScopedTimer timer(step.profile, Stage::kSolidAdvection);
     ledger.leave(l);
     place_collider(step, l, state, work);
-    if (slab >= 0) flatten(parallel, scene.solids[l], slab, state);
+    if (slab >= 0) flatten(step.parallel, step.scene.solids[l], slab, state);
     return;
   }
   if (solid::has_left(state)) {
-    fly_on(dt, state);
+    fly_on(step.dt, state);
     return;
   }
   {
-    ScopedTimer timer(profile, Stage::kSolidAdvection);
-    if (scene.params.numerics.uses_particles()) {
-      solid::rasterize(parallel, dt, scene.solids[l], particles[l], state, work);  // Alg. 1 line 18
+    ScopedTimer timer(step.profile, Stage::kSolidAdvection);
+    if (step.scene.params.numerics.uses_particles()) {
+      solid::rasterize(step.parallel, step.dt, step.scene.solids[l], particles[l], state, work);  // Alg. 1 line 18
     } else {
-      solid::extend(parallel, scene.solids[l], state, work);
+      solid::extend(step.parallel, step.scene.solids[l], state, work);
       ledger.leave(l);
     }
-    solid::advect(parallel, scene.params.numerics.solid_advection, dt, frame, work, state,  // Alg. 1 lines 19, 20
-                  packed);
+    const solid::AdvectionScheme scheme = step.scene.params.numerics.solid_advection;
+    solid::advect(step.parallel, scheme, step.dt, frame, work, state, packed);  // Alg. 1 lines 19, 20
     timer.visited(work.layer.size(), 12 * sizeof(Real));
     give_map(step, l, state);
   }
   carry_surface(step, l, frame, packed, work, state);
-  ScopedTimer timer(profile, Stage::kSolidAdvection);
+  ScopedTimer timer(step.profile, Stage::kSolidAdvection);
   give_surface(step, l, state);
-  if (slab >= 0) flatten(parallel, scene.solids[l], slab, state);
+  if (slab >= 0) flatten(step.parallel, step.scene.solids[l], slab, state);
   remember_elements(step, hold, work, state);
-  solid::follow_solid(scene.grid, scene.solids[l], state);
+  solid::follow_solid(step.scene.grid, step.scene.solids[l], state);
 }
 
 // After the transport: lines 3 and 7 of the next step, of the solids where they are now, and what gives back what the
 // transport has not kept.
 void settle(const StepContext& step, const std::vector<VolumeTarget>& targets, State& state, Workspace& work,
             EnergyLedger& ledger) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
-  const Numerics& numerics = scene.params.numerics;
-  auto& [solids, matter, velocity, elasticity, pressure, momenta, advect, solid_advect, viscous, particles, backup,
-         ready] = work;
+  const Numerics& numerics = step.scene.params.numerics;
+  SolidWorks& solids = work.solids;
   SolidStates& states = state.solids;
   fluid::FluidState& fluid = state.fluid;
-  ready = numerics.repair_map || numerics.conserve_momentum;
-  if (ready) {
+  work.masses_ready = numerics.repair_map || numerics.conserve_momentum;
+  if (work.masses_ready) {
     compute_masses(step, states, solids);
     let_leave(step, states, solids);
     ledger.arrive();
   }
-  inspect_before(scene.solids, solids, info.repairs);
-  info.transport = transport_changes(parallel, scene.solids, states, solids, targets, momenta.solids);
+  inspect_maps(step.scene.solids, solids, step.info.repairs);
+  step.info.transport =
+      transport_changes(step.parallel, step.scene.solids, states, solids, targets, work.momenta.solids);
   if (numerics.repair_map) repair_maps(step, states, solids);
-  if (info.repairs.put_back > 0) ledger.book_solids(EnergyStage::kRepair);
-  if (ready) {
-    combine_masses(step, states, solids, state.window, fluid.pressure, matter, velocity.slip);
-    ledger.book_fluid(EnergyStage::kRemap, matter, fluid.velocity);
+  if (step.info.repairs.put_back > 0) ledger.book_solids(EnergyStage::kRepair);
+  if (work.masses_ready) {
+    combine_masses(step, states, solids, state.window, fluid.pressure, work.matter, work.velocity.slip);
+    ledger.book_fluid(EnergyStage::kRemap, work.matter, fluid.velocity);
   }
   if (numerics.conserve_momentum) {
-    restore_momenta(step, momenta, solids, matter, states, fluid.velocity);
-    if (const int slab = grid::slab_axis(scene.grid, scene.params.walls); slab >= 0)
-      for (std::size_t l = 0; l < states.size(); ++l) flatten(parallel, scene.solids[l], slab, states[l]);
+    restore_momenta(step, work.momenta, solids, work.matter, states, fluid.velocity);
+    if (const int slab = grid::slab_axis(step.scene.grid, step.scene.params.walls); slab >= 0)
+      for (std::size_t l = 0; l < states.size(); ++l) flatten(step.parallel, step.scene.solids[l], slab, states[l]);
     ledger.book_solids(EnergyStage::kMomentum);
-    ledger.book_fluid(EnergyStage::kMomentum, matter, fluid.velocity);
+    ledger.book_fluid(EnergyStage::kMomentum, work.matter, fluid.velocity);
   }
-  ScopedTimer timer(profile, Stage::kSmoke);
-  fluid::settle_smoke(parallel, matter.common.grid, matter.common.walls, matter.cell_fraction, fluid, advect);
+  ScopedTimer timer(step.profile, Stage::kSmoke);
+  const auto& [common, walls] = work.matter.common;
+  fluid::settle_smoke(step.parallel, common, walls, work.matter.cell_fraction, fluid, work.advect);
 }
 
 // The last columns of the ledger where nothing has needed the masses of the new state: these are computed here. Without
@@ -189,90 +191,130 @@ void close_ledger(const StepContext& step, State& state, Workspace& work, Energy
 
 // The state after a step of dt, and what the step reports.
 void finish(const StepContext& step, const SolidWorks& solids, State& state) {
-  const auto& [parallel, scene, time, dt, profile, info] = step;
-  info.time = state.time += dt;
-  info.steps = 1;
+  step.info.time = state.time += step.dt;
+  step.info.steps = 1;
   ++state.steps;
   for (std::size_t l = 0; l < solids.size(); ++l) state.solids[l].speed = solids[l].max_speed;
-  report_solids(solids, info);
-  if (!scene.params.fluid.present) return;
-  info.max_speed_fluid = state.fluid_speed = largest_component(parallel, scene.grid, state.fluid.velocity);
+  report_solids(solids, step.info);
+  if (!step.scene.params.fluid.present) return;
+  step.info.max_speed_fluid = state.fluid_speed =
+      largest_component(step.parallel, step.scene.grid, state.fluid.velocity);
+}
+
+// Line 1, with what is given in the step: its motion limits the step, as folds and emitters do.
+double choose_time_step(const Parallel& parallel, const Scene& scene, double remaining, double shrink, State& state,
+                        SolidWorks& solids) {
+  begin_given(parallel, scene, state.time, remaining, state.solids);
+  for (std::size_t l = 0; l < scene.solids.size(); ++l)
+    if (!solid::has_left(state.solids[l])) find_near_folds(parallel, scene.solids[l], state.solids[l], solids[l]);
+  const double fluid_speed = std::max(state.fluid_speed, fastest_jet(scene, state.time, remaining));
+  const double dt =
+      compute_time_step(parallel, scene, state.solids, fluid_speed, state.steps, remaining, solids);  // Alg. 1 line 1
+  return shrink < 1.0 ? std::min(dt, shrink * remaining) : dt;
+}
+
+// Lines 3 and 7, unless the last step has left them: masses, and which nodes are given.
+void find_matter(const StepContext& step, State& state, Workspace& work) {
+  if (!work.masses_ready) {
+    compute_masses(step, state.solids, work.solids);  // Alg. 1 line 3
+    let_leave(step, state.solids, work.solids);
+    combine_masses(step, state.solids, work.solids, state.window, state.fluid.pressure, work.matter,  // Alg. 1 line 7
+                   work.velocity.slip);
+  }
+  work.elasticity.given = find_given(step, state.solids, work.solids, work.matter, work.velocity.slip);
+}
+
+// Between lines 6 and 8: all forces but the solids' own, one velocity at the nodes, and what walls make of it.
+void mix_velocities(const StepContext& step, State& state, Workspace& work, EnergyLedger& ledger) {
+  grid::VectorField& fluid_velocity = state.fluid.velocity;
+  NodeVelocity& velocity = work.velocity;
+  VelocityEquation& elasticity = work.elasticity;
+  push(step, work.matter, work.solids, state.solids, fluid_velocity, ledger);
+  ledger.book_weight(weight_in_step(step.scene, step.dt, work.solids), fluid_velocity);
+  combine_velocities(step, state.solids, work.solids, work.matter, fluid_velocity, velocity);
+  ledger.book_nodes(EnergyStage::kMixing, velocity);
+  add_external_forces(step, work.matter, state.fluid, velocity);
+  ledger.book_nodes(EnergyStage::kOutside, velocity);
+  give_velocity(step, work.solids, work.matter, elasticity.given, velocity);
+  meet_walls(step, state.solids, work.solids, work.matter, velocity, elasticity.walls);
+  keep_given(elasticity.given, elasticity.walls, velocity);
+  ledger.book_nodes(EnergyStage::kWalls, velocity);
+  diffuse(step, work.matter, velocity, work.viscous, ledger);
+}
+
+// Lines 8 to 11.
+void solve(const StepContext& step, State& state, Workspace& work, EnergyLedger& ledger) {
+  SolidStates& states = state.solids;
+  std::vector<Real>& last = state.fluid.pressure;  // line 11 puts that of the step in its place
+  VelocityEquation& elasticity = work.elasticity;
+  PressureEquation& pressure = work.pressure;
+  NodeVelocity& velocity = work.velocity;
+  assemble_velocity_system(step, states, work.solids, work.matter, velocity, elasticity);  // Alg. 1 line 8
+  prepare_pressure(step, states, work.solids, work.matter, last, elasticity, velocity, pressure);
+  ledger.book_nodes(EnergyStage::kPressure, velocity);
+  solve_velocity(step, elasticity, velocity);  // Alg. 1 line 9
+  ledger.book_nodes(EnergyStage::kVelocity, velocity);
+  solve_pressure(step, states, work.solids, work.matter, last, elasticity, velocity, pressure);  // Alg. 1 line 10
+  project_velocity(step, work.matter.common.grid, elasticity, pressure, velocity, last);         // Alg. 1 line 11
+  ledger.book_nodes(EnergyStage::kPressure, velocity);
+  ledger.book_source(last, pressure.source);
+}
+
+// What contact and given motion have done: for the next step, and what is reported of it.
+void remember_contact(const StepContext& step, SolidStates& states, Workspace& work) {
+  VelocityEquation& elasticity = work.elasticity;
+  keep_off(work.matter.mass, work.velocity, elasticity.walls);
+  remember_rows(step.dt, elasticity.walls, states);
+  remember_contacts(step.dt, elasticity.contacts, states);
+  step.info.pins = sum_reactions(step, work.matter.common.grid, elasticity.given);
+  step.info.contacts = record_contacts(step.scene, states, elasticity, work.pressure);
+}
+
+// Lines 12 to 22.
+void transport(const StepContext& step, State& state, Workspace& work, EnergyLedger& ledger) {
+  const Holds& holds = work.elasticity.holds;
+  NodeVelocity& velocity = work.velocity;
+  const grid::Grid& common = work.matter.common.grid;
+  const std::vector<solid::RigidStep> frames =
+      transport_frames(holds, work.momenta.first, work.momenta.solids, step.dt);
+  ledger.meet(velocity, frames);
+  take_velocities(step, state.steps, common, velocity, state.solids, work.solids, work.particles, ledger);
+  work.pressure.system.exchange_scratch(work.solid_advect.storage());
+  for (std::size_t l = 0; l < state.solids.size(); ++l)
+    transport_solid(step, l, frames[l], holds.of(l), work.solids[l], state.solids[l], work.solid_advect, work.particles,
+                    ledger);
+  work.pressure.system.exchange_scratch(work.solid_advect.storage());
+  still_fluid(work.elasticity.walls, velocity.field);
+  advect_fluid(step, velocity.field, velocity.slip, work.pressure.jets, work.matter, state.fluid,  // Alg. 1 line 22
+               work.advect, work.pressure.system);
+  if (const int slab = grid::slab_axis(step.scene.grid, step.scene.params.walls);
+      slab >= 0 && step.scene.params.fluid.present)
+    flatten(step.parallel, common, slab, state.fluid.velocity);
+  ledger.book_fluid(state.fluid.velocity);
+  ledger.book_inflow(work.pressure.jets, velocity.field);
 }
 
 }  // namespace
 
 StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, double shrink, State& state,
               Workspace& work, Profile& profile) {
-  const Numerics& numerics = scene.params.numerics;
-  auto& [solids, matter, velocity, elasticity, pressure, momenta, advect, solid_advect, viscous, particles, backup,
-         ready] = work;
-  const grid::Grid& common = matter.common.grid;
-  SolidStates& states = state.solids;
-  fluid::FluidState& fluid = state.fluid;
   StepInfo info;
-  begin_given(parallel, scene, state.time, remaining, states);
-  for (std::size_t l = 0; l < scene.solids.size(); ++l)
-    if (!solid::has_left(states[l])) find_near_folds(parallel, scene.solids[l], states[l], solids[l]);
-  const double fluid_speed = std::max(state.fluid_speed, fastest_jet(scene, state.time, remaining));
-  double dt = compute_time_step(parallel, scene, states, fluid_speed, state.steps, remaining, solids);  // Alg. 1 line 1
-  if (shrink < 1.0) dt = std::min(dt, shrink * remaining);
-  info.dt = dt;
-  const StepContext step{parallel, scene, state.time, dt, profile, info};
+  info.dt = choose_time_step(parallel, scene, remaining, shrink, state, work.solids);
+  const StepContext step{parallel, scene, state.time, info.dt, profile, info};
+  const bool keeps_momentum = scene.params.numerics.conserve_momentum;
 
-  if (!ready) {                            // else the last step has left them
-    compute_masses(step, states, solids);  // Alg. 1 line 3
-    let_leave(step, states, solids);
-    combine_masses(step, states, solids, state.window, fluid.pressure, matter, velocity.slip);  // Alg. 1 line 7
-  }
-  elasticity.given = find_given(step, states, solids, matter, velocity.slip);
-  EnergyLedger ledger(step, states, solids, matter, fluid.velocity);
-  if (numerics.conserve_momentum) measure_first_momenta(step, states, solids, momenta);
-  compute_materials(step, solids, states, ledger);  // lines 2-6
-  push(step, matter, solids, states, fluid.velocity, ledger);
-  ledger.book_weight(weight_in_step(scene, dt, solids), fluid.velocity);
-  combine_velocities(step, states, solids, matter, fluid.velocity, velocity);
-  ledger.book_nodes(EnergyStage::kMixing, velocity);
-  add_external_forces(step, matter, fluid, velocity);
-  ledger.book_nodes(EnergyStage::kOutside, velocity);
-  give_velocity(step, solids, matter, elasticity.given, velocity);
-  meet_walls(step, states, solids, matter, velocity, elasticity.walls);
-  keep_given(elasticity.given, elasticity.walls, velocity);
-  ledger.book_nodes(EnergyStage::kWalls, velocity);
-  diffuse(step, matter, velocity, viscous, ledger);
-  assemble_velocity_system(step, states, solids, matter, velocity, elasticity);  // Alg. 1 line 8
-  prepare_pressure(step, states, solids, matter, fluid.pressure, elasticity, velocity, pressure);
-  ledger.book_nodes(EnergyStage::kPressure, velocity);
-  solve_velocity(step, elasticity, velocity);  // Alg. 1 line 9
-  ledger.book_nodes(EnergyStage::kVelocity, velocity);
-  solve_pressure(step, states, solids, matter, fluid.pressure, elasticity, velocity, pressure);  // Alg. 1 line 10
-  project_velocity(step, common, elasticity, pressure, velocity, fluid.pressure);                // Alg. 1 line 11
-  ledger.book_nodes(EnergyStage::kPressure, velocity);
-  ledger.book_source(fluid.pressure, pressure.source);
-  keep_off(matter.mass, velocity, elasticity.walls);
-  remember_rows(dt, elasticity.walls, states);
-  remember_contacts(dt, elasticity.contacts, states);
-  info.pins = sum_reactions(step, common, elasticity.given);
-  info.jets = pressure.jets.flux;
-  info.contacts = record_contacts(scene, states, elasticity, pressure);
-  if (numerics.conserve_momentum) measure_momenta(step, states, solids, matter, velocity, momenta);
-  const std::vector<solid::RigidStep> frames = transport_frames(elasticity.holds, momenta.first, momenta.solids, dt);
-  const std::vector<VolumeTarget> targets = volume_targets(scene.solids, states, solids);
-  ledger.meet(velocity, frames);
-
-  take_velocities(step, state.steps, common, velocity, states, solids, particles, ledger);  // lines 12-16
-  pressure.system.exchange_scratch(solid_advect.storage());
-  for (std::size_t l = 0; l < scene.solids.size(); ++l)  // lines 17-21
-    transport_solid(step, l, frames[l], elasticity.holds.of(l), solids[l], states[l], solid_advect, particles, ledger);
-  pressure.system.exchange_scratch(solid_advect.storage());
-  still_fluid(elasticity.walls, velocity.field);
-  advect_fluid(step, velocity.field, velocity.slip, pressure.jets, matter, fluid, advect,  // Alg. 1 line 22
-               pressure.system);
-  if (const int slab = grid::slab_axis(scene.grid, scene.params.walls); slab >= 0 && scene.params.fluid.present)
-    flatten(parallel, common, slab, fluid.velocity);
-  ledger.book_fluid(fluid.velocity);
-  ledger.book_inflow(pressure.jets, velocity.field);
+  find_matter(step, state, work);
+  EnergyLedger ledger(step, state.solids, work.solids, work.matter, state.fluid.velocity);
+  if (keeps_momentum) measure_first_momenta(step, state.solids, work.solids, work.momenta);
+  compute_materials(step, work.solids, state.solids, ledger);
+  mix_velocities(step, state, work, ledger);
+  solve(step, state, work, ledger);
+  remember_contact(step, state.solids, work);
+  if (keeps_momentum) measure_momenta(step, state.solids, work.solids, work.matter, work.velocity, work.momenta);
+  const std::vector<VolumeTarget> targets = volume_targets(scene.solids, state.solids, work.solids);
+  transport(step, state, work, ledger);
   settle(step, targets, state, work, ledger);
-  finish(step, solids, state);
+  finish(step, work.solids, state);
   close_ledger(step, state, work, ledger);
   return info;
 }

@@ -3,9 +3,9 @@
 #pragma once
 
 #include "base/parallel.hpp"
-#include "sim/profile.hpp"
-#include "sim/scene.hpp"
-#include "sim/step_info.hpp"
+#include "frame/profile.hpp"
+#include "frame/scene.hpp"
+#include "frame/step_info.hpp"
 #include "sim/workspace.hpp"
 
 namespace efsi::sim {

@@ -6,10 +6,10 @@
 #include <cmath>
 #include <limits>
 
+#include "contact/fold_contact.hpp"
+#include "contact/solid_contact.hpp"
 #include "grid/interpolate.hpp"
-#include "sim/fold_contact.hpp"
-#include "sim/solid_contact.hpp"
-#include "solid/displacement.hpp"
+#include "solid/map/displacement.hpp"
 
 namespace efsi::sim {
 namespace {

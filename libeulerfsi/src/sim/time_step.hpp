@@ -4,7 +4,7 @@
 
 #include <cstdint>
 
-#include "sim/scene.hpp"
+#include "frame/scene.hpp"
 
 namespace efsi::sim {
 

@@ -16,8 +16,7 @@
 #include "geometry/triangle_mesh.hpp"
 #include "grid/grid.hpp"
 #include "material/plastic_flow.hpp"
-#include "solid/fold_points.hpp"
-#include "solid/surface_clusters.hpp"
+#include "solid/surface_data.hpp"
 
 namespace efsi::solid {
 
@@ -34,7 +33,7 @@ struct Threshold {
 struct SolidRest {
   material::Elastic elastic;
   material::Plastic plastic;
-  Grid plastic_lattice;     // of a solid that can yield, material space (solid/plasticity.hpp)
+  Grid plastic_lattice;     // of a solid that can yield, material space (solid/element/plasticity.hpp)
   double density = 1000.0;  // [kg/m^3]
   double rayleigh_alpha = 0.0, rayleigh_beta = 0.0;
   double friction = 0.0;               // Coulomb's coefficient; of two solids the mean
@@ -118,7 +117,7 @@ struct SolidState {
 };
 
 // Whether all of it has left the box through open faces: then its band is one cell, whose nodes hold its velocity only
-// (sim/left_box.hpp).
+// (transport/left_box.hpp).
 inline bool has_left(const SolidState& state) {
   return !state.whole && state.band.grid.cells == Vec3i{1, 1, 1} &&
          std::all_of(state.valid.begin(), state.valid.end(), [](std::uint8_t mark) { return mark == kNoData; });

@@ -2,7 +2,7 @@
 
 #include <array>
 
-#include "solid/stiffness_block.hpp"
+#include "solid/element/stiffness_block.hpp"
 #include "system/velocity_system.hpp"
 
 namespace efsi::system {

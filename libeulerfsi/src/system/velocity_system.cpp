@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "linalg/reduce.hpp"
-#include "solid/stiffness_block.hpp"
+#include "solid/element/stiffness_block.hpp"
 #include "system/multilevel.hpp"
 #include "system/rigid_modes.hpp"
 #include "system/row_inverse.hpp"
@@ -37,11 +37,32 @@ StiffnessShares stiffness_shares(double pace, double strain, double growth) {
 void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, const std::vector<std::uint8_t>& fixed,
                               std::span<const SolidRef> solids, const std::vector<Real>& mass, const SlipNodes& slip,
                               double dt, int slab) {
-  // Reset what the last step has left.
-  global_ = global;
   across_slab_ = slab < 0 ? 0u : 1u << slab;
   h_ = global.h;
+  start(global, solids, slip);
+  const std::vector<double> damping = number_unknowns(fixed, slip, dt);
+  for (std::size_t l = 0; l < solids_.size(); ++l) {
+    const StiffnessShares& shares = touches(l) ? solids_[l].held : solids_[l].loose;
+    stiffness_factor_.push_back(static_cast<Real>(shares.ahead * dt * dt + dt * solids_[l].rest->rayleigh_beta));
+    past_factor_.push_back(static_cast<Real>(shares.behind * dt * dt));
+  }
+  weigh_unknowns(mass, slip, damping);
+  moves_ = free_;
+  ties_.clear();
+  penalties_.clear();
+  rigid_.reset();
+  row_inverse_.reset();
+  list_elements(parallel);
+  list_gathers();
+  invert_diagonal(parallel);
+  multilevel_.reset();
+  find_stiff(parallel);
+}
+
+// Forgets the last system. Shared nodes name their first entry in slip until they have their unknowns.
+void VelocitySystem::start(const Grid& global, std::span<const SolidRef> solids, const SlipNodes& slip) {
   solids_.assign(solids.begin(), solids.end());
+  global_ = global;
   if (unknown_of_node_.size() != global.node_count()) {
     unknown_of_node_.assign(global.node_count(), -1);
   } else {
@@ -60,19 +81,22 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
   unknown_begin_.assign(1, 0);
   held_.assign(solids_.size(), 0);
   touching_.clear();
+}
 
-  // Unknowns in node order per solid, solids in order.
+// Unknowns in node order per solid, solids in order; what walls hold of each solid, and which solids share a node.
+std::vector<double> VelocitySystem::number_unknowns(const std::vector<std::uint8_t>& fixed, const SlipNodes& slip,
+                                                    double dt) {
   std::vector<double> damping;
   for (std::size_t l = 0; l < solids_.size(); ++l) {
     const SolidRef& s = solids_[l];
     const Grid& g = s.state->band.grid;
-    const Vec3i lo = grid::offset(g, global);
+    const Vec3i lo = grid::offset(g, global_);
     for (int k = 0; k <= g.cells[2]; ++k)
       for (int j = 0; j <= g.cells[1]; ++j)
         for (int i = 0; i <= g.cells[0]; ++i) {
           const std::size_t local = g.node(i, j, k);
           if (!s.work->carries[local]) continue;
-          const std::size_t n = global.node(i + lo[0], j + lo[1], k + lo[2]);
+          const std::size_t n = global_.node(i + lo[0], j + lo[1], k + lo[2]);
           const bool own = unknown_of_node_[n] < -1;
           const std::size_t entry = own ? entry_of(l, n) : 0;
           std::int32_t& unknown = own ? unknown_of_entry_[entry] : unknown_of_node_[n];
@@ -94,14 +118,12 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
         }
     unknown_begin_.push_back(node_.size());
   }
-  // Factors of the stiffness: implicit, and with the old velocity.
-  for (std::size_t l = 0; l < solids_.size(); ++l) {
-    const StiffnessShares& shares = touches(l) ? solids_[l].held : solids_[l].loose;
-    stiffness_factor_.push_back(static_cast<Real>(shares.ahead * dt * dt + dt * solids_[l].rest->rayleigh_beta));
-    past_factor_.push_back(static_cast<Real>(shares.behind * dt * dt));
-  }
+  return damping;
+}
 
-  // Masses; at slip nodes only the normal part of the fluid's mass moves with the solid.
+// M and M + dt C_M per unknown, and along which normals nodes slip.
+void VelocitySystem::weigh_unknowns(const std::vector<Real>& mass, const SlipNodes& slip,
+                                    const std::vector<double>& damping) {
   node_mass_.resize(node_.size());
   inertia_.resize(node_.size());
   for (std::size_t i = 0; i < node_.size(); ++i) {
@@ -118,22 +140,17 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
     sliding_[u] = s.fluid_mass;
     normal_[u] = s.normal;
   }
+}
 
-  // Ties and contact rows are added after this.
-  moves_ = free_;
-  ties_.clear();
-  penalties_.clear();
-  rigid_.reset();
-  row_inverse_.reset();
-
-  // Elements in blocks, and the lists by which unknowns gather from them.
+// The unknowns at the corners of elements, in blocks.
+void VelocitySystem::list_elements(const Parallel& parallel) {
   block_begin_.assign(1, 0);
   for (const SolidRef& s : solids_) block_begin_.push_back(block_begin_.back() + s.work->blocks());
   corner_.assign(block_begin_.back() * 8 * kLanes, -1);
   for (std::size_t l = 0; l < solids_.size(); ++l) {
     const SolidRef& s = solids_[l];
     const Grid& g = s.state->band.grid;
-    const Vec3i lo = grid::offset(g, global);
+    const Vec3i lo = grid::offset(g, global_);
     parallel.for_each(static_cast<std::int64_t>(s.work->element_cell.size()), [&](std::int64_t e) {
       const auto c = static_cast<int>(s.work->element_cell[static_cast<std::size_t>(e)]);
       const int i = c % g.cells[0], j = c / g.cells[0] % g.cells[1], k = c / (g.cells[0] * g.cells[1]);
@@ -141,11 +158,14 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
       const std::size_t block = block_begin_[l] + element / kLanes, lane = element % kLanes;
       for (std::size_t a = 0; a < 8; ++a)
         corner_[(block * 8 + a) * kLanes + lane] = static_cast<std::int32_t>(
-            unknown_of(l, global.node(i + lo[0] + grid::kCorner[a][0], j + lo[1] + grid::kCorner[a][1],
-                                      k + lo[2] + grid::kCorner[a][2])));
+            unknown_of(l, global_.node(i + lo[0] + grid::kCorner[a][0], j + lo[1] + grid::kCorner[a][1],
+                                       k + lo[2] + grid::kCorner[a][2])));
     });
   }
-  // For each unknown the corners that it gathers from, in order.
+}
+
+// The lists by which unknowns gather from elements.
+void VelocitySystem::list_gathers() {
   gather_begin_.assign(node_.size() + 1, 0);
   for (std::int32_t u : corner_)
     if (u >= 0) ++gather_begin_[static_cast<std::size_t>(u) + 1];
@@ -162,8 +182,10 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
         static_cast<std::int32_t>(3 * row * kLanes + lane);
   }
   element_out_.resize(corner_.size() * 3);
+}
 
-  // Jacobi preconditioner.
+// Jacobi preconditioner.
+void VelocitySystem::invert_diagonal(const Parallel& parallel) {
   std::vector<Real> diagonal;
   sum_blocks(
       parallel,
@@ -177,8 +199,6 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
     const Real d = free_[i] > 0 ? diagonal[i] + inertia_[i / 3] - sliding_[i / 3] * (1 - along * along) : Real(1);
     inverse_diagonal_[i] = d > 0 ? 1 / d : Real(1);
   }
-  multilevel_.reset();
-  find_stiff(parallel);
 }
 
 // Where the diagonal of G is s times the inertia, in the mean, elastic waves pass some sqrt(s) cells in the step, and

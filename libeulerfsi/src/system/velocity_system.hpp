@@ -153,6 +153,14 @@ class VelocitySystem {
   std::size_t bytes() const;
 
  private:
+  // The parts of assemble(), in their order.
+  void start(const Grid& global, std::span<const SolidRef> solids, const SlipNodes& slip);
+  // Returns dt alpha M_s per unknown [kg].
+  std::vector<double> number_unknowns(const std::vector<std::uint8_t>& fixed, const SlipNodes& slip, double dt);
+  void weigh_unknowns(const std::vector<Real>& mass, const SlipNodes& slip, const std::vector<double>& damping);
+  void list_elements(const Parallel& parallel);
+  void list_gathers();
+  void invert_diagonal(const Parallel& parallel);
   std::size_t entry_of(std::size_t solid, std::size_t node) const;  // of a shared node, in slip
   void find_stiff(const Parallel& parallel);
   void build_multilevel(const Parallel& parallel);

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from eulerfsi import binding
+from eulerfsi.solver import binding
 
 from . import contact_laws, elastic_laws, laws, mirror_law
 from .experiment import Experiment, of

@@ -7,9 +7,9 @@ import time
 from typing import Any
 
 import numpy as np
-from eulerfsi import binding
 from eulerfsi.errors import LibraryError
-from eulerfsi.solver import Mesh, Simulation
+from eulerfsi.solver import binding
+from eulerfsi.solver.simulation import Mesh, Simulation
 
 from .groups import GROUPS
 from .overlap import deepest_vertex

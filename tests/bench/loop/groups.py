@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 import numpy as np
-from eulerfsi.solver import Mesh
+from eulerfsi.solver.simulation import Mesh
 
 from . import shapes
 

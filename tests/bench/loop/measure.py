@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from eulerfsi import binding
+from eulerfsi.solver import binding
 
 from .experiment import Experiment
 

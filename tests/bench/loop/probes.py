@@ -10,9 +10,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from eulerfsi import binding
 from eulerfsi.errors import LibraryError
-from eulerfsi.solver import Mesh, Simulation, Surface
+from eulerfsi.solver import binding
+from eulerfsi.solver.simulation import Mesh, Simulation, Surface
 
 from .experiment import Experiment, step_ends
 from .shapes import blocks

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from eulerfsi.solver import Mesh, load_mesh
+from eulerfsi.solver.simulation import Mesh, load_mesh
 
 SIZE = 0.2  # m
 RADIUS = SIZE / 2  # of the ball [m]

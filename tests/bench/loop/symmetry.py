@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from eulerfsi.solver import Simulation
+from eulerfsi.solver.simulation import Simulation
 
 MIRRORED = (0, 2)  # axes across whose middle plane the box, the solid and its motion are the same
 

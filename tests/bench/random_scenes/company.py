@@ -6,8 +6,8 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-from eulerfsi import binding
-from eulerfsi.solver import Simulation, Surface
+from eulerfsi.solver import binding
+from eulerfsi.solver.simulation import Simulation, Surface
 from loop import experiment
 from loop.experiment import of
 

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from eulerfsi import binding
-from eulerfsi.solver import Mesh
+from eulerfsi.solver import binding
+from eulerfsi.solver.simulation import Mesh
 
 from .draw import Draw, constant, ranges
 from .scenes import ADDED_MASS, AXES, Scene, box_cells, draw_gravity, draw_poisson, draw_ratio, weight_ratio

@@ -6,7 +6,7 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-from eulerfsi.solver import Simulation
+from eulerfsi.solver.simulation import Simulation
 from loop.overlap import winding
 
 from .company import Company, Held, Jet

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from eulerfsi import binding
+from eulerfsi.solver import binding
 from loop.measure import ledger
 
 from .law import DEPTH, DEPTH_AT_REST, REST_TIME, TOUCHING, Moot, Verdict, law, of_each, rest

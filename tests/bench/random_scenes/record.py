@@ -6,7 +6,7 @@ import dataclasses
 import functools
 
 import numpy as np
-from eulerfsi import binding
+from eulerfsi.solver import binding
 from loop.experiment import OUT_OF_TIME, of
 from loop.measure import FORMS, Result, ledger
 

@@ -6,7 +6,7 @@ import dataclasses
 import functools
 
 import numpy as np
-from eulerfsi.solver import Mesh
+from eulerfsi.solver.simulation import Mesh
 from loop import shapes
 
 BLOCKS = 12  # along an edge of a box's mesh

@@ -7,8 +7,8 @@ import math
 from typing import Any
 
 import numpy as np
-from eulerfsi import binding
-from eulerfsi.solver import Mesh
+from eulerfsi.solver import binding
+from eulerfsi.solver.simulation import Mesh
 from loop.experiment import Experiment
 
 from .draw import Draw, constant, ranges

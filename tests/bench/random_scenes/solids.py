@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 import numpy as np
-from eulerfsi.solver import load_mesh
+from eulerfsi.solver.simulation import load_mesh
 from loop import shapes
 
 from .draw import Draw

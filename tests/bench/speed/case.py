@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from eulerfsi import binding
+from eulerfsi.solver import binding
 
 from . import kernels
 
@@ -75,8 +75,8 @@ def plume_job(settings: tuple[str, ...]) -> dict[str, Any]:
 
 def scene_job(scene: str, settings: tuple[str, ...]) -> dict[str, Any]:
     """Definitions of an example scene, read here."""
-    from eulerfsi.overrides import apply_overrides
-    from eulerfsi.scene import read_scene
+    from eulerfsi.scene.overrides import apply_overrides
+    from eulerfsi.scene.read import read_scene
     from pxr import Usd
 
     path = SCENES / f"{scene}.usda"

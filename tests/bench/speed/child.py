@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from eulerfsi.solver import Mesh, Simulation
+from eulerfsi.solver.simulation import Mesh, Simulation
 
 FRAME = 1 / 24  # s
 SMOKE = 0.1  # density of what counts as smoke

@@ -206,8 +206,8 @@ TEST_CASE("The definite linearisation has no negative modulus and keeps a defini
   CHECK(changed > 20);
 }
 
-// The sides that turn over have a negative stretch, as in Deformation (solid/reference_map.hpp); a flat cell has 0, one
-// that is pressed to a line two of them, to a point three.
+// The sides that turn over have a negative stretch, as in Deformation (solid/map/reference_map.hpp); a flat cell has 0,
+// one that is pressed to a line two of them, to a point three.
 TEST_CASE("Inverted and degenerate F: stress and moduli are derivatives, and none is infinite") {
   const Vec3d stretches[] = {{-0.2, 0.9, 1.4}, {-0.9, 1.2, 1.2}, {0.2, 0.2, 5.0}, {5.0, 5.0, 5.0}, {0.2, 0.2, 0.2},
                              {-0.2, 5.0, 5.0}, {1.1, 1.1, 1.1},  {0.0, 1.0, 1.0}, {1.3, 0.0, 0.0}, {0.0, 0.0, 0.0}};

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "solid/plasticity.hpp"
+#include "solid/element/plasticity.hpp"
 #include "unit/sim/scene.hpp"
 
 using namespace efsi;

@@ -2,7 +2,7 @@
 #include <Eigen/Geometry>
 
 #include "base/error.hpp"
-#include "scene.hpp"
+#include "unit/sim/scene.hpp"
 
 using namespace efsi;
 using namespace efsi::test;

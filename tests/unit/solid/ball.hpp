@@ -6,8 +6,8 @@
 #include <functional>
 
 #include "grid/grid.hpp"
-#include "solid/mass.hpp"
-#include "solid/material_force.hpp"
+#include "solid/element/mass.hpp"
+#include "solid/element/material_force.hpp"
 #include "solid/solid.hpp"
 
 namespace efsi::test {

@@ -5,6 +5,7 @@
 #include <array>
 #include <map>
 
+#include "solid/surface/surface_clusters.hpp"
 #include "unit/solid/ball.hpp"
 
 namespace efsi::test {

@@ -1,0 +1,1 @@
+"""The cache: what a run writes, and what is taken over from another."""

@@ -1,0 +1,236 @@
+"""The cache folder: made new, taken up again or refused; frames, volumes, statistics and checkpoints go in.
+
+Layout: <scene>.usda, scene/ (copy of the scene), frames/, vdb/, checkpoints/, manifest.json, stats.jsonl, log,
+preview.png. Every file appears whole, and the folder can be moved.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import __version__, files
+from ..errors import CacheIOError, UsageError
+from ..frames import file_number
+from ..scene.parts import Scene
+from ..solver import binding
+from ..solver.simulation import Simulation
+from . import stats_file
+from .localize import localize_scene
+from .manifest import FILE_NAME, Manifest
+from .start_from import Start
+from .usd_writer import UsdWriter
+
+_FOLDERS = ("frames", "vdb", "checkpoints", "scene")
+_FILES = (stats_file.NAME, "log", "preview.png", FILE_NAME)
+_KEPT_CHECKPOINTS = 2
+LOCK = ".lock"
+
+
+class Cache:
+    """One cache folder that a run writes to. `checkpoint`: manifest entry that a resumed run starts from, or None."""
+
+    def __init__(self, folder: Path, scene: Scene, manifest: Manifest) -> None:
+        self.folder = folder
+        self.scene = scene
+        self.manifest = manifest
+        self.writer = UsdWriter(folder, scene)
+        self.checkpoint: dict[str, Any] | None = None
+        self._stats: list[dict[str, Any]] = []
+
+    @classmethod
+    def create(
+        cls, folder: Path, scene: Scene, overrides: dict[str, str], grids: list[str], start: Start | None = None
+    ) -> Cache:
+        """Makes the folder with a copy of the scene. An old cache must have been removed (`prepare`)."""
+        facts = {
+            "program": {"eulerfsi": __version__, "library": binding.library_version()},
+            "scene": f"{scene.name}.usda",
+            "scene_copy": "",
+            "scene_hash": scene.hash(),
+            "first": scene.frames.first,
+            "last": scene.frames.last,
+            "fps": scene.fps,
+            "grids": grids if scene.has_smoke else [],
+            "parameters": scene.parameters(),
+            "overrides": overrides,
+            **({"start_from": start.facts()} if start else {}),
+        }
+        cache = cls(folder, scene, Manifest.new(folder, **facts))
+        cache._begin()
+        return cache
+
+    def _begin(self) -> None:
+        """Folders, the copy of the scene, the clips' manifest: what is there before the first frame."""
+        self.manifest.save()  # first of all: from now on the folder is known as a cache
+        try:
+            for name in ("frames", "checkpoints", *(("vdb",) if self.scene.has_smoke else ())):
+                (self.folder / name).mkdir(exist_ok=True)
+        except OSError as error:
+            raise CacheIOError(f"{self.folder}: cannot be created: {error.strerror}") from error
+        copy = localize_scene(self.scene.path, self.folder / "scene")
+        self.writer.write_manifest_layer()
+        self.manifest.data["scene_copy"] = copy.relative_to(self.folder).as_posix()
+        self.manifest.save()
+
+    @classmethod
+    def resume(cls, folder: Path, scene: Scene, start: Start | None = None) -> Cache:
+        """Opens a cache for continuing at its latest intact checkpoint; what came after it is dropped.
+
+        `checkpoint` is that checkpoint's manifest entry, or None when the run must begin again.
+        Raises SceneError when the scene has changed, CacheIOError for a damaged manifest.
+        """
+        manifest = Manifest.load(folder)
+        manifest.check_same_scene(scene.hash(), scene.parameters(), scene.frames.first, scene.fps)
+        manifest.check_same_start(start.facts() if start else None)
+        files.remove_leftovers(folder)
+        cache = cls(folder, scene, manifest)
+        manifest.data["last"] = max(scene.frames.last, manifest.last_frame or scene.frames.last)
+        if not cache.is_complete():
+            cache.checkpoint = manifest.usable_checkpoint()
+            manifest.data["status"] = "running"
+            frame = cache.checkpoint["frame"] if cache.checkpoint else scene.frames.first - 1
+            manifest.forget_after(frame)
+            manifest.save()
+            if not manifest.data["scene_copy"]:
+                cache._begin()
+            stats_file.trim(folder, cache.checkpoint["time"] if cache.checkpoint else -1.0)
+        return cache
+
+    def is_complete(self) -> bool:
+        """All frames of the range are there, intact."""
+        return all(not self.manifest.damaged_files(frame) for frame in self.scene.frames)
+
+    def write_frame(
+        self, frame: int, simulation: Simulation, surfaces: list[tuple[np.ndarray, np.ndarray]], left: list[str]
+    ) -> None:
+        """Writes all files of a frame and registers them.
+
+        surfaces: (points, velocities) of scene.simulated; left: paths of the solids that have left the box.
+        """
+        written = {}
+        if self.scene.drawn:
+            written[self.writer.frame_name(frame)] = self.writer.write_frame(frame, surfaces)
+        if self.scene.has_smoke:
+            name = self.writer.vdb_name(frame)
+            transform = self.scene.space.to_world_matrix()
+            with files.replacing(self.folder / name) as temporary:
+                written[name] = simulation.write_vdb(temporary, transform=transform, write_velocity=1)
+        self.manifest.frames[str(frame)] = {
+            "time": simulation.time,
+            "state": simulation.state_hash(),
+            "files": {
+                name: {**files.record(self.folder / name), "content": content} for name, content in written.items()
+            },
+            **({"left": left} if left else {}),
+        }
+        self._flush_stats()
+        self.manifest.save()
+
+    def write_root(self) -> Path:
+        """Writes the layer that opens the cache, for the frames that are there. Returns its path."""
+        frames = sorted(map(int, self.manifest.frames))
+        data = self.manifest.data
+        provenance = {key: data[key] for key in ("program", "scene_hash", "parameters", "overrides")}
+        volumes = frames if self.scene.has_smoke else []
+        last = max(frames, default=self.scene.frames.first)
+        left = self.manifest.left()
+        self.writer.write_root(f"./{data['scene_copy']}", last, volumes, data["grids"], provenance, left)
+        return self.folder / f"{self.scene.name}.usda"
+
+    def save_checkpoint(self, frame: int, simulation: Simulation) -> None:
+        """Writes the state after frame `frame` (and maybe some steps) and keeps the last two checkpoints."""
+        name = f"checkpoints/{file_number(frame)}.{simulation.steps}.efsi"
+        with files.replacing(self.folder / name) as temporary:
+            simulation.save_checkpoint(temporary)
+        self._flush_stats()
+        self.manifest.add_checkpoint(frame, simulation.time, name, _KEPT_CHECKPOINTS)
+
+    def finish(self, status: str) -> None:
+        """Registers how the run ended."""
+        self._flush_stats()
+        self.manifest.data["status"] = status
+        self.manifest.save()
+
+    def add_stats(self, line: dict[str, Any]) -> None:
+        """Adds a line to stats.jsonl; it reaches the file with the frame."""
+        self._stats.append(line)
+
+    def stopped_in(self, frame: int) -> list[dict[str, Any]]:
+        """The last line that a run left which was stopped inside the frame; [] where none was."""
+        lines = stats_file.read(self.folder) if (self.folder / stats_file.NAME).is_file() else []
+        return [line for line in lines if line["event"] == "stopped" and line["frame"] == frame][-1:]
+
+    def _flush_stats(self) -> None:
+        if self._stats:
+            stats_file.append(self.folder, self._stats)
+            self._stats.clear()
+
+
+def prepare(folder: Path, overwrite: bool, resume: bool) -> str:
+    """Decides what becomes of the output folder: "new" or "resume". Removes nothing yet.
+
+    Raises UsageError for a cache without --overwrite or --resume, and for a folder with other things in it.
+    """
+    if (folder / FILE_NAME).is_file():
+        if resume:
+            return "resume"
+        if not overwrite:
+            raise UsageError(
+                f"{folder}: already contains a cache; continue it with --resume or replace it with --overwrite"
+            )
+        Manifest.load(folder)  # only a folder that is ours is ever replaced
+        return "new"
+    if folder.is_dir() and any(path.name != LOCK for path in folder.iterdir()):
+        raise UsageError(f"{folder}: is not empty and contains no cache; choose another folder with -o")
+    return "new"
+
+
+def remove_old(folder: Path) -> None:
+    """Removes what a cache consists of, nothing else. Raises CacheIOError."""
+    if not (folder / FILE_NAME).is_file():
+        return
+    root = Manifest.load(folder).data["scene"]
+    try:
+        for name in (*_FILES, root):
+            (folder / name).unlink(missing_ok=True)
+        for name in _FOLDERS:
+            if (folder / name).is_dir():
+                shutil.rmtree(folder / name)
+    except OSError as error:
+        raise CacheIOError(f"{folder}: the old cache cannot be removed: {error.strerror}") from error
+
+
+class FolderLock:
+    """Keeps a second run out of the folder; the system releases it when the process ends, however it ends."""
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder / LOCK
+        self._file = None
+
+    def __enter__(self) -> FolderLock:
+        try:
+            import fcntl
+        except ImportError:
+            return self  # no such lock on this system
+        self._file = open(self.path, "a+", encoding="utf-8")  # noqa: SIM115 - held for the whole run
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            self._file.seek(0)
+            owner = self._file.read().strip() or "another process"
+            self._file.close()
+            raise UsageError(f"{self.path.parent}: {owner} is writing to this cache") from None
+        self._file.truncate(0)
+        self._file.write(f"process {os.getpid()} on {os.uname().nodename}\n")
+        self._file.flush()
+        return self
+
+    def __exit__(self, *_exc: object) -> None:
+        if self._file:
+            self.path.unlink(missing_ok=True)
+            self._file.close()

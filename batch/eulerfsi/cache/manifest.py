@@ -1,0 +1,143 @@
+"""manifest.json: what a cache holds, and how a run that stopped is taken up again."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from .. import files
+from ..errors import CacheIOError, SceneError, UsageError
+
+FILE_NAME = "manifest.json"
+_FORMAT = "eulerfsi-cache"
+
+
+class Manifest:
+    """The manifest of one cache folder; `data` is the JSON object. `save` replaces the file.
+
+    data["frames"]["12"]: {"time", "state", "files": {relative path: {"bytes", "sha256", "content"}}}; once solids
+    have left the box also "left": their paths.
+    data["checkpoints"]: [{"frame", "time", "file", "bytes", "sha256"}], oldest first; "frame" is the last frame that
+    is complete at that time.
+    """
+
+    def __init__(self, folder: Path, data: dict[str, Any]) -> None:
+        self.folder = folder
+        self.data = data
+
+    @classmethod
+    def new(cls, folder: Path, **facts: Any) -> Manifest:
+        """A manifest without frames. facts: scene, scene_hash, parameters, first, last, fps, versions."""
+        return cls(
+            folder, {"format": _FORMAT, "version": 1, "status": "running", **facts, "frames": {}, "checkpoints": []}
+        )
+
+    @classmethod
+    def load(cls, folder: Path) -> Manifest:
+        """Raises SceneError for a folder that is no cache, CacheIOError that names the file and the fault."""
+        path = folder / FILE_NAME
+        try:
+            data = json.loads(path.read_text(encoding="utf-8"))
+        except (FileNotFoundError, NotADirectoryError) as error:
+            reason = f"is not a cache of eulerfsi: it has no {FILE_NAME}" if folder.is_dir() else "no such folder"
+            raise SceneError(f"{folder}: {reason}") from error
+        except OSError as error:
+            raise CacheIOError(f"{path}: {error.strerror}") from error
+        except ValueError as error:
+            raise CacheIOError(f"{path}: is damaged: {error}") from error
+        if not isinstance(data, dict) or data.get("format") != _FORMAT or data.get("version") != 1:
+            raise CacheIOError(f"{path}: is not the manifest of a cache that this version reads")
+        return cls(folder, data)
+
+    @property
+    def frames(self) -> dict[str, dict[str, Any]]:
+        """Completed frames by number."""
+        return self.data["frames"]
+
+    @property
+    def last_frame(self) -> int | None:
+        """Last completed frame, None when there is none."""
+        return max(map(int, self.frames), default=None)
+
+    def left(self) -> dict[str, int]:
+        """Paths of the solids that have left the box, with the first frame in which they had."""
+        first: dict[str, int] = {}
+        for frame in sorted(map(int, self.frames)):
+            for path in self.frames[str(frame)].get("left", ()):
+                first.setdefault(path, frame)
+        return first
+
+    def save(self) -> None:
+        """Writes the file."""
+        files.write_text(self.folder / FILE_NAME, json.dumps(self.data, indent=1) + "\n")
+
+    def check_same_scene(self, scene_hash: str, parameters: dict[str, dict[str, Any]], first: int, fps: float) -> None:
+        """Raises SceneError that names the parameter (or the geometry) which differs from the cache's."""
+        starts = (("first", "first frame (--start-frame)", first), ("fps", "frame rate", fps))
+        if scene_hash == self.data["scene_hash"]:
+            return
+        before, changes = self.data["parameters"], []
+        for path in sorted({*before, *parameters}):
+            if path not in before or path not in parameters:
+                changes.append(f"{path} is {'new' if path in parameters else 'gone'}")
+                continue
+            old, new = before[path], parameters[path]
+            changes += [
+                f"{path}: {key} was {old.get(key)}, is {new.get(key)}"
+                for key in sorted({*old, *new})
+                if old.get(key) != new.get(key)
+            ]
+        changes += [
+            f"the {name} was {self.data[key]:g}, is {now:g}" for key, name, now in starts if self.data[key] != now
+        ]
+        what = "; ".join(changes[:5]) or "a mesh"
+        raise SceneError(f"{self.folder}: cannot resume, the scene has changed since the cache was started: {what}")
+
+    def check_same_start(self, start: dict[str, Any] | None) -> None:
+        """Raises UsageError for another `--start-from` than the cache's, and none where the run must begin again."""
+        before = self.data.get("start_from")
+        if start == before or (start is None and self.usable_checkpoint()):
+            return
+        was = f"from frame {before['frame']} of another cache" if before else "without --start-from"
+        raise UsageError(f"{self.folder}: cannot resume, it was started {was}: give the same option")
+
+    def damaged_files(self, frame: int) -> list[str]:
+        """Files of a frame that are missing or differ from what was written."""
+        entry = self.frames.get(str(frame))
+        if entry is None:
+            return [f"frame {frame}"]
+        return [name for name, facts in entry["files"].items() if not self._intact(name, facts)]
+
+    def _intact(self, name: str, facts: dict[str, Any]) -> bool:
+        path = self.folder / name
+        return path.is_file() and path.stat().st_size == facts["bytes"] and files.digest(path) == facts["sha256"]
+
+    def usable_checkpoint(self) -> dict[str, Any] | None:
+        """The latest checkpoint that is intact and whose frames are all intact."""
+        first = self.data["first"]
+        good_until, frame = first - 1, first
+        while self.frames.get(str(frame)) and not self.damaged_files(frame):
+            good_until, frame = frame, frame + 1
+        for checkpoint in reversed(self.data["checkpoints"]):
+            if checkpoint["frame"] <= good_until and self._intact(checkpoint["file"], checkpoint):
+                return checkpoint
+        return None
+
+    def forget_after(self, frame: int) -> None:
+        """Drops all frames and checkpoints after a frame, with their files."""
+        for number in [n for n in self.frames if int(n) > frame]:
+            for name in self.frames.pop(number)["files"]:
+                (self.folder / name).unlink(missing_ok=True)
+        for checkpoint in [c for c in self.data["checkpoints"] if c["frame"] > frame]:
+            self.data["checkpoints"].remove(checkpoint)
+            (self.folder / checkpoint["file"]).unlink(missing_ok=True)
+
+    def add_checkpoint(self, frame: int, time: float, name: str, keep: int) -> None:
+        """Registers a checkpoint file (relative name) and removes the oldest beyond `keep`."""
+        kept = [c for c in self.data["checkpoints"] if c["file"] != name]
+        kept.append({"frame": frame, "time": time, "file": name, **files.record(self.folder / name)})
+        self.data["checkpoints"] = kept[-keep:]
+        self.save()
+        for checkpoint in kept[:-keep]:
+            (self.folder / checkpoint["file"]).unlink(missing_ok=True)

@@ -1,0 +1,242 @@
+"""The command line: simulate, validate, info, plot, new, bench, test.
+
+Exit codes: 0 ok, 1 internal, 2 usage (unknown option, frame range, --set name), 3 scene, 4 diverged, 5 disk or I/O,
+130 and 143 after Ctrl-C and SIGTERM.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import runpy
+import subprocess
+import sys
+import traceback
+from collections.abc import Sequence
+from pathlib import Path
+
+from .. import __version__, errors, paths, progress
+from ..command import command_line
+from ..errors import EulerFsiError, UsageError
+from ..say import say
+from ..solver import binding, mesh_file
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The parser of all commands."""
+    parser = argparse.ArgumentParser(
+        prog="eulerfsi",
+        description="Elastic solids in a fluid: from a USD scene to deformed meshes and VDB smoke.",
+        epilog="Exit codes: 0 ok, 1 internal, 2 usage, 3 scene, 4 diverged, 5 disk or I/O, 130/143 signals.",
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action="version", version=f"eulerfsi {__version__}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    def add(name: str, text: str) -> argparse.ArgumentParser:
+        return commands.add_parser(name, help=text, description=text, allow_abbrev=False)
+
+    simulate = add("simulate", "Simulate a scene into a cache.")
+    simulate.add_argument("scene", type=Path, metavar="SCENE")
+    simulate.add_argument("-o", "--output", type=Path, metavar="DIR", help="default: ./<scene>_cache")
+    _scene_options(simulate)
+    simulate.add_argument("--preset", help="production (default) or paper2016; same as --set <domain>.preset=P")
+    simulate.add_argument("--progress", choices=progress.MODES, default="auto", help="default: auto")
+    simulate.add_argument(
+        "--start-from",
+        metavar="CACHE[:FRAME]",
+        help="initial solids: those of that frame of another cache, by default its last",
+    )
+    group = simulate.add_mutually_exclusive_group()
+    group.add_argument("--overwrite", action="store_true", help="replace an existing cache in the folder")
+    group.add_argument("--resume", action="store_true", help="continue the cache at its latest checkpoint")
+
+    validate = add("validate", "Check a scene: schema, meshes, memory; estimate the run time from a few steps.")
+    validate.add_argument("scene", type=Path, metavar="SCENE")
+    _scene_options(validate)
+
+    info = add("info", "Describe the program, a scene or a cache folder (and verify its files).")
+    info.add_argument("path", type=Path, nargs="?", metavar="SCENE_OR_CACHE")
+
+    draw = add("plot", "Draw a cache's statistics: sizes of steps, volumes, energies, time per frame.")
+    draw.add_argument("kind", choices=("step", "volume", "energy", "time"))
+    draw.add_argument("cache", type=Path, metavar="CACHE")
+    draw.add_argument(
+        "-o", "--output", type=Path, metavar="FILE", help="png, svg or pdf; default: ./<cache>_<kind>.png"
+    )
+
+    new = add("new", "Write a complete scene around mesh files.")
+    new.add_argument("scene", type=Path, metavar="SCENE.usda")
+    formats = f"mesh file, named as one of: {', '.join(mesh_file.FORMATS)}; may be repeated"
+    new.add_argument("--solid", type=Path, action="append", required=True, metavar="FILE", help=formats)
+    new.add_argument("--smoke", choices=("carpet", "none"), default="carpet", help="default: carpet")
+
+    bench = add("bench", "Measure speed and quality against the bars (in a checkout).")
+    bench.add_argument("name", choices=("speed", "loop", "random", "table", "estimate", "meshes"))
+    bench.add_argument("rest", nargs=argparse.REMAINDER, help="options of the benchmark; --help lists them")
+
+    test = add("test", "Run the tests (in a checkout).")
+    slow = "the slow tests instead: double precision, slow laws, whole scenes"
+    test.add_argument("--slow", action="store_true", help=slow)
+    return parser
+
+
+def _scene_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--frames", metavar="A-B", help="contiguous range, default: the stage's")
+    parser.add_argument("--start-frame", type=int, metavar="N", help="start there, default: the scene's first frame")
+    parser.add_argument("--threads", type=_positive, metavar="N", help="default: what the cgroup allows")
+    parser.add_argument(
+        "--set",
+        dest="settings",
+        action="append",
+        default=[],
+        metavar="PRIM.ATTR=VALUE",
+        help="change one attribute for this run, in stage units; may be repeated",
+    )
+
+
+def _positive(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text}: must be a whole number >= 1")
+    return int(text)
+
+
+def _join_frames(arguments: Sequence[str]) -> list[str]:
+    """`--frames -24-48` as one word: argparse takes a range that begins before frame 0 for an option."""
+    joined: list[str] = []
+    for argument in arguments:
+        if joined and joined[-1] == "--frames" and re.match(r"-\d", argument):
+            joined[-1] += f"={argument}"
+        else:
+            joined.append(argument)
+    return joined
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs one command; returns the exit code. A wrong option leaves through SystemExit(2), as argparse does."""
+    options = build_parser().parse_args(_join_frames(sys.argv[1:] if arguments is None else arguments))
+    run = {
+        "simulate": _simulate,
+        "validate": _validate,
+        "info": _info,
+        "plot": _plot,
+        "new": _new,
+        "bench": _bench,
+        "test": _test,
+    }
+    try:
+        return run[options.command](options)
+    except errors.Cancelled as error:
+        say(str(error), sys.stderr)
+        return error.exit_code
+    except EulerFsiError as error:
+        for line in str(error).splitlines():
+            say(line if line.startswith(" ") else f"error: {line}", sys.stderr)  # an indented line goes on
+        return error.exit_code
+    except KeyboardInterrupt:
+        return errors.EXIT_SIGINT
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        say(f"error: {where}{error.strerror or error}", sys.stderr)
+        return errors.EXIT_IO
+    except Exception:
+        traceback.print_exc()
+        say("error: internal; please report this with the lines above", sys.stderr)
+        return errors.EXIT_INTERNAL
+
+
+def _simulate(options: argparse.Namespace) -> int:
+    from ..run.simulate import Options, simulate
+
+    if options.preset is not None and options.preset not in binding.PRESETS:
+        raise UsageError(f"--preset {options.preset}: must be one of {', '.join(binding.PRESETS)}")
+    wanted = Options(
+        output=options.output,
+        frames=options.frames,
+        start=options.start_frame,
+        start_from=options.start_from,
+        threads=options.threads,
+        preset=options.preset,
+        settings=tuple(options.settings),
+        progress=options.progress,
+        overwrite=options.overwrite,
+        resume=options.resume,
+    )
+    result = simulate(options.scene, wanted)
+    if options.progress != "json":
+        if result.nothing_to_do:
+            say("all frames exist already", sys.stdout)
+        say(f"cache:   {result.folder}", sys.stdout)
+        say(
+            f"open:    {result.root} (in Blender: File > Import > Universal Scene Description; usdview; Houdini; ...)",
+            sys.stdout,
+        )
+        say(f"preview: {result.preview}", sys.stdout)
+    return errors.EXIT_OK
+
+
+def _validate(options: argparse.Namespace) -> int:
+    from ..usd_messages import usd_messages
+    from .report import validate
+
+    with usd_messages():
+        lines = validate(options.scene, options.frames, options.start_frame, options.settings, options.threads)
+    say("\n".join(lines), sys.stdout)
+    return errors.EXIT_OK
+
+
+def _info(options: argparse.Namespace) -> int:
+    from ..usd_messages import usd_messages
+    from .report import info
+
+    with usd_messages():
+        for line in info(options.path):
+            say(line, sys.stdout)
+    return errors.EXIT_OK
+
+
+def _plot(options: argparse.Namespace) -> int:
+    from .plot import plot
+
+    say(str(plot(options.kind, options.cache, options.output)), sys.stdout)
+    return errors.EXIT_OK
+
+
+def _new(options: argparse.Namespace) -> int:
+    from ..usd_messages import usd_messages
+    from .new_scene import new_scene
+
+    with usd_messages():
+        layout, warnings = new_scene(options.scene, options.solid, options.smoke)
+    for line in warnings:
+        say(line, sys.stderr)
+    slow = f" (slow motion, 1:{layout.fps // 24})" if layout.fps > 24 else ""
+    say(
+        f"{options.scene}: {len(options.solid)} solid(s), voxel size {layout.voxel:g} m, {layout.cells:,} cells, "
+        f"Young's modulus up to {max(layout.moduli):g} Pa, frames 1-{layout.frames} at {layout.fps} per second{slow}\n"
+        f"next: {command_line('simulate', options.scene)}",
+        sys.stdout,
+    )
+    return errors.EXIT_OK
+
+
+def _checkout() -> Path:
+    root = paths.checkout()
+    if root is None:
+        raise UsageError("this command needs a checkout of the project; the package is an installed one")
+    return root
+
+
+def _bench(options: argparse.Namespace) -> int:
+    script = _checkout() / "tests" / "bench" / f"bench_{options.name}.py"
+    return int(runpy.run_path(str(script))["main"](options.rest))
+
+
+def _test(options: argparse.Namespace) -> int:
+    # The launcher builds first and knows the test presets.
+    command = [str(_checkout() / "eulerfsi"), "test", *(["--slow"] if options.slow else [])]
+    return subprocess.run(command, check=False).returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,93 @@
+"""A simulation from a scene: all that the library holds of it, each part with its id."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from ..errors import LibraryError
+from ..log import Log
+from ..reasons import mesh_reason
+from ..scene.parts import Collider, Emitter, Passenger, Pin, Scene, Solid
+from ..solver import binding
+from ..solver.simulation import Simulation
+
+Part = TypeVar("Part")
+
+
+@dataclasses.dataclass(frozen=True)
+class Placed(Generic[Part]):
+    """A part of the scene with its id in the library."""
+
+    part: Part
+    id: int
+
+
+@dataclasses.dataclass
+class Build:
+    """A simulation and what it holds of a scene, in the scene's order.
+
+    given: pins, then colliders, with the ids of their pins; names: of all that the library sees as solids, by id.
+    """
+
+    simulation: Simulation
+    solids: list[Placed[Solid]] = dataclasses.field(default_factory=list)
+    passengers: list[Placed[Passenger]] = dataclasses.field(default_factory=list)
+    given: list[Placed[Pin | Collider]] = dataclasses.field(default_factory=list)
+    emitters: list[Placed[Emitter]] = dataclasses.field(default_factory=list)
+    names: dict[int, str] = dataclasses.field(default_factory=dict)
+
+    def surfaces(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """(points, velocities) of scene.simulated now."""
+        surfaces = [self.simulation.surface(solid.id, len(solid.part.mesh.points)) for solid in self.solids]
+        return surfaces + [self.simulation.passenger(p.id, len(p.part.mesh.points)) for p in self.passengers]
+
+
+def build_simulation(scene: Scene, threads: int, memory_limit: int, log: Log) -> Build:
+    """A simulation at time 0 with all that the scene holds."""
+    place = [""]  # prim that the library is working on, for its messages
+
+    def forward(level: int, text: str) -> None:
+        # A repaired mesh was reported by the checks already, with its prim.
+        (log.warning if level >= binding.LOG_WARNING and not place[0] else log.info)(place[0] + text)
+
+    definition = {**scene.domain, "threads": threads, "memory_limit": memory_limit}
+    simulation = Simulation(definition, forward)
+    made = Build(simulation)
+    try:
+        kinds = {"solid": [*scene.solids, *scene.colliders], "pin": [*scene.pins, *scene.colliders]}
+        kinds["collider"] = kinds["solid"]  # numbers are those of solids
+        for kind, bodies in kinds.items():  # in the order in which they are added
+            simulation.names |= {f"{kind} {number}": body.path for number, body in enumerate(bodies, 1)}
+        for solid in scene.solids:
+            place[0] = f"{solid.path}: "
+            made.solids.append(Placed(solid, simulation.add_solid(solid.surface, **solid.values)[0]))
+            made.names[made.solids[-1].id] = solid.path
+        carriers = {solid.part.path: solid.id for solid in made.solids}
+        for passenger in scene.passengers:
+            place[0] = f"{passenger.path}: carried by {passenger.solid}: "
+            identifier = simulation.add_passenger(carriers[passenger.solid], passenger.mesh.points)
+            made.passengers.append(Placed(passenger, identifier))
+        for pin in scene.pins:
+            place[0] = f"{pin.solid}: pinned by {pin.path}: " if pin.path != pin.solid else f"{pin.solid}: "
+            where = pin.surface if pin.surface else pin.vertices
+            made.given.append(Placed(pin, simulation.add_pin(carriers[pin.solid], where)))
+        for collider in scene.colliders:
+            place[0] = f"{collider.path}: "
+            solid_id, pin_id = simulation.add_collider(collider.surface, **collider.values)
+            made.given.append(Placed(collider, pin_id))
+            made.names[solid_id] = collider.path
+        for emitter in scene.emitters:
+            place[0] = f"{emitter.path}: "
+            identifier = simulation.add_emitter(emitter.surface, emitter.keys, **emitter.values)
+            made.emitters.append(Placed(emitter, identifier))
+        for force in scene.forces:
+            place[0] = f"{force.path}: "
+            simulation.add_force(**force.values)
+    except LibraryError as error:
+        simulation.close()
+        raise LibraryError(error.status, place[0] + mesh_reason("", error)) from error
+    place[0] = ""
+    return made

@@ -1,0 +1,256 @@
+"""How long a run takes: its steps from speeds, walls and stiffness, its seconds from a few real steps.
+
+The number of steps follows the limits of the library's time step (sim/time_step.cpp): a step ends where a solid or
+the fluid has moved so many cells, and near a wall where elastic waves pass a cell. What a solid does after it has met
+a wall is not known without simulating, so that the number is a range.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import math
+import statistics
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..log import Log
+from ..solver import binding
+from .build import build_simulation
+
+if TYPE_CHECKING:
+    from ..scene.parts import Scene, Solid
+
+# Limits of the library's steps, in cells (kContactCfl, kContactPace, kContactReach, kVacuumReach, kFluidReach, kThin,
+# kFarthest there).
+_CONTACT_CFL, _CONTACT_PACE = 0.4, 0.7
+_VACUUM_REACH, _FLUID_REACH, _THIN, _FARTHEST = 20 / 9, 1.5, 0.01, 3.95
+CONTACT_REACH = 2.0
+# Periods of its slowest wave for which a solid that has met a wall strains fast enough to need short steps: at least
+# and at most, by the examples and by scenes of `new`.
+_RINGING = (2, 20)
+# An impact at less than this part of the wave speed need not strain a solid fast enough.
+_SOFT_IMPACT = 0.1
+# The fluid beside a solid is this much faster, at most.
+_FLUID_PACE = 3.0
+# Wall-clock seconds per cell and step on two cores, production: what `new` plans with, before anything was tried.
+SECONDS_PER_CELL_STEP = 4e-7
+_SECONDS_PER_FRAME = 0.03  # written
+# Trying real steps: seconds in all, steps at most, and the step that is too long to begin with.
+_TRIAL_SECONDS, _TRIAL_STEPS, _LONG_STEP = 4.0, 8, 1.5
+# A step later in the run against one of the first: pressure and contact take more, or less.
+_DRIFT = (0.8, 1.5)
+
+
+@dataclasses.dataclass(frozen=True)
+class Body:
+    """A solid in motion. speed: at the start [m/s]; fall: acceleration [m/s^2]; meets: seconds until it is near a wall,
+    inf for never; wave: speed of shear waves [m/s]; size: extent towards that wall [m]."""
+
+    speed: float
+    fall: float
+    meets: float
+    wave: float
+    size: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Plan:
+    """A run: voxel size [m], seconds per frame, frames to simulate (without the first), limits of a step.
+
+    fluid_speed: what emitters may drive the fluid to [m/s]. resolve_impacts: the preset follows elastic waves at walls.
+    flight_reach: how many times as far as elsewhere solids move in a step in flight.
+    """
+
+    voxel: float
+    frame: float
+    frames: int
+    bodies: Sequence[Body]
+    gravity: float = 9.81
+    cfl_solid: float = 1.8
+    cfl_fluid: float = 5.0
+    longest_step: float = math.inf
+    fluid_speed: float = 0.0
+    fluid: bool = True
+    resolve_impacts: bool = True
+    flight_reach: float = 1.0
+
+
+def seconds_to_meet(distance: float, speed: float, acceleration: float) -> float:
+    """Seconds until `distance` metres are covered, inf where that never happens; speed and acceleration along it."""
+    if distance <= 0:
+        return 0.0
+    root = speed * speed + 2 * acceleration * distance
+    if root < 0 or (acceleration <= 0 and speed <= 0):
+        return math.inf
+    return 2 * distance / (speed + math.sqrt(root)) if speed + math.sqrt(root) > 0 else math.inf
+
+
+def steps(plan: Plan) -> tuple[float, float]:
+    """(fewest, most) steps of the whole run."""
+    fewest = most = 0.0
+    for number in range(plan.frames):
+        least, greatest = _longest_steps(plan, number * plan.frame, (number + 1) * plan.frame)
+        fewest += max(1.0, math.ceil(plan.frame / greatest - 1e-6))
+        most += max(1.0, math.ceil(plan.frame / least - 1e-6))
+    return fewest, most
+
+
+def _longest_steps(plan: Plan, begin: float, end: float) -> tuple[float, float]:
+    """(shortest, longest) step that is to be expected between two times [s]."""
+    h = plan.voxel
+    shortest = longest = plan.longest_step
+    speed = 0.0
+    for body in plan.bodies:
+        speed = max(speed, body.speed + body.fall * min(end, body.meets))
+        if end <= body.meets:
+            continue
+        hit = body.speed + body.fall * body.meets
+        rest, wave = time_to_move(0.0, plan.gravity, _CONTACT_CFL * h), _CONTACT_PACE * h / body.wave
+        closing = time_to_move(hit, plan.gravity, _CONTACT_CFL * h)
+        surely, maybe = (begin < body.meets + count * 2 * body.size / body.wave for count in _RINGING)
+        wave = wave if plan.resolve_impacts else math.inf
+        surely = surely and hit >= _SOFT_IMPACT * body.wave
+        shortest = min(shortest, rest, *((closing, wave) if maybe else ()))
+        longest = min(longest, rest, *((wave,) if surely else ()))
+    if plan.bodies:
+        far = max(plan.cfl_solid, min(_FARTHEST, plan.flight_reach * plan.cfl_solid))
+        alone = len(plan.bodies) == 1 and end <= plan.bodies[0].meets
+        shortest = min(shortest, time_to_move(speed, plan.gravity, (far if alone else plan.cfl_solid) * h))
+        if not _all_met(plan, begin):
+            longest = min(longest, time_to_move(speed, plan.gravity, far * h))
+    if plan.fluid:
+        fluid = max(plan.fluid_speed, _FLUID_PACE * speed)
+        shortest = min(shortest, time_to_move(fluid, 0.0, plan.cfl_fluid * h))
+    return shortest, longest
+
+
+def _all_met(plan: Plan, time: float) -> bool:
+    return bool(plan.bodies) and all(body.meets < time for body in plan.bodies)
+
+
+def plan_of(scene: Scene) -> Plan:
+    """The plan of a scene that was read and examined."""
+    domain = scene.domain
+    gravity = np.array(domain["gravity"], float)
+    low, high = np.array(domain["domain_min"]), np.add(domain["domain_min"], domain["domain_size"])
+    fluid = bool(domain["ambient_fluid"])
+    heights = float(np.linalg.norm(domain["domain_size"]))
+    lift, jet = 0.0, 0.0
+    for emitter in scene.emitters:
+        push = abs(domain["temperature_buoyancy"]) * np.abs(emitter.over_time("temperature")).max()
+        lift = max(lift, float(push), abs(domain["smoke_buoyancy"]) * emitter.over_time("density").max())
+        if emitter.values["has_velocity"]:
+            jet = max(jet, float(np.linalg.norm(emitter.over_time("velocity"), axis=-1).max()))
+    for force in scene.forces:
+        values = force.values
+        if values["kind"] == binding.FORCE_KINDS["wind"]:
+            jet = max(jet, float(np.linalg.norm(values["wind_velocity"])) + values["noise_speed"])
+    return Plan(
+        voxel=domain["voxel_size"],
+        frame=1 / scene.fps,
+        frames=len(scene.frames) - 1,
+        bodies=[_body(solid, domain, low, high, gravity) for solid in scene.solids],
+        gravity=float(np.linalg.norm(gravity)),
+        cfl_solid=domain["cfl_solid"],
+        cfl_fluid=domain["cfl_fluid"],
+        longest_step=domain["max_time_step"] or math.inf,
+        fluid_speed=math.hypot(jet, math.sqrt(2 * lift * heights)),
+        fluid=fluid,
+        resolve_impacts=domain["preset"] == binding.PRESETS["production"],
+        flight_reach=_flight_reach(scene),
+    )
+
+
+def _flight_reach(scene: Scene) -> float:
+    domain = scene.domain
+    if domain["preset"] != binding.PRESETS["production"]:
+        return 1.0
+    if not domain["ambient_fluid"]:
+        return _VACUUM_REACH
+    lightest = min((solid.values["density"] for solid in scene.solids), default=0.0)
+    return _FLUID_REACH if domain["fluid_density"] <= _THIN * lightest else 1.0
+
+
+def _body(solid: Solid, domain: dict, low: np.ndarray, high: np.ndarray, gravity: np.ndarray) -> Body:
+    """A solid of a scene: it falls, or rises where the fluid is heavier, until it is near a wall."""
+    values, report = solid.values, solid.start.report
+    start, end = np.array(report["extent_min"]), np.array(report["extent_max"])
+    velocity = np.array(values["velocity"], float)
+    rho = values["density"]
+    fluid = domain["fluid_density"] if domain["ambient_fluid"] else 0.0
+    fall = gravity * ((rho - fluid) / (rho + fluid / 2))  # the added mass of a sphere
+    meets, size = math.inf, float((end - start).max())
+    for face, wall in enumerate(domain[f"wall[{face}]"] for face in range(6)):
+        if wall not in (binding.WALLS["slip"], binding.WALLS["noSlip"]):
+            continue
+        axis, sign = face // 2, 1 if face % 2 else -1
+        if sign * velocity[axis] <= 0 and sign * fall[axis] <= 0:
+            continue  # a wall that it does not move towards presses nothing
+        gap = (high[axis] - end[axis]) if face % 2 else (start[axis] - low[axis])
+        distance = gap - CONTACT_REACH * domain["voxel_size"]
+        when = seconds_to_meet(distance, sign * velocity[axis], sign * fall[axis])
+        if when < meets:
+            meets, size = when, float((end - start)[axis])
+    turning = float(np.linalg.norm(values["angular_velocity"]) * np.linalg.norm(end - start) / 2)
+    shear = values["youngs_modulus"] / 2 / (1 + values["poissons_ratio"])
+    speed = float(np.linalg.norm(velocity)) + turning
+    return Body(speed, float(np.linalg.norm(fall)), meets, math.sqrt(shear / rho), size)
+
+
+def try_steps(scene: Scene, threads: int, memory_limit: int) -> list[float]:
+    """Wall-clock seconds of the first steps of the scene on this machine; none where one would take long.
+
+    Takes at most five seconds in all once the solids are in place. Raises LibraryError where the scene cannot start
+    or its first steps fail.
+    """
+    cells = math.prod(edge / scene.domain["voxel_size"] for edge in scene.domain["domain_size"])
+    if cells * SECONDS_PER_CELL_STEP * 2 / threads > _LONG_STEP:
+        return []
+    begun = time.monotonic()
+    taken: list[float] = []
+    simulation = build_simulation(scene, threads, memory_limit, Log(io.StringIO())).simulation
+    with simulation:
+        while len(taken) < _TRIAL_STEPS and time.monotonic() - begun + max(taken, default=0) < _TRIAL_SECONDS:
+            step = time.monotonic()
+            frame = 1 / scene.fps
+            simulation.step(frame - simulation.time % frame)
+            taken.append(time.monotonic() - step)
+    return taken
+
+
+def seconds(plan: Plan, per_step: float) -> tuple[float, float]:
+    """(fewest, most) seconds of the whole run, per_step: of a step at its start."""
+    frames = plan.frames * _SECONDS_PER_FRAME
+    return tuple(count * per_step * drift + frames for count, drift in zip(steps(plan), _DRIFT, strict=True))
+
+
+def describe(plan: Plan, taken: Sequence[float], threads: int, cells: float) -> str:
+    """One line for users. taken: seconds of the steps that were tried; the first also sets things up."""
+    usual = taken[1:] or taken
+    per_step = statistics.median(usual) if usual else cells * SECONDS_PER_CELL_STEP * 2 / threads
+    low, high = seconds(plan, per_step)
+    fewest, most = steps(plan)
+    how = f"from {len(taken)} trial steps" if taken else "estimated from the number of cells"
+    count = f"{fewest:,.0f} to {most:,.0f}" if most > 1.1 * fewest else f"{most:,.0f}"
+    return (
+        f"time: about {_duration(math.sqrt(low * high))} ({_duration(low)} to {_duration(high)}) for {plan.frames} "
+        f"frames on {threads} threads; {count} steps of about {per_step:.2g} s, {how}"
+    )
+
+
+def _duration(value: float) -> str:
+    for unit, size in (("h", 3600.0), ("min", 60.0)):
+        if value >= 1.5 * size:
+            return f"{value / size:.2g} {unit}"
+    return f"{value:.2g} s"
+
+
+def time_to_move(speed: float, acceleration: float, distance: float) -> float:
+    """Longest t with (speed + acceleration t) t <= distance [s], as the library has it."""
+    if acceleration > 0:
+        return 2 * distance / (speed + math.sqrt(speed * speed + 4 * acceleration * distance))
+    return distance / speed if speed > 0 else math.inf

@@ -1,0 +1,266 @@
+"""One run over the frames of a scene: steps, statistics, checkpoints, signals, warnings."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..cache import preview, stats_file
+from ..cache.cache import Cache
+from ..errors import Cancelled, DivergedError, LibraryError
+from ..log import Log
+from ..progress import Progress
+from ..scene.parts import Collider, Scene, face_name, open_faces
+from ..signals import Signals
+from ..solver import binding
+from .build import Build
+from .contacts import FrameContacts
+
+CHECKPOINT_EVERY = 10  # frames
+# What moves as given, in a step of stats.jsonl: fields of its EfsiPinReaction.
+_GIVEN_COLUMNS = {"impulses": "impulse", "angular_impulses": "angular_impulse", "given_work": "work"}
+_RESUME = "continue with --resume"
+# Fields of EfsiStepInfo that count.
+_COUNTERS = ("steps", "velocity_iterations", "pressure_iterations", "degenerate_cells", "retries", "unconverged")
+
+
+@dataclasses.dataclass
+class Result:
+    """A finished run. resumed: it continued a cache; nothing_to_do: the cache was complete already."""
+
+    folder: Path
+    root: Path
+    preview: Path
+    resumed: bool
+    nothing_to_do: bool = False
+
+
+def _way_out(scene: Scene, facts: dict[str, Any]) -> str:
+    """The open wall beyond which a solid is farthest."""
+    low = np.array(scene.domain["domain_min"])
+    high = low + np.array(scene.domain["domain_size"])
+    middle = 0.5 * (np.array(facts["extent_min"]) + np.array(facts["extent_max"]))
+    beyond = np.stack([low - middle, middle - high], axis=1).ravel()  # in the order of the faces
+    return f"wall{face_name(max(open_faces(scene.domain) or range(6), key=lambda face: beyond[face]))}"
+
+
+class Run:
+    """One run over the frames of a scene."""
+
+    def __init__(self, scene: Scene, cache: Cache, build: Build, log: Log, mode: str, threads: int) -> None:
+        self.scene, self.cache, self.build, self.log = scene, cache, build, log
+        self.simulation = build.simulation
+        self.progress = Progress(mode, scene.frames)
+        self.signals = Signals()
+        self.threads = threads
+        self.surfaces: list[tuple[np.ndarray, np.ndarray]] = []
+        self.warned: set[str] = set()  # solids whose mesh was warned of, jets
+        self.brought: dict[str, float] = {}  # by every jet in this frame so far: the largest flux of a step
+        self.contacts = FrameContacts()
+
+    def execute(self, resumed: bool) -> Result:
+        """Runs to the last frame."""
+        folder, scene = self.cache.folder, self.scene
+        result = Result(folder, folder / f"{scene.name}.usda", folder / "preview.png", resumed)
+        if resumed and self.cache.is_complete():
+            self.cache.finish("complete")
+            self.cache.write_root()
+            result.nothing_to_do = True
+            return result
+        with self.signals.installed():
+            try:
+                self._frames()
+            except Cancelled:
+                self._leave("interrupted")
+                raise
+            except Exception as error:
+                self.log.error(str(error) or type(error).__name__)
+                with contextlib.suppress(Exception):  # a full disk must not hide the first error
+                    self._leave("failed")
+                raise
+        self._leave("complete")
+        return result
+
+    def _frames(self) -> None:
+        frames, simulation = self.scene.frames, self.simulation
+        done = frames.first - 1
+        if self.cache.checkpoint:
+            simulation.restore_checkpoint(self.cache.folder / self.cache.checkpoint["file"])
+            done = self.cache.checkpoint["frame"]
+            for part in self.cache.stopped_in(done + 1):
+                self.contacts.add(**part["contacts"])
+        what = f"frames {frames} of {self.scene.path.name}, {self.threads} threads"
+        self.log.info(f"simulate {what}" + (f", from frame {done}" if done >= frames.first else ""))
+        self.progress.start(done - frames.first + 1, threads=self.threads)
+        if done < frames.first:
+            self._finish_frame(frames.first, 0.0)
+            self.cache.write_root()
+            done = frames.first
+        for frame in range(done + 1, frames.last + 1):
+            begun = time.monotonic()
+            target = (frame - frames.first) / self.scene.fps
+            self._advance(frame, target)
+            self._finish_frame(frame, time.monotonic() - begun)
+            if (frame - frames.first) % CHECKPOINT_EVERY == 0 or frame == frames.last:
+                self.cache.save_checkpoint(frame, simulation)
+                self.cache.write_root()
+            if self.signals.number and frame < frames.last:
+                self.cache.save_checkpoint(frame, simulation)
+                raise Cancelled(self.signals.number, _RESUME)
+
+    def _advance(self, frame: int, target: float) -> None:
+        """To `target` seconds; every step is a line of the statistics."""
+        simulation, start = self.simulation, self.simulation.time
+        if target - start < 1e-9 / self.scene.fps:
+            return  # the checkpoint was taken at the very end of the frame
+        self._set_motions(frame)
+        sums = dict.fromkeys(_COUNTERS, 0)
+
+        def record(info: dict[str, Any]) -> None:
+            """The library sums counters over the steps of a call; a line holds those of one step."""
+            if info.get("steps", 0) > sums["steps"]:
+                own = {name: info[name] - sums[name] for name in _COUNTERS}
+                sums.update({name: info[name] for name in _COUNTERS})
+                self.cache.add_stats({"event": "step", "frame": frame, **info, **own, **self._step_columns()})
+
+        def between(fraction: float, step: dict[str, Any]) -> bool:
+            record(step)
+            self.progress.between_steps(frame, fraction)
+            return bool(self.signals.number) and fraction < 1 - 1e-9
+
+        try:
+            info = simulation.advance(target - start, between)
+        except LibraryError as error:
+            if error.status == binding.ERROR_CANCELLED:
+                self.contacts.add(simulation.contacts(), sums["velocity_iterations"])
+                self._checkpoint_inside(frame, start, target)
+                raise Cancelled(self.signals.number, _RESUME) from error
+            if error.status == binding.ERROR_DIVERGED:
+                raise DivergedError(f"frame {frame}: {error}") from error
+            raise LibraryError(error.status, f"frame {frame}: {error}") from error
+        record(info)
+        self.contacts.add(simulation.contacts(), info["velocity_iterations"])
+        if info["unconverged"] or info["degenerate_cells"]:
+            self.log.info(
+                f"frame {frame}: {info['unconverged']} solves at their iteration limit, "
+                f"{info['degenerate_cells']} degenerate cells"
+            )
+
+    def _set_motions(self, frame: int) -> None:
+        """What is given moves from the pose, and the points, of the frame before to those of this one."""
+        start, end = ((frame - back - self.scene.frames.first) / self.scene.fps for back in (1, 0))
+        for given in self.build.given:
+            body = given.part
+            shape = body.shape if isinstance(body, Collider) else None
+            try:
+                if body.motion.moves:
+                    poses = body.motion.pose(frame - 1), body.motion.pose(frame)
+                    self.simulation.set_motion(given.id, start, end, poses)
+                if shape:
+                    self.simulation.set_points(given.id, start, end, (shape.points(frame - 1), shape.points(frame)))
+            except LibraryError as error:
+                driver = body.motion.driver or body.path
+                raise LibraryError(error.status, f"{driver}: frame {frame}: {error}") from error
+
+    def _step_columns(self) -> dict[str, Any]:
+        """What the last step did beside its counters: repairs, changes by the transport, energies if asked for."""
+        columns: dict[str, Any] = {
+            "repairs": self.simulation.repairs(),
+            "transport": {solid.part.path: self.simulation.transport_change(solid.id) for solid in self.build.solids},
+        }
+        if self.build.given:
+            reactions = {given.part.path: self.simulation.pin_reaction(given.id) for given in self.build.given}
+            for column, field in _GIVEN_COLUMNS.items():
+                columns[column] = {path: reaction[field] for path, reaction in reactions.items()}
+        emitters = [emitter for emitter in self.build.emitters if emitter.part.is_jet]
+        jets = {emitter.part.path: self.simulation.emitter_flux(emitter.id) for emitter in emitters}
+        if jets:
+            columns["jets"] = jets
+            self.brought = {path: max(abs(flux), self.brought.get(path, 0.0)) for path, flux in jets.items()}
+        if self.scene.domain["energy_ledger"]:
+            columns["energy"] = self.simulation.energy_ledger()
+        return columns
+
+    def _checkpoint_inside(self, frame: int, start: float, target: float) -> None:
+        """A checkpoint between two frames, where continuing from it lands on the same instant to the last bit."""
+        now = self.simulation.time
+        if now == start or now + (target - now) == start + (target - start):
+            part = self.contacts.part()
+            self.cache.add_stats({"event": "stopped", "frame": frame, "time": now, "contacts": part})
+            self.cache.save_checkpoint(frame - 1, self.simulation)
+        else:
+            self.log.info(
+                f"frame {frame}: stopped in its first steps; a resumed run continues from an earlier checkpoint"
+            )
+
+    def _finish_frame(self, frame: int, seconds: float) -> None:
+        solids = {solid.part.path: self.simulation.solid_diagnostics(solid.id) for solid in self.build.solids}
+        left = [path for path, facts in solids.items() if facts["elements"] == 0]  # else the run would have ended
+        self._report_left(frame, {path: solids[path] for path in left})
+        self.surfaces = self.build.surfaces()
+        self.cache.write_frame(frame, self.simulation, self.surfaces, left)
+        self._look_at_meshes(frame, solids)
+        self._look_at_jets(frame)
+        line = {"event": "frame", "frame": frame, "time": self.simulation.time, "seconds": round(seconds, 4)}
+        line |= {"steps": self.simulation.steps, "solids": solids, "fluid": self.simulation.fluid_diagnostics()}
+        line |= self.contacts.columns(self.build.names)
+        self.contacts = FrameContacts()
+        self.cache.add_stats({**line, "profile": self.simulation.profile()})
+        self.progress.frame_done(
+            frame, time=self.simulation.time, seconds=round(seconds, 4), steps=self.simulation.steps
+        )
+
+    def _report_left(self, frame: int, left: dict[str, dict[str, Any]]) -> None:
+        """Warns, once a solid, that it has left the box."""
+        known = self.cache.manifest.left()
+        for path, facts in left.items():
+            if path not in known:
+                self.log.warning(
+                    f"{path}: frame {frame}: by {self.simulation.time:.4g} s it has left the box through "
+                    f"{_way_out(self.scene, facts)}: it is no longer simulated and is invisible from this frame on; "
+                    "a larger domain keeps it"
+                )
+
+    def _look_at_meshes(self, frame: int, solids: dict[str, dict[str, Any]]) -> None:
+        """Warns, once a mesh, of edges that the solid does not explain; every frame's count is in the statistics."""
+        for path, facts in solids.items():
+            if facts["false_edges"] and path not in self.warned:
+                self.warned.add(path)
+                self.log.warning(
+                    f"{path}: frame {frame}: {facts['false_edges']} edges of the mesh are longer than 4 times what "
+                    f"the largest stretch of the solid ({facts['max_stretch']:.3g}) explains: points of it have "
+                    f"moved to another part; {stats_file.NAME} counts them in every frame"
+                )
+
+    def _look_at_jets(self, frame: int) -> None:
+        """Warns, once a jet, of one that always blows and has brought nothing in; in a closed box none does."""
+        brought, self.brought = self.brought, {}
+        if not open_faces(self.scene.domain):
+            return
+        for emitter in self.scene.emitters:
+            path, steady = emitter.path, not emitter.keys and emitter.over_time("velocity").any()
+            if steady and brought.get(path) == 0.0 and path not in self.warned:
+                self.warned.add(path)
+                self.log.warning(
+                    f"{path}: frame {frame}: the emitter has a velocity but adds no fluid: no part of its region "
+                    "is free of solids and colliders"
+                )
+
+    def _leave(self, status: str) -> None:
+        """What every run does at its end: statistics, the layer that opens the cache, the picture."""
+        self.progress.end(status, folder=str(self.cache.folder))
+        self.cache.finish(status)
+        if self.cache.manifest.last_frame is None:
+            return
+        self.cache.write_root()
+        if self.surfaces or self.scene.has_smoke:
+            smoke = self.simulation.field("smoke_density")[0][0] if self.scene.has_smoke else None
+            frame = self.cache.manifest.last_frame
+            title = f"{self.scene.name}  frame {frame}"
+            preview.write_preview(self.cache.folder / "preview.png", self.scene, frame, self.surfaces, smoke, title)
+        self.log.info(f"{status}; last frame {self.cache.manifest.last_frame}")

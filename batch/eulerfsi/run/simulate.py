@@ -1,0 +1,100 @@
+"""Scene in, cache out."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+from pathlib import Path
+
+from ..cache import cache as cache_module
+from ..cache.cache import Cache, FolderLock
+from ..cache.manifest import Manifest
+from ..cache.start_from import find_start, take_over
+from ..frames import demand_start, parse_frames
+from ..log import Log
+from ..scene import checks
+from ..scene.overrides import apply_overrides, set_domain_parameter
+from ..scene.parts import Scene
+from ..scene.read import open_stage, read_scene, set_frames
+from ..system import available_memory, available_threads
+from ..usd_messages import usd_messages
+from .build import build_simulation
+from .run import Result, Run
+
+
+@dataclasses.dataclass
+class Options:
+    """What `simulate` on the command line sets.
+
+    start None: the scene's first frame; start_from: "CACHE" or "CACHE:FRAME", whose solids are taken over; threads
+    None: all that the cgroup allows.
+    """
+
+    output: Path | None = None
+    frames: str | None = None
+    start: int | None = None
+    start_from: str | None = None
+    threads: int | None = None
+    preset: str | None = None
+    settings: tuple[str, ...] = ()
+    progress: str = "auto"
+    overwrite: bool = False
+    resume: bool = False
+
+
+def load_scene(path: Path, options: Options, log: Log, memory_limit: int) -> tuple[Scene, dict[str, str]]:
+    """Opens, overrides, checks and reads a scene; warnings go to the log. Returns it with the overrides applied.
+
+    Raises UsageError for options, SceneError with every fault of the scene.
+    """
+    stage = open_stage(path)
+    set_frames(stage, parse_frames(options.frames) if options.frames else None, options.start)
+    overrides = apply_overrides(stage, options.settings)
+    if options.preset:
+        overrides |= set_domain_parameter(stage, "preset", options.preset)
+    warnings = checks.raise_errors(checks.stage_issues(stage))
+    scene = read_scene(stage, path, memory_limit, options.threads)
+    warnings += scene.warnings + checks.raise_errors(checks.check_scene(scene))
+    for text in dict.fromkeys(warnings):
+        log.warning(text)
+    return scene, overrides
+
+
+def simulate(path: Path, options: Options, log: Log | None = None) -> Result:
+    """Simulates a scene into a cache. Raises EulerFsiError subclasses; Cancelled after a signal."""
+    log = log or Log()
+    threads, memory_limit = options.threads or available_threads(), available_memory()
+    folder = options.output or Path.cwd() / f"{path.stem}_cache"
+    start = find_start(options.start_from) if options.start_from else None
+    with usd_messages(log.info):
+        scene, overrides = load_scene(path, options, log, memory_limit)
+    mode = cache_module.prepare(folder, options.overwrite, options.resume)
+    wanted = parse_frames(options.frames) if options.frames else scene.frames
+    if wanted.first > scene.frames.first:
+        demand_start(wanted, scene.frames.first, _last_checkpoint(folder, mode))
+    checks.check_output(folder)
+    build = build_simulation(scene, threads, memory_limit, log)
+    with build.simulation:
+        if start:
+            take_over(start, build.simulation, scene)
+        folder.mkdir(parents=True, exist_ok=True)
+        with FolderLock(folder), contextlib.closing(log), usd_messages(log.info):
+            if mode == "resume":
+                cache = Cache.resume(folder, scene, start)
+            else:
+                cache_module.remove_old(folder)
+                cache = Cache.create(folder, scene, overrides, _grids(scene), start)
+            log.open(folder / "log")
+            return Run(scene, cache, build, log, options.progress, threads).execute(mode == "resume")
+
+
+def _last_checkpoint(folder: Path, mode: str) -> int | None:
+    """Frame from which a resumed run would go on; None where it begins anew."""
+    checkpoint = Manifest.load(folder).usable_checkpoint() if mode == "resume" else None
+    return checkpoint["frame"] if checkpoint else None
+
+
+def _grids(scene: Scene) -> list[str]:
+    """Names of the grids in each volume file."""
+    heated = any(emitter.over_time("temperature").any() for emitter in scene.emitters)
+    return ["density", "vel", *(["temperature"] if heated else [])]

@@ -1,0 +1,1 @@
+"""The scene: a USD stage is checked and read."""

@@ -1,0 +1,524 @@
+"""The solver for Python: meshes, simulations, fields. SI units; a thin layer over `binding`.
+
+Calls on one simulation must not overlap in time; a process may have any number of simulations.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import dataclasses
+import re
+from collections.abc import Callable, Mapping, Sequence
+from ctypes import POINTER, byref, c_double, c_float, c_int32, c_uint32, c_uint64, c_void_p
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import LibraryError
+from . import binding, mesh_file
+from .binding import check_error, library
+
+LogFunction = Callable[[int, str], None]
+ProgressFunction = Callable[[float, dict], bool]
+
+
+@dataclasses.dataclass
+class Mesh:
+    """A polygon mesh. points: (n, 3) float32 [m]; counts: (faces,) int32; indices: (sum of counts,) int32."""
+
+    points: np.ndarray
+    counts: np.ndarray
+    indices: np.ndarray
+
+    def __post_init__(self) -> None:
+        self.points = np.ascontiguousarray(self.points, np.float32).reshape(-1, 3)
+        self.counts = np.ascontiguousarray(self.counts, np.int32)
+        self.indices = np.ascontiguousarray(self.indices, np.int32)
+
+    def triangles(self) -> np.ndarray:
+        """(m, 3) int32: every polygon as a fan around its first vertex."""
+        if len(self.counts) and (self.counts == 3).all():
+            return self.indices.reshape(-1, 3)
+        starts = np.concatenate([[0], np.cumsum(self.counts)[:-1]]) if len(self.counts) else np.zeros(0, int)
+        fans = []
+        for count in np.unique(self.counts[self.counts >= 3]):
+            first = starts[self.counts == count][:, None]
+            polygon = self.indices[first + np.arange(count)]
+            fans += [polygon[:, [0, k, k + 1]] for k in range(1, count - 1)]
+        return np.concatenate(fans) if fans else np.zeros((0, 3), np.int32)
+
+    def flipped(self) -> Mesh:
+        """The same surface with every face wound the other way."""
+        ends = np.cumsum(self.counts)
+        owner = np.repeat(np.arange(len(self.counts)), self.counts)
+        position = np.arange(len(self.indices)) - (ends - self.counts)[owner]
+        return Mesh(self.points, self.counts, self.indices[ends[owner] - 1 - position])
+
+    def view(self) -> binding.MeshView:
+        """The C view; valid while this object lives."""
+        view = binding.MeshView()
+        view.points = self.points.ctypes.data_as(POINTER(c_float))
+        view.point_count = len(self.points)
+        view.point_stride = 12
+        view.face_vertex_counts = self.counts.ctypes.data_as(POINTER(c_int32))
+        view.face_count = len(self.counts)
+        view.face_vertex_indices = self.indices.ctypes.data_as(POINTER(c_int32))
+        view.index_count = len(self.indices)
+        return view
+
+
+def to_dict(struct: ctypes.Structure) -> dict[str, Any]:
+    """A result structure as plain numbers and lists, without the reserved fields."""
+    result = {}
+    for name, *_ in struct._fields_:
+        value = getattr(struct, name)
+        if name.startswith("reserved"):
+            continue
+        result[name] = list(value) if isinstance(value, (binding.Vec3, ctypes.Array)) else value
+    return result
+
+
+def _fill(struct: ctypes.Structure, values: Mapping[str, Any]) -> None:
+    """Writes values into a definition; "wall[2]" is an element, a sequence of 3 a vector. Unknown names raise."""
+    fields = {name for name, *_ in struct._fields_}
+    for name, value in values.items():
+        base, _, index = name.partition("[")
+        if base not in fields:
+            raise KeyError(f"{type(struct).__name__} has no field {name!r}; it has {', '.join(sorted(fields))}")
+        current = getattr(struct, base)
+        if index and isinstance(current[int(index[:-1])], binding.Vec3):
+            current[int(index[:-1])] = binding.Vec3(*(float(c) for c in value))
+        elif index:
+            current[int(index[:-1])] = value
+        elif isinstance(current, binding.Vec3):
+            current.x, current.y, current.z = (float(c) for c in value)
+        elif isinstance(current, ctypes.Array):
+            current[:] = [float(c) for c in np.asarray(value).ravel()]
+        else:
+            setattr(struct, base, value)
+
+
+def load_mesh(path: str | Path, memory_limit: int | None = None) -> Mesh:
+    """Reads a mesh file (`mesh_file.FORMATS`) in the file's own units, in a child process (`mesh_file.read`).
+
+    memory_limit: bytes, default what a simulation may take. Raises LibraryError.
+    """
+    return Mesh(*mesh_file.read(path, memory_limit))
+
+
+class Surface:
+    """The solid bounded by a mesh, prepared for one voxel size [m]. Constant; any number of simulations may use it.
+
+    report: fields of EfsiMeshReport. repairs: description of the repairs, "" without any. threads: 0 for one per
+    processor. progress(completed fraction) is called repeatedly on this thread; returning True cancels, which raises
+    LibraryError with status ERROR_CANCELLED. An exception inside it cancels too and is raised here.
+    """
+
+    def __init__(
+        self, mesh: Mesh, voxel_size: float, threads: int = 0, progress: Callable[[float], bool] | None = None
+    ) -> None:
+        self.mesh, self._lib, self._handle = mesh, library(), c_void_p()
+        error, view, raised = binding.Error(), mesh.view(), []
+
+        def forward(_user: Any, fraction: float) -> int:
+            return _stops(raised, lambda: progress(fraction))
+
+        callback = binding.SurfaceProgress(forward) if progress else binding.SurfaceProgress()
+        status = self._lib.efsi_surface_create(
+            byref(view), voxel_size, threads, callback, None, byref(self._handle), byref(error)
+        )
+        if raised:
+            raise raised[0]
+        check_error(status, error)
+        self._describe()
+
+    def _describe(self) -> None:
+        report = binding.MeshReport()
+        self._lib.efsi_surface_get_report(self._handle, byref(report))
+        self.report = to_dict(report)
+        self.repairs = self._lib.efsi_surface_get_repairs(self._handle).decode("utf-8", "replace")
+
+    def lay_in_slab(self, axis: int, low: float, high: float) -> Surface:
+        """Extrudes the section of the surface for a slab, a domain one cell thick along the axis, from low to high [m].
+
+        Raises LibraryError for a mesh that does not extend through the slab.
+        """
+        slab, error = Surface.__new__(Surface), binding.Error()
+        slab.mesh, slab._lib, slab._handle = self.mesh, self._lib, c_void_p()
+        check_error(
+            self._lib.efsi_surface_lay_in_slab(self.handle, axis, low, high, byref(slab._handle), byref(error)), error
+        )
+        slab._describe()
+        return slab
+
+    def __del__(self) -> None:
+        if getattr(self, "_handle", None):
+            self._lib.efsi_surface_destroy(self._handle)
+
+    def overlap(self, other: Surface) -> tuple[float, float]:
+        """Returns the diameter of the largest ball inside both [m] and the volume of their intersection [m^3]."""
+        depth, volume, error = c_double(), c_double(), binding.Error()
+        check_error(
+            self._lib.efsi_surface_get_overlap(self.handle, other.handle, byref(depth), byref(volume), byref(error)),
+            error,
+        )
+        return depth.value, volume.value
+
+    @property
+    def handle(self) -> c_void_p:
+        """The C handle; valid while this object lives."""
+        return self._handle
+
+
+def _stops(raised: list[BaseException], ask: Callable[[], Any]) -> int:
+    """What a progress callback returns to C; an exception must not cross its frames and is kept in `raised`."""
+    try:
+        return int(bool(ask()))
+    except BaseException as error:
+        raised.append(error)
+        return 1
+
+
+class Simulation:
+    """A simulation. `values`: fields of EfsiSimulationDef by name (SI); omitted ones keep their defaults.
+
+    log(level, message): receives the library's messages. A context manager; close() frees the memory.
+    names: {"solid 1": the caller's name for it}, likewise "collider 1" and "pin 1"; messages of the library append it
+    to the number.
+    """
+
+    def __init__(self, values: Mapping[str, Any], log: LogFunction | None = None) -> None:
+        self._lib = library()
+        self._handle = c_void_p()
+        self.names: dict[str, str] = {}
+        self._log = (
+            binding.LogCallback(lambda _user, level, text: log(level, self._named(text.decode("utf-8", "replace"))))
+            if log
+            else None
+        )
+        definition, error = _simulation_def(values), binding.Error()
+        if self._log:
+            definition.log = self._log
+        check_error(self._lib.efsi_simulation_create(byref(definition), byref(self._handle), byref(error)), error)
+
+    def __enter__(self) -> Simulation:
+        return self
+
+    def __exit__(self, *_exc: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Frees the simulation; no calls are possible afterwards."""
+        handle, self._handle = self._handle, c_void_p()
+        self._lib.efsi_simulation_destroy(handle)
+
+    def _check(self, status: int) -> None:
+        if status != binding.OK:
+            text = self._lib.efsi_simulation_last_error(self._handle).decode("utf-8", "replace")
+            raise LibraryError(status, self._named(text) or binding.status_text(status))
+
+    def _named(self, text: str) -> str:
+        def with_name(match: re.Match[str]) -> str:
+            return f"{match[0]} ({self.names[match[0]]})" if match[0] in self.names else match[0]
+
+        return re.sub(r"\b(?:solid|collider|pin) \d+\b", with_name, text)
+
+    def add_solid(self, shape: Mesh | Surface, **values: Any) -> tuple[int, dict[str, Any]]:
+        """Adds a solid before the first step. values: fields of EfsiSolidDef (SI). Returns (id, mesh report).
+
+        shape: a mesh, or a surface prepared for this voxel size.
+        """
+        definition, identifier, report = self._solid_def(shape, values), c_uint32(), binding.MeshReport()
+        self._check(self._lib.efsi_solid_add(self._handle, byref(definition), byref(identifier), byref(report)))
+        return identifier.value, to_dict(report)
+
+    def _solid_def(self, shape: Mesh | Surface, values: Mapping[str, Any]) -> binding.SolidDef:
+        definition = binding.SolidDef()
+        self._lib.efsi_solid_def_init(byref(definition))
+        _fill(definition, values)
+        if isinstance(shape, Surface):
+            definition.surface = shape.handle
+        else:
+            definition.mesh = shape.view()
+        return definition
+
+    def add_collider(self, shape: Mesh | Surface, **values: Any) -> tuple[int, int]:
+        """Adds a collider before the first step. values: friction. Returns (solid id, pin id)."""
+        definition, solid, pin = self._solid_def(shape, values), c_uint32(), c_uint32()
+        status = self._lib.efsi_collider_add(self._handle, byref(definition), byref(solid), byref(pin), None)
+        self._check(status)
+        return solid.value, pin.value
+
+    def add_pin(self, solid: int, where: Surface | np.ndarray) -> int:
+        """Pins a part of a solid, before the first step. Returns the pin's id.
+
+        where: a volume in the space of the rest shape, or (vertices,) true where a vertex of its mesh is pinned.
+        """
+        pin = c_uint32()
+        if isinstance(where, Surface):
+            status = self._lib.efsi_pin_add_volume(self._handle, solid, where.handle, byref(pin))
+        else:
+            marked = np.ascontiguousarray(where, np.uint8)
+            status = self._lib.efsi_pin_add_vertices(self._handle, solid, marked.ctypes.data, len(marked), byref(pin))
+        self._check(status)
+        return pin.value
+
+    def set_motion(self, pin: int, start: float, end: float, poses: tuple[np.ndarray, np.ndarray]) -> None:
+        """Moves a pin or a collider from one pose to another between two times [s].
+
+        poses: (4, 4) each, rigid, for column vectors; they are applied to the rest position.
+        """
+        before, after = (np.ascontiguousarray(pose, np.float64) for pose in poses)
+        status = self._lib.efsi_pin_set_motion(self._handle, pin, start, end, before.ctypes.data, after.ctypes.data)
+        self._check(status)
+
+    def set_points(self, pin: int, start: float, end: float, points: tuple[np.ndarray, np.ndarray]) -> None:
+        """Moves the points of a collider along straight lines between two times [s].
+
+        points: (n, 3) each, in the order of its mesh, simulation space [m]; set_motion's poses are applied to them.
+        """
+        before, after = (np.ascontiguousarray(part, np.float32) for part in points)
+        status = self._lib.efsi_collider_set_points(
+            self._handle, pin, start, end, before.ctypes.data, after.ctypes.data, min(len(before), len(after))
+        )
+        self._check(status)
+
+    def pin_reaction(self, pin: int) -> dict[str, Any]:
+        """Returns the fields of EfsiPinReaction: the reaction of a pin in the last step."""
+        out = binding.PinReaction()
+        self._check(self._lib.efsi_pin_get_reaction(self._handle, pin, byref(out)))
+        return to_dict(out)
+
+    def add_emitter(self, volume: Surface | None = None, keys: Sequence[Mapping] = (), **values: Any) -> int:
+        """Adds an emitter before the first step. values: fields of EfsiEmitterDef (SI). Returns its id.
+
+        volume: a closed mesh instead of a box or a ball. keys: fields of EfsiEmitterKey in the order of their times,
+        instead of constant values.
+        """
+        definition, identifier = binding.EmitterDef(), c_uint32()
+        self._lib.efsi_emitter_def_init(byref(definition))
+        _fill(definition, values)
+        if volume:
+            status = self._lib.efsi_emitter_add_volume(
+                self._handle, byref(definition), volume.handle, byref(identifier)
+            )
+        else:
+            status = self._lib.efsi_emitter_add(self._handle, byref(definition), byref(identifier))
+        self._check(status)
+        if keys:
+            array = (binding.EmitterKey * len(keys))()
+            for key, fields in zip(array, keys, strict=True):
+                _fill(key, fields)
+            self._check(self._lib.efsi_emitter_set_keys(self._handle, identifier, array, len(keys)))
+        return identifier.value
+
+    def emitter_flux(self, emitter: int) -> float:
+        """Returns the volume flux of an emitter into the box in the last step [m^3/s]."""
+        out = c_double()
+        self._check(self._lib.efsi_emitter_get_flux(self._handle, emitter, byref(out)))
+        return out.value
+
+    def add_passenger(self, solid: int, points: np.ndarray) -> int:
+        """Adds points, (n, 3) [m] in the solid's rest shape, that follow its material. Returns their id."""
+        identifier, rest = c_uint32(), np.ascontiguousarray(points, np.float32)
+        status = self._lib.efsi_passenger_add(self._handle, solid, rest.ctypes.data, len(rest), byref(identifier))
+        self._check(status)
+        return identifier.value
+
+    def passenger(self, identifier: int, point_count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Returns positions [m] and velocities [m/s] of a passenger's points, (point_count, 3) float32 each."""
+        points, velocities = (np.empty((point_count, 3), np.float32) for _ in range(2))
+        self._check(
+            self._lib.efsi_passenger_get_points(
+                self._handle, identifier, points.ctypes.data, velocities.ctypes.data, point_count
+            )
+        )
+        return points, velocities
+
+    def add_force(self, **values: Any) -> int:
+        """Adds a force before the first step. values: fields of EfsiForceDef (SI). Returns its id."""
+        definition, identifier = binding.ForceDef(), c_uint32()
+        self._lib.efsi_force_def_init(byref(definition))
+        _fill(definition, values)
+        self._check(self._lib.efsi_force_add(self._handle, byref(definition), byref(identifier)))
+        return identifier.value
+
+    def step(self, max_dt: float) -> dict[str, Any]:
+        """Makes one step of at most max_dt seconds; returns the fields of EfsiStepInfo."""
+        info = binding.StepInfo()
+        self._check(self._lib.efsi_simulation_step(self._handle, max_dt, byref(info)))
+        return to_dict(info)
+
+    def advance(self, duration: float, progress: ProgressFunction | None = None) -> dict[str, Any]:
+        """Advances by `duration` seconds; returns EfsiStepInfo, counters summed over the steps.
+
+        progress(fraction, step info) is called between steps; True asks to stop, which raises LibraryError with
+        status ERROR_CANCELLED. An exception inside it stops the run and is raised here.
+        """
+        info, raised = binding.StepInfo(), []
+
+        def forward(_user: Any, fraction: float, step: Any) -> int:
+            return _stops(raised, lambda: progress(fraction, to_dict(step.contents) if step else {}))
+
+        callback = binding.ProgressCallback(forward) if progress else binding.ProgressCallback()
+        status = self._lib.efsi_simulation_advance(self._handle, duration, byref(info), callback, None)
+        if raised:
+            raise raised[0]
+        self._check(status)
+        return to_dict(info)
+
+    @property
+    def time(self) -> float:
+        """Returns the simulated time [s]."""
+        return self._time_and_steps()[0]
+
+    @property
+    def steps(self) -> int:
+        """Returns the number of steps since time 0."""
+        return self._time_and_steps()[1]
+
+    def _time_and_steps(self) -> tuple[float, int]:
+        time, steps = c_double(), c_uint64()
+        self._check(self._lib.efsi_simulation_get_time(self._handle, byref(time), byref(steps)))
+        return time.value, steps.value
+
+    def state_hash(self) -> str:
+        """Returns the 64-bit hash of the state, 16 hexadecimal digits."""
+        value = c_uint64()
+        self._check(self._lib.efsi_simulation_get_hash(self._handle, byref(value)))
+        return f"{value.value:016x}"
+
+    def save_checkpoint(self, path: str | Path) -> None:
+        """Writes the state."""
+        self._check(self._lib.efsi_simulation_save_checkpoint(self._handle, str(path).encode()))
+
+    def restore_checkpoint(self, path: str | Path) -> None:
+        """Restores a state of the same definitions."""
+        self._check(self._lib.efsi_simulation_restore_checkpoint(self._handle, str(path).encode()))
+
+    def restore_solids(self, path: str | Path) -> None:
+        """Restores the solids' shape, velocity and plastic strain from a checkpoint, before the first step."""
+        self._check(self._lib.efsi_simulation_restore_solids(self._handle, str(path).encode()))
+
+    def surface(self, solid: int, point_count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Returns positions [m] and velocities [m/s] of a solid's surface, (point_count, 3) float32 each."""
+        points, velocities = (np.empty((point_count, 3), np.float32) for _ in range(2))
+        self._check(
+            self._lib.efsi_solid_get_surface(
+                self._handle, solid, points.ctypes.data, velocities.ctypes.data, point_count
+            )
+        )
+        return points, velocities
+
+    def solid_diagnostics(self, solid: int) -> dict[str, Any]:
+        """Returns the fields of EfsiSolidDiagnostics."""
+        out = binding.SolidDiagnostics()
+        self._check(self._lib.efsi_solid_get_diagnostics(self._handle, solid, byref(out)))
+        return to_dict(out)
+
+    def fluid_diagnostics(self) -> dict[str, Any]:
+        """Returns the fields of EfsiFluidDiagnostics."""
+        out = binding.FluidDiagnostics()
+        self._check(self._lib.efsi_simulation_get_fluid_diagnostics(self._handle, byref(out)))
+        return to_dict(out)
+
+    def repairs(self) -> dict[str, Any]:
+        """Returns the fields of EfsiRepairs, of the last step."""
+        out = binding.Repairs()
+        self._check(self._lib.efsi_simulation_get_repairs(self._handle, byref(out)))
+        return to_dict(out)
+
+    def contacts(self) -> list[dict[str, Any]]:
+        """Returns the fields of EfsiContactPair for all pairs in contact in the last call of `step` or `advance`."""
+        count = c_uint64()
+        self._check(self._lib.efsi_simulation_get_contacts(self._handle, None, 0, byref(count)))
+        if count.value == 0:
+            return []
+        pairs = (binding.ContactPair * count.value)()
+        self._check(self._lib.efsi_simulation_get_contacts(self._handle, pairs, count.value, byref(count)))
+        return [to_dict(pair) for pair in pairs]
+
+    def transport_change(self, solid: int) -> dict[str, Any]:
+        """Returns the fields of EfsiTransportChange, of the last step."""
+        out = binding.TransportChange()
+        self._check(self._lib.efsi_solid_get_transport_change(self._handle, solid, byref(out)))
+        return to_dict(out)
+
+    def energy_ledger(self) -> dict[str, Any]:
+        """Of the last step [J]: {"end": {form: energy}, "at_start": the same, "change": {stage: {form: change}},
+        "source_work": work}.
+
+        Forms: fields of EfsiEnergy; stages: binding.ENERGY_STAGES. Raises LibraryError where energy_ledger is off.
+        """
+        out = binding.EnergyLedger()
+        self._check(self._lib.efsi_simulation_get_energy_ledger(self._handle, byref(out)))
+        change = dict(zip(binding.ENERGY_STAGES, map(to_dict, out.change), strict=True))
+        energies = {"end": to_dict(out.end), "at_start": to_dict(out.at_start)}
+        return {**energies, "change": change, "source_work": out.source_work}
+
+    def profile(self) -> dict[str, Any]:
+        """Returns the fields of EfsiProfile; seconds, tiles and bytes are dicts by stage."""
+        out = binding.Profile()
+        self._check(self._lib.efsi_simulation_get_profile(self._handle, byref(out)))
+        result = to_dict(out)
+        for name in ("seconds", "tiles", "bytes"):
+            result[name] = dict(zip(binding.STAGES, result[name], strict=True))
+        return result
+
+    def reset_profile(self) -> None:
+        """Resets the profile's sums to zero."""
+        self._check(self._lib.efsi_simulation_reset_profile(self._handle))
+
+    def field(self, name: str, solid: int = 0) -> tuple[np.ndarray, dict[str, Any]]:
+        """A copy of a field as (components, nx, ny, nz) float32, and where it lies (origin, spacing, cell_centered).
+
+        name: a key of binding.FIELDS. A field that the scene does not use has shape (components, 0, 0, 0).
+        """
+        view = binding.FieldView()
+        self._check(self._lib.efsi_field_get_view(self._handle, binding.FIELDS[name], solid, byref(view)))
+        size, stride = tuple(view.size), tuple(4 * s for s in view.stride)
+        place = {"origin": list(view.origin), "spacing": view.spacing, "cell_centered": bool(view.cell_centered)}
+        if 0 in size or not view.data[0]:
+            return np.zeros((view.components, 0, 0, 0), np.float32), place
+        extent = 1 + sum((n - 1) * s for n, s in zip(size, view.stride, strict=True))
+        parts = []
+        for component in range(view.components):
+            flat = np.ctypeslib.as_array(view.data[component], (extent,))
+            parts.append(np.lib.stride_tricks.as_strided(flat, size, stride).copy())
+        return np.stack(parts), place
+
+    def set_field(self, name: str, values: np.ndarray, solid: int = 0) -> None:
+        """Replaces a field; values: (components, nx, ny, nz) as `field` returns it."""
+        flat = np.concatenate([np.asarray(part, np.float32).ravel(order="F") for part in values])
+        self._check(self._lib.efsi_field_set(self._handle, binding.FIELDS[name], solid, flat.ctypes.data, len(flat)))
+
+    def write_vdb(self, path: str | Path, **values: Any) -> str:
+        """Writes one .vdb with all grids. values: fields of EfsiVdbDef. Returns the content hash."""
+        definition, content = binding.VdbDef(), c_uint64()
+        self._lib.efsi_vdb_def_init(byref(definition))
+        _fill(definition, values)
+        self._check(self._lib.efsi_vdb_write(self._handle, str(path).encode(), byref(definition), byref(content)))
+        return f"{content.value:016x}"
+
+
+def _simulation_def(values: Mapping[str, Any]) -> binding.SimulationDef:
+    definition = binding.SimulationDef()
+    library().efsi_simulation_def_init(byref(definition))
+    _fill(definition, values)
+    return definition
+
+
+def estimate_memory(values: Mapping[str, Any], solid_volume: float) -> tuple[int, float]:
+    """(bytes a simulation will need, smallest voxel size that fits values["memory_limit"] or 0).
+
+    solid_volume: sum of the bounding-box volumes of the solids [m^3]. Raises LibraryError.
+    """
+    error, count, fitting, definition = binding.Error(), c_uint64(), c_double(), _simulation_def(values)
+    check_error(
+        library().efsi_simulation_estimate_memory(
+            byref(definition), solid_volume, byref(count), byref(fitting), byref(error)
+        ),
+        error,
+    )
+    return count.value, fitting.value

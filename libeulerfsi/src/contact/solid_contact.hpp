@@ -1,0 +1,38 @@
+// Purpose: where two solids may touch: a row in every cell that the surface halfway between them cuts
+// (docs/numerics/solid-contact.md). What the rows do: Eq. 8 with
+// contact, system/contact_solve.hpp.
+#pragma once
+
+#include "contact/hold.hpp"
+#include "contact/solid_contacts.hpp"
+#include "frame/step_context.hpp"
+#include "nodes/node_fields.hpp"
+
+namespace efsi::sim {
+
+inline constexpr double kContactSkin = 0.25;  // cells between solids at rest on each other
+
+// All rows of the step, with the impulses of the last one; parts of rows name nodes of the common grid. velocity: of
+// the nodes with all forces but the solids' own. Empty where no two bands overlap.
+SolidContacts find_solid_contacts(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
+                                  const CommonGrid& common, const NodeVelocity& velocity);
+// Per solid: whether a row was active in the last step or will be at the velocity of find_solid_contacts.
+std::vector<std::uint8_t> pressed_solids(std::size_t solids, const SolidContacts& contacts);
+// From nodes to the unknowns of an assembled system.
+void number_rows(const system::VelocitySystem& system, SolidContacts& contacts);
+// Pairs of solids with active rows, or before the solve those that are about to touch.
+SolidPairs meeting_pairs(const SolidContacts& contacts);
+SolidPairs pushing_pairs(const SolidContacts& contacts);
+// What the next step wants to know.
+void remember_contacts(double dt, const SolidContacts& contacts, SolidStates& states);
+
+// The gap between two solids less the skin, the least over their vertices [m], and how fast it closes at most [m/s].
+struct SolidGap {
+  double gap = 0.0, closing = 0.0;
+};
+// Infinite where the vertices of neither are within reach of the other's map, some cells.
+SolidGap measure_gap(const Scene& scene, const SolidStates& states, std::size_t one, std::size_t other);
+// Bound of the speed at which any two vertices of two solids come towards each other [m/s].
+double relative_speed(const SolidStates& states, std::size_t one, std::size_t other);
+
+}  // namespace efsi::sim

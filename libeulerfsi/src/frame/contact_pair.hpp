@@ -1,0 +1,25 @@
+// Purpose: what a step, or several, report of solids that push each other (EfsiContactPair); record/contact_record.hpp
+// fills it.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "base/math_types.hpp"
+
+namespace efsi::sim {
+
+// Two solids with an active row between them, or one with an active row between its folds; counts are sums over the
+// steps in which one did, overlaps are at their starts.
+struct ContactPair {
+  std::size_t one = 0, other = 0;  // one < other; folds: one = other
+  std::uint64_t steps = 0;
+  std::uint64_t rows = 0, pushing = 0, sticking = 0;  // within reach of each other; of these, and of these
+  double row_overlap = 0.0;                           // deepest of a row beyond the skin [cells]; < 0: apart
+  double surface_overlap = 0.0;                       // the same of vertices and rows, without the skin
+  double push = 0.0;                                  // sum of all impulses along their normals [N s]
+  Vec3d impulse = Vec3d::Zero();                      // of `one` on `other`, 0 of folds [N s]
+};
+using ContactPairs = std::vector<ContactPair>;  // in the order of (one, other)
+
+}  // namespace efsi::sim

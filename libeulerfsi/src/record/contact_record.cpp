@@ -1,0 +1,94 @@
+#include "record/contact_record.hpp"
+
+#include <algorithm>
+#include <limits>
+
+#include "contact/solid_contact.hpp"
+
+namespace efsi::sim {
+namespace {
+
+constexpr double kNone = -std::numeric_limits<double>::infinity();
+
+// The pair's place in the order, made where it is not there.
+ContactPair& find_pair(ContactPairs& pairs, std::size_t one, std::size_t other) {
+  const auto before = [](const ContactPair& p, const std::pair<std::size_t, std::size_t>& key) {
+    return std::pair(p.one, p.other) < key;
+  };
+  const auto place = std::lower_bound(pairs.begin(), pairs.end(), std::pair(one, other), before);
+  if (place != pairs.end() && place->one == one && place->other == other) return *place;
+  ContactPair pair;
+  pair.one = one;
+  pair.other = other;
+  pair.row_overlap = pair.surface_overlap = kNone;
+  return *pairs.insert(place, pair);
+}
+
+bool same_parts(const std::vector<system::RowPart>& a, const std::vector<system::RowPart>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const system::RowPart& one, const system::RowPart& two) {
+    return one.unknown == two.unknown && one.weight == two.weight;
+  });
+}
+
+// Reaction in the coupling step of the rows that are penalties in G, per row [N s]. Penalties are in the order of
+// the rows, of which some are open.
+std::vector<Vec3d> coupling_impulses(const VelocityEquation& elasticity, const PressureEquation& pressure) {
+  const std::vector<system::ContactRow>& rows = elasticity.contacts.rows;
+  std::vector<Vec3d> impulses(rows.size(), Vec3d::Zero());
+  if (pressure.coupled == 0) return impulses;
+  const std::vector<system::Penalty>& penalties = elasticity.system.penalties();
+  std::size_t p = 0;
+  for (std::size_t r = 0; r < rows.size() && p < penalties.size(); ++r) {
+    if (!same_parts(rows[r].parts, penalties[p].parts)) continue;
+    impulses[r] = (pressure.coupled * pressure.answers[p]).cast<double>();
+    ++p;
+  }
+  return impulses;
+}
+
+}  // namespace
+
+ContactPairs record_contacts(const Scene& scene, const SolidStates& states, const VelocityEquation& elasticity,
+                             const PressureEquation& pressure) {
+  const SolidContacts& contacts = elasticity.contacts;
+  const std::vector<Vec3d> coupling = coupling_impulses(elasticity, pressure);
+  ContactPairs pairs;
+  for (std::size_t r = 0; r < contacts.rows.size(); ++r) {
+    const system::ContactRow& row = contacts.rows[r];
+    const RowPlace& place = contacts.places[r];
+    ContactPair& pair = find_pair(pairs, place.solids[0], place.solids[1]);
+    ++pair.rows;
+    pair.row_overlap = std::max(pair.row_overlap, -place.gap / scene.grid.h);
+    if (place.is_fold())
+      pair.surface_overlap = std::max(pair.surface_overlap, -(place.gap + place.skin) / scene.grid.h);
+    if (!(row.push > 0.0)) continue;
+    ++pair.pushing;
+    pair.sticking += row.sticks;
+    pair.push += row.push + row.normal.dot(coupling[r]);
+    if (!place.is_fold()) pair.impulse += row.impulse() + coupling[r];
+  }
+  std::erase_if(pairs, [](const ContactPair& pair) { return pair.pushing == 0; });
+  for (ContactPair& pair : pairs) {
+    pair.steps = 1;
+    if (pair.one == pair.other) continue;
+    const double gap = measure_gap(scene, states, pair.one, pair.other).gap / scene.grid.h;
+    pair.surface_overlap = std::max(pair.row_overlap, -gap) - kContactSkin;
+  }
+  return pairs;
+}
+
+void add_contacts(const ContactPairs& later, ContactPairs& sums) {
+  for (const ContactPair& more : later) {
+    ContactPair& pair = find_pair(sums, more.one, more.other);
+    pair.steps += more.steps;
+    pair.rows += more.rows;
+    pair.pushing += more.pushing;
+    pair.sticking += more.sticking;
+    pair.row_overlap = std::max(pair.row_overlap, more.row_overlap);
+    pair.surface_overlap = std::max(pair.surface_overlap, more.surface_overlap);
+    pair.push += more.push;
+    pair.impulse += more.impulse;
+  }
+}
+
+}  // namespace efsi::sim

@@ -1,0 +1,17 @@
+// Purpose: the record of contacts between solids in one or several steps (EfsiContactPair).
+#pragma once
+
+#include "frame/contact_pair.hpp"
+#include "frame/scene.hpp"
+#include "solve/pressure_equation.hpp"
+#include "solve/velocity_equation.hpp"
+
+namespace efsi::sim {
+
+// Of a step after its projection. Empty without contact impulses.
+ContactPairs record_contacts(const Scene& scene, const SolidStates& states, const VelocityEquation& elasticity,
+                             const PressureEquation& pressure);
+// Adds those of a later step.
+void add_contacts(const ContactPairs& later, ContactPairs& sums);
+
+}  // namespace efsi::sim

@@ -1,0 +1,106 @@
+// Purpose: points of the surface that the map has lost travel with their neighbours in the material.
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "solid/surface/surface.hpp"
+#include "unit/solid/hairpin.hpp"
+
+using namespace efsi;
+using namespace efsi::test;
+
+namespace {
+
+constexpr double kShift = -0.2;  // of the second leg's upper part towards the first, to which it is 0.24 away [m]
+constexpr double kBend = 0.14, kStraight = 0.42, kLost = 0.5;  // heights [m]
+
+const Hairpin kHairpin;
+const double kMiddle = kHairpin.size * (kHairpin.low[0] + 4 + kHairpin.gap / 2);
+
+// The second leg leans over to the first: the displacement of what is at height z of it.
+Vec3d lean(double z) {
+  const double t = std::clamp((z - kBend) / (kStraight - kBend), 0.0, 1.0);
+  return {kShift * t * t * (3.0 - 2.0 * t), 0.0, 0.0};
+}
+
+// Where the material is now.
+Vec3d place(const Vec3d& material) { return material[0] > kMiddle ? Vec3d(material + lean(material[2])) : material; }
+
+// Below `top` the map is right on either side of the middle between the legs; above, it holds the first leg alone.
+TestSolid make_leaning(double top) {
+  TestSolid s = kHairpin.make();
+  set_displacement(s, [&](const Vec3d& x) -> Vec3d {
+    const bool second = x[0] > kMiddle + 0.5 * lean(x[2])[0] && x[2] < top;
+    return second ? lean(x[2]) : Vec3d::Zero();
+  });
+  for (Vec3d& x : s.state.surface) x = place(x);
+  return s;
+}
+
+double largest_error(const TestSolid& s) {
+  double worst = 0.0;
+  for (std::size_t i = 0; i < s.state.surface.size(); ++i)
+    worst = std::max(worst, (s.state.surface[i] - place(s.rest.surface.points[i])).norm());
+  return worst / kHairpin.size;
+}
+
+constexpr double kStretch = 1.7;  // of the bend
+
+}  // namespace
+
+TEST_CASE("A sheet that the map has lost stays with its part of the solid", "[law]") {
+  TestSolid s = make_leaning(kLost);
+  {
+    TestSolid alone = s;
+    solid::place_surface(Parallel(1), alone.rest, alone.state);
+    CHECK(solid::count_false_edges(alone.rest, alone.state, 1.0) > 0);  // the map leads to where it was at rest
+    CHECK(largest_error(alone) > 4.0);
+  }
+  solid::correct_surface(Parallel(1), s.rest, kStretch, s.state);
+  CHECK(solid::count_false_edges(s.rest, s.state, kStretch) == 0);
+  CHECK(largest_error(s) < 0.05);
+}
+
+TEST_CASE("Points that have left the data follow", "[law]") {
+  TestSolid s = make_leaning(1.0);
+  const grid::Grid& g = s.state.band.grid;
+  for (int k = 0; k <= g.cells[2]; ++k)
+    for (int j = 0; j <= g.cells[1]; ++j)
+      for (int i = 0; i <= g.cells[0]; ++i)
+        if (g.node_position(i, j, k)[2] > kLost) s.state.valid[g.node(i, j, k)] = solid::kNoData;
+  // No velocity has carried them along.
+  for (Vec3d& x : s.state.surface)
+    if (x[2] > kLost) x[0] += 0.5 * g.h;
+  solid::correct_surface(Parallel(1), s.rest, kStretch, s.state);
+  CHECK(largest_error(s) < 0.05);
+}
+
+TEST_CASE("Where the map holds everything the surface is where it says, to the last bit", "[law]") {
+  TestSolid mended = make_leaning(1.0);
+  for (Vec3d& x : mended.state.surface) x += Vec3d(0.003, -0.002, 0.004);
+  TestSolid placed = mended;
+  solid::correct_surface(Parallel(1), mended.rest, kStretch, mended.state);
+  solid::place_surface(Parallel(1), placed.rest, placed.state);
+  CHECK(mended.state.surface == placed.state.surface);
+}
+
+TEST_CASE("A mended surface has the same bits for 1, 2, 3 and 8 threads", "[determinism]") {
+  const auto run = [](int threads) {
+    TestSolid s = make_leaning(kLost);
+    solid::correct_surface(Parallel(threads), s.rest, kStretch, s.state);
+    return s.state.surface;
+  };
+  const auto one = run(1);
+  for (const int threads : {2, 3, 8}) CHECK(run(threads) == one);
+}
+
+TEST_CASE("Where nothing of the surface is known it stays where it is expected") {
+  TestSolid s = make_leaning(kLost);
+  std::fill(s.state.valid.begin(), s.state.valid.end(), solid::kNoData);
+  const auto before = s.state.surface;
+  solid::correct_surface(Parallel(1), s.rest, kStretch, s.state);
+  CHECK(s.state.surface == before);
+  s.state.surface[0] += Vec3d(0.5, 0.0, 0.0);  // a torn edge changes nothing in that
+  const auto torn = s.state.surface;
+  solid::correct_surface(Parallel(1), s.rest, kStretch, s.state);
+  CHECK(s.state.surface == torn);
+}
