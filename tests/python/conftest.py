@@ -192,6 +192,11 @@ def cli(tmp_path: Path, library, monkeypatch, capsys) -> Callable[..., subproces
     return run
 
 
+def without_progress(stderr: str) -> str:
+    """Without the lines that a machine of too many tasks writes about work of more than a second."""
+    return "".join(line for line in stderr.splitlines(keepends=True) if ": examining the surface, " not in line)
+
+
 def content_hashes(folder: Path) -> dict[str, list[str]]:
     """{frame: content hashes of its files and the state hash} of a cache."""
     manifest = json.loads((folder / "manifest.json").read_text())

@@ -96,6 +96,7 @@ def survived(run: Experiment) -> measure.Result:
     return measure.Result(run, "", start, columns | energies)
 
 
+@pytest.mark.slow
 def test_survival_asks_for_whole_meshes_energy_and_a_ledger_that_closes() -> None:
     def missed(results: dict[Experiment, measure.Result]) -> list[str]:
         return [line.bar for line in survival.judge_survival(results, "quick") if line.verdict == "MISSED"]
@@ -218,6 +219,7 @@ def test_the_elastica_has_the_tabulated_end() -> None:
     assert given_laws.elastica(2.0) == pytest.approx((0.238507, 0.321594), abs=1e-5)
 
 
+@pytest.mark.slow
 def test_an_interrupt_keeps_the_runs_that_are_finished(library, tmp_path) -> None:
     command = [sys.executable, ROOT / "tests/bench/bench_loop.py", "--only", "squash,rest", "--jobs", "1"]
     table_file = tmp_path / "table.md"

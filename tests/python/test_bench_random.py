@@ -179,6 +179,7 @@ def test_a_seeds_scenes_take_turns_and_those_with_one_solid_are_what_they_were()
     assert "8.9 cells of 0.0365 m, box 38x14x25, slip slip open slip noSlip slip, vacuum" in scene.words
 
 
+@pytest.mark.slow
 def test_scenes_with_contact_lie_within_their_ranges(library) -> None:
     made = contact_scenes(60)
     assert {len(scene.parts) for scene in made} == {2, 3} and {scene.pile for scene in made} == {False, True}
@@ -218,6 +219,7 @@ def everything_scenes(count: int) -> list[EverythingScene]:
     return made
 
 
+@pytest.mark.slow
 def test_scenes_with_everything_have_all_of_it_and_are_accepted_by_the_library(library) -> None:
     made = everything_scenes(25)
     kinds = {len(scene.parts) for scene in made}
@@ -795,7 +797,7 @@ def test_a_scene_runs_in_a_process_of_its_own(library) -> None:
     assert {line.law: line.verdict for line in outcome.lines}["finite"] == "pass"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("job", bench_random.read_list(FIXED), ids=lambda job: f"{job.seed}/{job.scene}")
 def test_the_fixed_scenes_keep_the_laws_but_for_known_misses(library, job: bench_random.Job) -> None:
     outcome = bench_random.run_job(job, ends=float("inf"))

@@ -208,7 +208,10 @@ def test_missing_library_is_told_by_the_child_too(tmp_path, monkeypatch):
         solver.load_mesh(write_obj(tmp_path / "ball.obj"))
 
 
-@pytest.mark.parametrize("suffix", mesh_file.FORMATS)
+@pytest.mark.parametrize(
+    "suffix",
+    [suffix if suffix == "obj" else pytest.param(suffix, marks=pytest.mark.slow) for suffix in mesh_file.FORMATS],
+)
 def test_damaged_files_end_with_a_mesh_or_a_clear_error(tmp_path, suffix):
     files = mesh_samples.write_mutations(tmp_path, suffix)
     limit = 256

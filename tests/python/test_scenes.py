@@ -84,7 +84,7 @@ def test_scene_has_units_range_and_gravity(name: str) -> None:
     assert scene.GetGravityMagnitudeAttr().Get() == pytest.approx(0.0 if weightless else 9.8, rel=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["ball", "falling_bunny", "jelly_drop_no_fluid", "meeting_balls", "tentacle"])
 def test_written_meshes_are_whole(name: str, tmp_path: Path) -> None:
     """Twelve frames, with the impact, of the scenes with solids that no other test simulates as far; Run looks."""
@@ -93,7 +93,7 @@ def test_written_meshes_are_whole(name: str, tmp_path: Path) -> None:
     assert Run(f"{name}.usda", tmp_path / "cache", frames="1-12").frames
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_solids_of_the_heap_meet_and_stay_apart(tmp_path: Path) -> None:
     """Twenty-four frames of coarse voxels: they touch, none enters another or the floor, what fell has come to lie."""
     voxel, frames = 0.0125, 24
@@ -111,7 +111,7 @@ def test_solids_of_the_heap_meet_and_stay_apart(tmp_path: Path) -> None:
     assert run.steps and all(step["degenerate_cells"] == 0 for step in run.steps)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_legs_of_the_tongs_push_each_other_and_spring_open(tmp_path: Path) -> None:
     """Coarse voxels: they stay voxels apart, no cell breaks, and the statistics tell of a solid that pushes itself."""
     voxel, frames = 0.0125, 36

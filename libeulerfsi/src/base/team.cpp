@@ -64,20 +64,21 @@ void Team::take_parts(std::uint32_t loop) {
   }
 }
 
-bool Team::busy() const { return leader_busy_ || omp_get_thread_num() != 0; }
+// Of the threads of a team only the leader reads what the leader writes.
+bool Team::busy() const { return omp_get_thread_num() != 0 || leader_busy_; }
 
 void Team::serve() {
   std::uint32_t seen = 0;
   while (true) {
     wait_for_news(loop_, seen);
     seen = loop_.load(std::memory_order_acquire);
-    if (dismissed_) return;
+    if (dismissed_.load(std::memory_order_relaxed)) return;  // perhaps before the loop that it was woken for is over
     take_parts(seen);
   }
 }
 
 void Team::dismiss() {
-  dismissed_ = true;
+  dismissed_.store(true, std::memory_order_relaxed);
   loop_.fetch_add(1, std::memory_order_release);
   loop_.notify_all();
 }

@@ -29,7 +29,8 @@ class Team {
 
   Work work_ = nullptr;
   void* context_ = nullptr;
-  bool dismissed_ = false, leader_busy_ = false;
+  bool leader_busy_ = false;
+  std::atomic<bool> dismissed_{false};
   // Number of the loop (32 bits), its parts (16), the next part that nobody has taken (16).
   alignas(64) std::atomic<std::uint64_t> ticket_{0};
   alignas(64) std::atomic<std::uint32_t> loop_{0};  // members wait for it to change

@@ -164,7 +164,7 @@ Effort effort(sim::Simulation& s, double end) {
 
 }  // namespace
 
-TEST_CASE("Two balls that meet leave each other and keep their momentum", "[law]") {
+TEST_CASE("Two balls that meet leave each other and keep their momentum", "[law][slow]") {
   const double fluid = GENERATE(0.0, 1.0, 769.0);  // vacuum, 1000 : 1, 1.3 : 1
   const bool compressible = GENERATE(false, true);
   auto s = scene(space(fluid), two_balls(0.0, 1.0, compressible));
@@ -182,7 +182,8 @@ TEST_CASE("Two balls that meet leave each other and keep their momentum", "[law]
   CHECK(out.apart);
 }
 
-TEST_CASE("Balls that meet off their centres, of another density, or three at once, keep their momentum", "[law]") {
+TEST_CASE("Balls that meet off their centres, of another density, or three at once, keep their momentum",
+          "[law][nightly]") {
   const int kind = GENERATE(0, 1, 2, 3, 4, 5);
   const double fluid = kind == 3 ? 1.0 : kind == 4 ? 769.0 : 0.0;
   const bool beside = kind == 0 || kind > 2;
@@ -204,7 +205,8 @@ TEST_CASE("Balls that meet off their centres, of another density, or three at on
   if (beside && fluid <= 1.0) CHECK(out.steady < 0.02);
 }
 
-TEST_CASE("What the pressure does in an impact presses no ball into the other, on a finer grid neither", "[law]") {
+TEST_CASE("What the pressure does in an impact presses no ball into the other, on a finer grid neither",
+          "[law][nightly]") {
   auto s = scene(space(0.0, 0.5 * kCell), two_balls());
   const Outcome out = run(*s, 0.3);
   INFO("deepest " << out.deepest << " cells, energy made " << out.made);
@@ -213,7 +215,7 @@ TEST_CASE("What the pressure does in an impact presses no ball into the other, o
   CHECK(out.made < 0.02);
 }
 
-TEST_CASE("A block slides down a solid as Coulomb's law says, or stays", "[law]") {
+TEST_CASE("A block slides down a solid as Coulomb's law says, or stays", "[law][slow]") {
   const bool compressible = GENERATE(true, false);
   auto s = block_on_slab(0.3, compressible);
   advance_to(*s, 0.2);
@@ -229,7 +231,7 @@ TEST_CASE("A block slides down a solid as Coulomb's law says, or stays", "[law]"
   CHECK(std::abs(speed(*stuck, 1)) < 2e-3);
 }
 
-TEST_CASE("Contact takes little more than twice the iterations of what does not touch", "[law]") {
+TEST_CASE("Contact takes little more than twice the iterations of what does not touch", "[law][nightly]") {
   const auto compare = [](sim::Simulation& with, sim::Simulation& without, double end) {
     const Effort touching = effort(with, end), apart = effort(without, end);
     INFO(touching.iterations << " iterations a step, apart " << apart.iterations);
@@ -274,25 +276,6 @@ TEST_CASE("In a cell that two solids fill a part of the pressure keeps the volum
   INFO(cells[1] << " and " << cells[2] << " cells, shared " << shared[1] << " and " << shared[2]);
   CHECK(shared[1] + shared[2] > 10);
   CHECK(std::min(cells[1], cells[2]) > 100);
-}
-
-TEST_CASE("Contact is the same to the bit with two threads, and after a restart", "[determinism]") {
-  std::vector<sim::SolidDesc> balls = two_balls(0.05);
-  for (sim::SolidDesc& ball : balls) ball.friction = 0.3;
-  sim::Params p = space(1.0);
-  auto one = make_simulation(p, balls);
-  p.threads = 2;
-  auto two = make_simulation(p, balls), resumed = make_simulation(p, balls);
-  for (auto* s : {one.get(), two.get()}) advance_to(*s, 0.1);
-  REQUIRE_FALSE(one->state().solids[0].contacts.empty());
-  CHECK(sim::state_hash(one->state()) == sim::state_hash(two->state()));
-  const std::string file = "contact.checkpoint";
-  sim::save_checkpoint(*one, file);
-  sim::restore_checkpoint(*resumed, file);
-  std::remove(file.c_str());
-  CHECK(sim::state_hash(one->state()) == sim::state_hash(resumed->state()));
-  for (auto* s : {one.get(), resumed.get()}) s->step(0.01);
-  CHECK(sim::state_hash(one->state()) == sim::state_hash(resumed->state()));
 }
 
 TEST_CASE("Solids far from each other have no rows, and with the paper's preset none at all") {

@@ -80,7 +80,7 @@ struct Record {
 
 }  // namespace
 
-TEST_CASE("A block slides down a solid slope off the axes as Coulomb says, or stays", "[law][slow]") {
+TEST_CASE("A block slides down a solid slope off the axes as Coulomb says, or stays", "[law][nightly]") {
   const bool compressible = GENERATE(true, false);
   const double tilt = M_PI / 6, threshold = std::tan(tilt), down = 9.8 * std::sin(tilt), press = 9.8 * std::cos(tilt);
   for (const double friction : {0.0, 0.3}) {
@@ -102,7 +102,8 @@ TEST_CASE("A block slides down a solid slope off the axes as Coulomb says, or st
   CHECK(std::abs(creep) < 1e-3);
 }
 
-TEST_CASE("A ball a thousand times as dense lies on a block, and one of a hundred times the stiffness", "[law][slow]") {
+TEST_CASE("A ball a thousand times as dense lies on a block, and one of a hundred times the stiffness",
+          "[law][nightly]") {
   const int kind = GENERATE(0, 1, 2);  // dense in vacuum, dense in air, dense and stiff
   sim::Params p = vacuum({0.6, 0.6, 0.6}, kCell);
   p.energy_ledger = true;
@@ -128,7 +129,7 @@ TEST_CASE("A ball a thousand times as dense lies on a block, and one of a hundre
   CHECK(record.most < 1.01);
 }
 
-TEST_CASE("A ball in a gap that closes keeps its volume and gives back its shape", "[law][slow]") {
+TEST_CASE("A ball in a gap that closes keeps its volume and gives back its shape", "[law][nightly]") {
   const bool air = GENERATE(false, true);
   const double friction = GENERATE(0.0, 0.3), radius = 0.1, closed = 0.6;
   sim::Params p = still({0.7, 0.6, 0.7}, kCell, air);
@@ -173,7 +174,7 @@ TEST_CASE("A ball in a gap that closes keeps its volume and gives back its shape
   CHECK(off < 0.01);
 }
 
-TEST_CASE("A ball lies in a corner of two walls and on a block", "[law][slow]") {
+TEST_CASE("A ball lies in a corner of two walls and on a block", "[law][nightly]") {
   const double fluid = GENERATE(0.0, 1.0, 769.0);
   const bool compressible = GENERATE(false, true), rough = compressible && fluid == 1.0;  // it misses the bars of rest
   sim::Params p = vacuum({0.5, 0.5, 0.5}, kCell);

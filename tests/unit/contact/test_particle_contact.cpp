@@ -98,7 +98,7 @@ TEST_CASE("The stiffness of Eq. 14 does nothing where a step's spring impulse is
   CHECK(std::abs(collide(p, two_balls(1.0)).speed[0] - hard.speed[0]) > 0.005);
 }
 
-TEST_CASE("The constraint helps collisions: with it fewer particles are pushed, and less deep", "[law]") {
+TEST_CASE("The constraint helps collisions: with it fewer particles are pushed, and less deep", "[law][nightly]") {
   // Sec. 4.6 and 5.1. Off: foam in vacuum, as without the constraint nothing keeps a fluid; on: solids that keep their
   // volume, in a fluid of nearly their density.
   std::vector<sim::SolidDesc> foam = two_balls();
@@ -117,7 +117,7 @@ TEST_CASE("The constraint helps collisions: with it fewer particles are pushed, 
 }
 
 TEST_CASE("The constraint of the solids alone changes a collision little: what helps is that of the fluid",
-          "[law][slow]") {
+          "[law][nightly]") {
   for (const double fluid : {0.0, 770.0}) {
     sim::Params p = paper_params(kBox, fluid > 0.0);
     if (fluid > 0.0) p.fluid.density = fluid;
@@ -231,30 +231,4 @@ TEST_CASE("Without the preset there are no particles and no tree of triangles") 
   CHECK(s->workspace().particles.empty());
   CHECK(s->solids()[0].nearest.bytes() == 0);
   CHECK_FALSE(p.numerics.uses_particles());
-}
-
-TEST_CASE("Contact by particles is the same for any number of threads, and when resumed", "[determinism]") {
-  const auto balls = two_balls(10000.0, 0.03, 0.5);
-  auto one = make_simulation(paper_params(kBox, true), balls);
-  std::uint64_t pushed = 0;
-  for (int n = 0; n < 6; ++n) {
-    one->step(0.01);
-    for (const sim::ContactPair& pair : one->contacts()) pushed += pair.pushing;
-  }
-  CHECK(pushed > 0);
-  for (const int threads : {2, 3, 8}) {
-    auto many = make_simulation(paper_params(kBox, true, threads), balls);
-    for (int n = 0; n < 6; ++n) many->step(0.01);
-    CHECK(sim::state_hash(many->state()) == sim::state_hash(one->state()));
-  }
-  const std::string file = "particles.checkpoint";
-  sim::save_checkpoint(*one, file);
-  auto resumed = make_simulation(paper_params(kBox, true), balls);
-  sim::restore_checkpoint(*resumed, file);
-  auto other = make_simulation(paper_params(kBox, true), two_balls(20000.0, 0.03, 0.5));
-  CHECK_THROWS_AS(sim::restore_checkpoint(*other, file), Error);
-  std::remove(file.c_str());
-  for (auto* s : {one.get(), resumed.get()})
-    for (int n = 0; n < 3; ++n) s->step(0.01);
-  CHECK(sim::state_hash(one->state()) == sim::state_hash(resumed->state()));
 }

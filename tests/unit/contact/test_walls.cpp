@@ -121,7 +121,7 @@ TEST_CASE("A ball that turns just above a floor is not disturbed by it", "[law]"
   CHECK(s->diagnose_solid(0).kinetic_energy > 0.99 * before);
 }
 
-TEST_CASE("A ball at rest stays there whatever steps it is taken in", "[law]") {
+TEST_CASE("A ball at rest stays there whatever steps it is taken in", "[law][slow]") {
   sim::Params p = vacuum({0.4, 0.36, 0.4});
   auto s = make_simulation(p, {ball_desc({0.2, 0.1, 0.2})});
   while (s->state().time < 4.0) s->step(1.0 / 96.0);
@@ -198,7 +198,7 @@ TEST_CASE("A block slides down a slope as Coulomb's law says", "[law]") {
   if (rubs > 0.0) CHECK(std::abs(found - exact) < 0.01 * rubs);
 }
 
-TEST_CASE("What is missing of the friction on a slope is what the velocity solve leaves", "[law]") {
+TEST_CASE("What is missing of the friction on a slope is what the velocity solve leaves", "[law][nightly]") {
   const bool compressible = GENERATE(true, false);
   const double friction = GENERATE(0.2, 0.4, 0.5);
   sim::Params p = slope(30.0);
@@ -211,7 +211,7 @@ TEST_CASE("What is missing of the friction on a slope is what the velocity solve
 }
 
 TEST_CASE("A block slides down a slope or stays as its friction is a hundredth below or above the tangent",
-          "[law][slow]") {
+          "[law][nightly]") {
   struct Slope {
     double degrees;
     bool compressible;
@@ -246,7 +246,7 @@ TEST_CASE("A block slides down a slope or stays as its friction is a hundredth b
   CHECK(creep < most);
 }
 
-TEST_CASE("A block that slides on flat ground stops where Coulomb's law says", "[law]") {
+TEST_CASE("A block that slides on flat ground stops where Coulomb's law says", "[law][nightly]") {
   const bool compressible = GENERATE(true, false), fluid = GENERATE(false, true);
   const double friction = GENERATE(0.2, 0.4);
   sim::SolidDesc d = block_desc(friction, compressible);

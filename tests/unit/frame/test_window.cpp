@@ -164,32 +164,6 @@ TEST_CASE("A step on the window leaves what a step on the whole box does", "[law
   CHECK(farthest(*runs[0], *runs[1]) < 5e-5 * 0.2);  // rounding, which a bounce magnifies
 }
 
-TEST_CASE("While the window moves, any number of threads and a checkpoint give the same bits", "[determinism]") {
-  const auto preset = GENERATE(sim::Preset::kProduction, sim::Preset::kPaper2016);
-  const auto file = std::filesystem::temp_directory_path() / ("efsi_window_" + std::to_string(std::random_device{}()));
-  auto whole = thrown_ball(1, preset), first = thrown_ball(2, preset);
-  std::vector<Window> seen;
-  for (int n = 0; n < 16; ++n) {
-    whole->step(0.02);
-    if (seen.empty() || !(seen.back() == whole->state().window)) seen.push_back(whole->state().window);
-  }
-  CHECK(seen.size() > 5);
-  for (int n = 0; n < 7; ++n) first->step(0.02);
-  sim::save_checkpoint(*first, file.string());
-  auto second = thrown_ball(3, preset);
-  sim::restore_checkpoint(*second, file.string());
-  std::filesystem::remove(file);
-  CHECK(sim::state_hash(second->state()) == sim::state_hash(first->state()));
-  for (int n = 7; n < 16; ++n) {
-    first->step(0.02);
-    second->step(0.02);
-    second->pressure();  // looking changes nothing
-    second->solid_fraction();
-  }
-  CHECK(sim::state_hash(first->state()) == sim::state_hash(whole->state()));
-  CHECK(sim::state_hash(second->state()) == sim::state_hash(whole->state()));
-}
-
 TEST_CASE("A step that is repeated smaller starts from the window that it started from", "[determinism]") {
   const auto make = [](int threads) {
     sim::Params p = vacuum({0.5, 0.5, 0.5}, 0.025);

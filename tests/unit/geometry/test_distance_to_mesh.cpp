@@ -61,7 +61,7 @@ void for_each_node(const SignedDistance& grid, const Visit& visit) {
 
 }  // namespace
 
-TEST_CASE("Distances to kept pieces and caps are those of a plain search, far away nearly", "[law]") {
+TEST_CASE("Distances to kept pieces and caps are those of a plain search, far away nearly", "[law][nightly]") {
   for (const TriangleMesh& mesh : meshes()) {
     SignedDistance grid = grid_over(mesh, 0.04);
     const SolidBoundary boundary = measure_solid(mesh, grid);

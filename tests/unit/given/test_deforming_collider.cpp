@@ -90,7 +90,7 @@ double size_of(const grid::VectorField& one, const grid::VectorField* other = nu
 
 }  // namespace
 
-TEST_CASE("A ball whose points move is one whose transform does", "[law][slow]") {
+TEST_CASE("A ball whose points move is one whose transform does", "[law][nightly]") {
   for (const sim::Preset preset : {sim::Preset::kProduction, sim::Preset::kPaper2016})
     for (const double distance : {0.09, 0.04}) {  // in the first the balls do not meet
       const Moved pose = move_ball(preset, Share::kNone, distance);
@@ -193,7 +193,7 @@ double depth(const std::vector<Vec3d>& points, const geometry::TriangleMesh& mes
 
 }  // namespace
 
-TEST_CASE("A plate that bulges under a block lifts it, and counts what it gives it", "[law][slow]") {
+TEST_CASE("A plate that bulges under a block lifts it, and counts what it gives it", "[law][nightly]") {
   for (const sim::Preset preset : {sim::Preset::kProduction, sim::Preset::kPaper2016}) {
     sim::Params p = vacuum({0.6, 0.6, 0.6}, kCell);
     p.numerics = sim::numerics_of(preset);
@@ -294,7 +294,8 @@ std::pair<double, double> carry(double acceleration, bool by_points) {
 
 }  // namespace
 
-TEST_CASE("A plate whose points go off sideways carries a block, or slips under it, as Coulomb says", "[law][slow]") {
+TEST_CASE("A plate whose points go off sideways carries a block, or slips under it, as Coulomb says",
+          "[law][nightly]") {
   for (const double acceleration : {1.5, 6.0}) {
     const auto [pose_gain, pose_speed] = carry(acceleration, false);
     const auto [gain, speed] = carry(acceleration, true);
@@ -342,7 +343,8 @@ geometry::TriangleMesh belt_mesh(double moved) {
 
 }  // namespace
 
-TEST_CASE("A belt whose points run in its surface drags a block by its friction until it moves along", "[law]") {
+TEST_CASE("A belt whose points run in its surface drags a block by its friction until it moves along",
+          "[law][nightly]") {
   const double speed = 0.5;
   Carried scene(belt_mesh(0.0), 0.15);
   const auto points = [&](int n) { return belt_mesh(speed * kShort * std::max(0, n)).points; };
@@ -361,45 +363,6 @@ TEST_CASE("A belt whose points run in its surface drags a block by its friction 
   CHECK(found == Approx(kFriction * kGravity).epsilon(0.05));
   CHECK(end == Approx(speed).epsilon(0.02));
   CHECK(block.center[1] == Approx(0.24 + sim::kContactSkin * kCell).margin(0.25 * kCell));
-}
-
-TEST_CASE("Points of a collider: the same bits with any number of threads, and after a restart") {
-  const auto run = [](int threads, bool restart) {
-    sim::Params p = box_params({0.5, 0.4, 0.4}, kCell);
-    p.threads = threads;
-    const Vec3d center(0.2, 0.12, 0.2);
-    const geometry::TriangleMesh ball = ball_mesh(center, 0.07);
-    const auto build = [&] {
-      auto s = make_simulation(p, {ball_desc({0.23, 0.28, 0.2}, 0.07)});
-      geometry::MeshReport report;
-      s->add_collider(desc_of(ball), report);
-      return s;
-    };
-    auto s = build();
-    const auto points = [&](int f) {
-      std::vector<Vec3d> moved = ball.points;
-      for (Vec3d& x : moved) x[1] += 0.15 * f * (x[1] - center[1]);
-      return moved;
-    };
-    const auto frame = [&](int f) {
-      s->set_motion(0, f * kFrame, (f + 1) * kFrame, pose_about(center, {0, 0, 0.1 * f}, {0, 0, 0}),
-                    pose_about(center, {0, 0, 0.1 * f + 0.1}, {0, 0, 0}));
-      s->set_points(0, {f * kFrame, (f + 1) * kFrame, points(f), points(f + 1)});
-      s->advance(kFrame, {});
-    };
-    for (int f = 0; f < 3; ++f) frame(f);
-    if (restart) {
-      sim::State state = s->state();
-      state.solids[1].shape = nullptr;  // as a checkpoint has it
-      s = build();
-      s->set_state(state);
-    }
-    for (int f = 3; f < 6; ++f) frame(f);
-    return sim::state_hash(s->state());
-  };
-  const std::uint64_t once = run(1, false);
-  CHECK(run(2, false) == once);
-  CHECK(run(1, true) == once);
 }
 
 TEST_CASE("A collider whose points bound no volume ends the step, and the state is that before it") {

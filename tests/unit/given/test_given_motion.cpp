@@ -228,7 +228,7 @@ TEST_CASE("A ball that is set in motion takes half its volume of fluid along", "
   CHECK(impulse[0] / wanted == Approx(1.0).margin(0.1));
 }
 
-TEST_CASE("Nothing falls through a collider, and it gives a ball the momentum that it counts", "[law]") {
+TEST_CASE("Nothing falls through a collider, and it gives a ball the momentum that it counts", "[law][slow]") {
   const auto s = make_simulation(vacuum({0.6, 0.7, 0.6}, kCell), {ball_desc({0.3, 0.35, 0.3}, 0.08)});
   geometry::MeshReport report;
   // It reaches through three walls and comes up to meet the ball.
@@ -284,30 +284,6 @@ TEST_CASE("A body slides down a tilted collider as Coulomb says", "[law]") {
   const double wanted = 9.8 * (std::sin(tilt) - mu * std::cos(tilt));
   INFO("acceleration " << found << " m/s^2, Coulomb's " << wanted);
   CHECK(found == Approx(wanted).epsilon(0.02));
-}
-
-TEST_CASE("Given motion: the same bits with any number of threads, and after a restart") {
-  const auto run = [](int threads, bool restart) {
-    sim::Params p = box_params({0.4, 0.6, 0.4}, kCell);
-    p.threads = threads;
-    auto bar = std::make_unique<HangingBar>(p);
-    const auto frame = [&](int f) {
-      const auto at = [](int n) { return pose({0, 0.1 * n, 0}, {0.004 * n, 0, 0}); };
-      bar->s->set_motion(bar->pin, f * kFrame, (f + 1) * kFrame, at(f), at(f + 1));
-      bar->s->advance(kFrame, {});
-    };
-    for (int f = 0; f < 2; ++f) frame(f);
-    if (restart) {
-      const sim::State state = bar->s->state();
-      bar = std::make_unique<HangingBar>(p);
-      bar->s->set_state(state);
-    }
-    for (int f = 2; f < 4; ++f) frame(f);
-    return sim::state_hash(bar->s->state());
-  };
-  const std::uint64_t once = run(1, false);
-  CHECK(run(2, false) == once);
-  CHECK(run(1, true) == once);
 }
 
 // In the gap beside where they touch there are cells of the fluid all of whose corners are given.

@@ -161,7 +161,7 @@ TEST_CASE("A body that slides down a floor is where Galilei says, and not in the
   CHECK(lowest > -0.25 * p.voxel_size);
 }
 
-TEST_CASE("A free body of three different moments tumbles for ten turns as Euler's equations say", "[law][slow]") {
+TEST_CASE("A free body of three different moments tumbles for ten turns as Euler's equations say", "[law][nightly]") {
   const Vec3d half(0.1, 0.07, 0.045), center = Vec3d::Constant(0.16), spin(4.0, 9.0, 2.0);
   sim::Params p = still_vacuum(2.0 * center, 0.2 / 15.0);
   sim::SolidDesc d = ball_desc(center);

@@ -83,7 +83,7 @@ TEST_CASE("At the step of Fig. 3 explicit integration blows up in four frames; i
 }
 
 TEST_CASE("At the step of Fig. 3 explicit integration of the bunny blows up in four frames; implicit does not",
-          "[law][slow]") {
+          "[law][nightly]") {
   const auto mesh = geometry::shapes::installed_bunny();
   if (!mesh) {
     WARN("skipped: package glmark2-data is not installed");
@@ -100,7 +100,7 @@ TEST_CASE("At the step of Fig. 3 explicit integration of the bunny blows up in f
 }
 
 TEST_CASE("Explicit integration is stable where compression waves pass less than a cell in a step, and not beyond",
-          "[law]") {
+          "[law][slow]") {
   // sqrt((lambda + 2 mu) / rho) = 5 m/s passes a cell in 4 ms.
   const Outcome small = run(squashed_ball(), Integration::kExplicit, 0.0025, 0.8);
   CHECK_FALSE(small.blew_up);

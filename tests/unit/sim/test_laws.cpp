@@ -61,7 +61,7 @@ TEST_CASE("Solid and fluid in a periodic box keep their momentum", "[law]") {
   }
 }
 
-TEST_CASE("Noise in the map of a ball that flies through vacuum dies away at every speed", "[law]") {
+TEST_CASE("Noise in the map of a ball that flies through vacuum dies away at every speed", "[law][slow]") {
   // Elastic waves travel with the ball, whatever part of a cell it moves in a step.
   sim::Params p = still_vacuum({0.4, 1.6, 0.4});
   p.cfl_solid = 2.0;
@@ -83,7 +83,7 @@ TEST_CASE("Noise in the map of a ball that flies through vacuum dies away at eve
   }
 }
 
-TEST_CASE("A ball hits the floor in small steps without losing its shape or gaining energy", "[law]") {
+TEST_CASE("A ball hits the floor in small steps without losing its shape or gaining energy", "[law][slow]") {
   // 0.05 of a cell per step: whatever a step adds at the surface adds up here.
   sim::Params p = box_params({0.4, 0.3, 0.4});
   p.cfl_solid = 0.05;
@@ -111,7 +111,7 @@ TEST_CASE("A ball hits the floor in small steps without losing its shape or gain
   CHECK(up > 1.5);
 }
 
-TEST_CASE("An impact is as calm at any Poisson's ratio of a solid that keeps its volume", "[law][slow]") {
+TEST_CASE("An impact is as calm at any Poisson's ratio of a solid that keeps its volume", "[law][nightly]") {
   // Down and up again, to where the solid begins to leave the floor.
   const double ratio = GENERATE(0.0, 0.3, 0.499);
   const auto law = GENERATE(material::Law::kCorotational, material::Law::kStableNeoHookean);

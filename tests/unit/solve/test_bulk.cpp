@@ -24,7 +24,7 @@ Vec3d displacement(const sim::Simulation& s, const Vec3d& x) {
 
 }  // namespace
 
-TEST_CASE("A bar with free sides strains by sigma / E and contracts by nu of it", "[law]") {
+TEST_CASE("A bar with free sides strains by sigma / E and contracts by nu of it", "[law][slow]") {
   // Pulled by a force beta x' per volume: sigma = beta/2 ((L/2)^2 - x'^2), in the middle all but uniaxial.
   const double nu = GENERATE(0.4, 0.49);
   constexpr double kCell = 0.0125, kModulus = 1e5, kStrain = 0.01, kLong = 0.6, dt = 0.005;
@@ -93,7 +93,7 @@ Shrunk shrink(double nu, double across) {
 }  // namespace
 
 TEST_CASE("A ball under a load towards its centre shrinks as elasticity says, to second order at its surface",
-          "[law]") {
+          "[law][nightly]") {
   const double nu = GENERATE(0.4, 0.49);
   const Shrunk coarse = shrink(nu, 10), fine = shrink(nu, 20);
   INFO("nu " << nu << ": 10 cells across " << coarse.middle << ", surface " << coarse.surface << "; 20 " << fine.middle
@@ -148,7 +148,8 @@ TEST_CASE("A compressible ball of Poisson's ratio 0.4 breathes at the frequency 
   CHECK(kept == Approx(damped).epsilon(0.08));
 }
 
-TEST_CASE("A compressible ball of Poisson's ratio 0.49 swings at the frequency of Lamb's spheroidal mode", "[law]") {
+TEST_CASE("A compressible ball of Poisson's ratio 0.49 swings at the frequency of Lamb's spheroidal mode",
+          "[law][nightly]") {
   // Modes l = 2 at 0.49: omega R / c_s, and their parts of the energy of a uniform stretch at constant volume.
   constexpr double kModes[][2] = {{2.66483, 0.6502}, {5.4539, 0.2271}, {8.8678, 0.0443}, {12.154, 0.0195},
                                   {15.380, 0.0113},  {18.578, 0.0074}, {21.758, 0.0053}, {24.929, 0.0039}};

@@ -23,7 +23,7 @@ sim::SolidDesc bulky_ball(const Vec3d& center, double nu, double shear = 1e4, do
 
 }  // namespace
 
-TEST_CASE("Ledger: the work of the pressure is what the bulk stiffness gives, and all columns join", "[law]") {
+TEST_CASE("Ledger: the work of the pressure is what the bulk stiffness gives, and all columns join", "[law][slow]") {
   // A ball that breathes, lambda = 49 mu, for the quarter of a period in which it comes back from 1.01 of its size. A
   // part that vanishes with the step (0.15 of it in 40, 0.10 in 80 steps) backward Euler takes.
   constexpr double nu = 0.49, kShear = 1e4;
@@ -57,38 +57,8 @@ TEST_CASE("Ledger: the work of the pressure is what the bulk stiffness gives, an
   CHECK(work / (start - end.elastic_energy) == Approx(0.95).margin(0.05));
 }
 
-TEST_CASE("Bulk stiffness: the same bits with any number of threads, and from a checkpoint", "[determinism]") {
-  const double nu = GENERATE(0.4, 0.49);
-  const fs::path folder = fs::temp_directory_path() / ("efsi_bulk_" + std::to_string(std::random_device{}()));
-  fs::create_directories(folder);
-  const std::string file = (folder / "state.ckpt").string();
-  const auto scene = [&](int threads) {
-    sim::Params p = box_params({0.36, 0.36, 0.36}, 0.02);
-    p.threads = threads;
-    p.fluid.density = 100.0;
-    sim::SolidDesc ball = bulky_ball({0.18, 0.12, 0.18}, nu, 1e4, 0.08);  // onto the floor
-    ball.velocity = {0.3, -2.0, 0.1};
-    return make_simulation(p, {ball});
-  };
-  const auto whole = scene(1);
-  for (int n = 0; n < 6; ++n) whole->step(0.01);
-  const std::uint64_t wanted = sim::state_hash(whole->state());
-  for (const int threads : {2, 3}) {
-    const auto first = scene(threads);
-    for (int n = 0; n < 3; ++n) first->step(0.01);
-    sim::save_checkpoint(*first, file);
-    for (int n = 3; n < 6; ++n) first->step(0.01);
-    CHECK(sim::state_hash(first->state()) == wanted);
-    const auto second = scene(4 - threads);
-    sim::restore_checkpoint(*second, file);
-    for (int n = 3; n < 6; ++n) second->step(0.01);
-    CHECK(sim::state_hash(second->state()) == wanted);
-  }
-  fs::remove_all(folder);
-}
-
 TEST_CASE("A compressible ball in a closed box of liquid keeps its volume and presses, in an open one it grows back",
-          "[law]") {
+          "[law][slow]") {
   const double nu = GENERATE(0.4, 0.49);
   constexpr double kShear = 1e4, kSize = 0.99;
   const double bulk = 2.0 * kShear * (1.0 + nu) / (3.0 * (1.0 - 2.0 * nu));

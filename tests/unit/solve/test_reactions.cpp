@@ -33,7 +33,8 @@ double impulse_in_frame(sim::Simulation& s, std::size_t pin) {
 
 }  // namespace
 
-TEST_CASE("A collider holds the weight of a block that rests on it in every frame, also where it has risen", "[law]") {
+TEST_CASE("A collider holds the weight of a block that rests on it in every frame, also where it has risen",
+          "[law][slow]") {
   for (const double fluid : {0.0, 100.0})
     for (const double speed : {0.0, 0.24}) {
       sim::Params p = box_params({0.6, 0.6, 0.6}, kCell);
@@ -57,7 +58,7 @@ TEST_CASE("A collider holds the weight of a block that rests on it in every fram
     }
 }
 
-TEST_CASE("What pins a body holds the weight of a block that rests on it, too", "[law]") {
+TEST_CASE("What pins a body holds the weight of a block that rests on it, too", "[law][slow]") {
   sim::Params p = vacuum({0.6, 0.6, 0.6}, kCell);
   const auto s = make_simulation(
       p, {block_desc({0.22, 0.21, 0.22}, {0.38, 0.33, 0.38}), block_desc({0.15, 0.06, 0.15}, {0.45, 0.2, 0.45})});
@@ -71,7 +72,7 @@ TEST_CASE("What pins a body holds the weight of a block that rests on it, too", 
   }
 }
 
-TEST_CASE("The floor carries the weight of all that is stacked on it", "[law]") {
+TEST_CASE("The floor carries the weight of all that is stacked on it", "[law][slow]") {
   for (const double fluid : {0.0, 100.0})
     for (const bool stacked : {false, true}) {
       sim::Params p = box_params({0.4, 0.6, 0.4}, kCell);

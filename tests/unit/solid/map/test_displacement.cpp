@@ -152,7 +152,7 @@ double wave_error(int across) {
 
 }  // namespace
 
-TEST_CASE("A wave in the map is carried to more than first order up to the edge of the solid", "[law]") {
+TEST_CASE("A wave in the map is carried to more than first order up to the edge of the solid", "[law][slow]") {
   for (const auto& [across, order] : {std::pair{14, 2.2}, {20, 2.5}}) {
     const double coarse = wave_error(across), fine = wave_error(2 * across);
     INFO("errors " << coarse << ", " << fine);
