@@ -69,8 +69,8 @@ def demand_start(wanted: FrameRange, first: int, checkpoint: int | None) -> None
         return
     raise UsageError(
         f"--frames {wanted}: the simulation starts at frame {first}, and there is no checkpoint before frame "
-        f"{wanted.first} to go on from: write --frames {first}-{wanted.last}, or --start-frame {wanted.first} to start "
-        "there, or --resume with the folder (-o) of a cache that comes that far"
+        f"{wanted.first} to continue from: write --frames {first}-{wanted.last}, or --start-frame {wanted.first} to "
+        "start there, or --resume with the folder (-o) of a cache that reaches it"
     )
 
 

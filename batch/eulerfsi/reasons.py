@@ -13,9 +13,9 @@ _LONGEST = 200  # characters; parsers quote whole files
 # What assimp says, and the library -> what it means.
 _MESH_REASONS = (
     (r"No suitable reader found.*", "it is damaged, or of another format"),
-    (r"Validation failed: aiScene::mNumMeshes is 0.*", "it holds no mesh"),
-    (r"Validation failed: Mesh\s.*contains no faces", "it holds no faces"),
-    (r"Failed to determine STL storage representation.*", "it is no STL file"),
+    (r"Validation failed: aiScene::mNumMeshes is 0.*", "it contains no mesh"),
+    (r"Validation failed: Mesh\s.*contains no faces", "it contains no faces"),
+    (r"Failed to determine STL storage representation.*", "it is not an STL file"),
     (r'Cannot parse string ".*', "a number cannot be read"),
     (r"Validation failed: aiMesh::.*", "its faces or points are damaged"),
     (r"Validation failed: ", ""),
@@ -47,7 +47,7 @@ def usd_reason(error: Tf.ErrorException | UnicodeDecodeError) -> str:
         text = error.args[0].commentary if isinstance(error, Tf.ErrorException) and error.args else ""
     except UnicodeDecodeError:
         text = ""
-    return plain_reason(text) or "it holds bytes that are no text"
+    return plain_reason(text) or "it contains bytes that are not text"
 
 
 def plain_reason(text: str) -> str:
@@ -56,7 +56,7 @@ def plain_reason(text: str) -> str:
     place = re.match(r"(?:[^@<>]*?):(\d+):(\d+): (.*)", text)
     reason = place.group(3) if place else text
     reason = re.sub(r"parse error matching \S+::(\w+)", r"a syntax error (\1)", reason)
-    reason = re.sub(r"^(?:Failed to open layer @.*@|<.*> is not a valid \w+ layer)$", "it is no USD layer", reason)
+    reason = re.sub(r"^(?:Failed to open layer @.*@|<.*> is not a valid \w+ layer)$", "it is not a USD layer", reason)
     reason = re.sub(r"^Cannot open (\S+) in \S+: ", r"\1: ", reason)
     reason = re.sub(r"^Sdf crate bootstrap section corrupt$", "the start of the file is damaged", reason)
     reason = re.sub(r" at ''(?= in <|$)", " at the end of the line", reason)

@@ -50,5 +50,5 @@ def _composition_fault(text: str) -> tuple[str, bool]:
         target = f"@{found['asset']}@<{found['path']}>"
         return f"{found['by']}: {found['prim']}: {found['arc']} {target}: the file has no such prim", False
     if found := _CIRCLE.match(text):
-        return f"{found['root']}: its sublayers refer to each other in a circle", False
+        return f"{found['root']}: its sublayers form a cycle", False
     return text, False

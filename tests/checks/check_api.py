@@ -15,7 +15,6 @@ from pathlib import Path
 from common import INCLUDE, ROOT, code_only, finish, relative
 
 _DECLARATION = re.compile(r"EFSI_API\b[^;{]*?\b(efsi_\w+)\s*\(", re.S)
-_SPEAK_FOR_THEMSELVES = ("_def_init", "_destroy")
 
 
 def declared() -> dict[str, Path]:
@@ -40,17 +39,13 @@ def exports(library: str) -> None:
 
 
 def undocumented(functions: dict[str, Path]) -> list[str]:
-    """A function is documented by a comment above it or above the group it stands in (no blank line between), or by
-    docs/c_api.md."""
-    guide = ROOT / "docs" / "c_api.md"
-    guide_text = guide.read_text() if guide.is_file() else ""
+    """Above every function stands a comment of its own that starts with a verb: "Adds ...", "Returns ..."."""
     problems = []
     for name, header in functions.items():
-        block = next(b for b in re.split(r"\n\s*\n", header.read_text()) if re.search(rf"\b{name}\s*\(", b))
-        above = block[: block.index(name)]
-        explained = "/*" in above or name in guide_text or name.endswith(_SPEAK_FOR_THEMSELVES)
-        if not explained:
-            problems.append(f"{relative(header)}: {name} has no comment")
+        text = header.read_text()
+        above = text[: re.search(rf"\bEFSI_API\b(?:(?!EFSI_API)[^;{{])*?\b{name}\s*\(", text).start()].rstrip()
+        if not (above.endswith("*/") and re.match(r"/\* [A-Z][a-z]*s ", above[above.rfind("/*") :])):
+            problems.append(f"{relative(header)}: {name} has no comment of its own that starts with a verb")
     return problems
 
 

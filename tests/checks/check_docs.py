@@ -1,8 +1,8 @@
 """The documents name things that are there.
 
-check_docs.py links      relative links of docs/, README.md and CHANGELOG.md lead to a file, and to a heading of it
-check_docs.py paths      source files and folders that docs/ and README.md name exist, and so do documents that the code
-                         names
+check_docs.py links      relative links of docs/ and of the documents of the root lead to a file, and to a heading of it
+check_docs.py paths      source files and folders that docs/, README.md and CONTRIBUTING.md name exist, and so do
+                         documents that the code names
 check_docs.py numerics   docs/numerics: a file is one screen and stands in the index; constants have the values of the
                          code; tests that guard a mechanism exist
 check_docs.py names      identifiers in backticks in docs/numerics, algorithm.md and notation.md occur in the code
@@ -66,7 +66,7 @@ def anchors(path: Path) -> set[str]:
 
 def links() -> None:
     problems, count = [], 0
-    for path in documents("README.md", "CHANGELOG.md"):
+    for path in documents("README.md", "CONTRIBUTING.md", "CHANGELOG.md"):
         for line, target in matches(LINK, without_code(path.read_text())):
             if re.match(r"[a-z]+:", target):
                 continue
@@ -88,7 +88,7 @@ def exists(name: str, document: Path) -> bool:
 
 def paths() -> None:
     problems, count = [], 0
-    for document in documents("README.md"):
+    for document in documents("README.md", "CONTRIBUTING.md"):
         patterns = [SOURCE_PATH] + ([FOLDER] if document == DOCS / "architecture.md" else [])
         text = document.read_text()
         for line, name in (found for pattern in patterns for found in matches(pattern, text)):

@@ -5,6 +5,7 @@ check_sources.py globals LIBRARY...   no mutable globals or function statics (sy
 check_sources.py threads              "#pragma omp parallel / for" only in base/parallel and base/team
 check_sources.py includes             a room includes only what stands above it in the table ROOMS, and tests/unit has
                                       no other folders; OpenVDB in two translation units
+check_sources.py packages             parts of the Python package eulerfsi import only those before them in PACKAGES
 check_sources.py lengths              functions of at most 70 lines
 check_sources.py words                no unfinished marks, no paths of one machine
 """
@@ -41,6 +42,9 @@ ROOMS = [
 ]
 ROW = {room: row for row, rooms in enumerate(ROOMS) for room in rooms}
 ONLY_USER = {"io": "capi"}
+# The parts of batch/eulerfsi. "": the modules that all share; SHOWN: those that only show what parts have.
+PACKAGES = ["", "solver", "scene", "cache", "run", "cli"]
+SHOWN = {"__main__.py", "simulate.py"}
 FORBIDDEN_CALLS = re.compile(
     r"\b(?:v?f?printf|puts|putchar|perror|exit|_exit|quick_exit|abort|getenv|setenv|rand|srand|clock|gettimeofday)\s*\("
     r"|\bstd::(?:cout|cerr|clog|random_device)\b|\b(?:system_clock|high_resolution_clock|clock_gettime)\b"
@@ -53,6 +57,7 @@ THREAD_HOMES = {"base/parallel", "base/team"}
 # Asking how many processors there are starts no thread, and an arena of one takes OpenVDB's away.
 THREADS = re.compile(r"\bstd::(?:thread\b(?!::)|jthread\b|async\b|atomic\b)|\btbb::(?!task_arena\(1\))")
 VDB_UNITS = 2
+PACKAGE = ROOT / "batch" / "eulerfsi"
 MAX_LINES = 70  # of a function
 
 
@@ -158,6 +163,34 @@ def refused(here: str, target: str) -> str | None:
     return None
 
 
+def packages() -> None:
+    problems = []
+    files = sorted(PACKAGE.rglob("*.py"))
+    if not files:
+        sys.exit(f"{PACKAGE}: no modules; the check would prove nothing")
+    for path in files:
+        parts = path.relative_to(PACKAGE).parts[:-1]
+        if (here := "/".join(parts)) not in PACKAGES:
+            problems.append(f"{relative(path)}: '{here}' is no part of the package")
+        elif parts or path.name not in SHOWN:
+            for line, there in imported(path.read_text(), parts):
+                if there in PACKAGES and PACKAGES.index(there) > PACKAGES.index(here):
+                    problems.append(
+                        f"{relative(path)}:{line}: '{here}' must not import '{there}', which comes after it"
+                    )
+    finish(problems, f"{len(files)} modules of {len(PACKAGES)} parts")
+
+
+def imported(text: str, parts: tuple[str, ...]) -> Iterator[tuple[int, str]]:
+    """The parts of the package that a module imports from, with the lines; parts: where the module lies."""
+    for line, content in numbered(text):
+        if not (match := re.match(r"\s*from (\.+)([\w.]*) import (.+)", content)):
+            continue
+        base = [*parts[: len(parts) + 1 - len(match.group(1))], *filter(None, match.group(2).split("."))]
+        for name in [base[0]] if base else re.findall(r"\w+", match.group(3)):
+            yield line, name if name in PACKAGES else ""
+
+
 def lengths() -> None:
     problems, longest = [], 0
     for path in sources():
@@ -225,7 +258,14 @@ def words() -> None:
 
 
 if __name__ == "__main__":
-    actions = {"globals": globals_, "threads": threads, "includes": includes, "lengths": lengths, "words": words}
+    actions = {
+        "globals": globals_,
+        "threads": threads,
+        "includes": includes,
+        "packages": packages,
+        "lengths": lengths,
+        "words": words,
+    }
     if len(sys.argv) < 2 or sys.argv[1] not in actions:
         sys.exit(__doc__)
     actions[sys.argv[1]](*sys.argv[2:])

@@ -30,7 +30,7 @@ class Run:
             if facts["false_edges"]
         }
         assert not torn, f"{scene}: edges that the largest stretch does not explain: {torn}"
-        assert "parts of it have exchanged points" not in (self.folder / "log").read_text()
+        assert "points of it have moved to another part" not in (self.folder / "log").read_text()
 
     def solid(self, path: str, frame: int) -> dict:
         """Diagnostics of a solid at the end of a frame."""

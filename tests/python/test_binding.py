@@ -101,6 +101,16 @@ def test_tokens_of_the_parameter_table_are_known_to_the_binding():
     assert set(rows["emitter"]["mode"].tokens) == set(binding.EMITTER_MODES)
 
 
+def test_public_names_are_where_the_package_says() -> None:
+    from eulerfsi import simulate as run
+    from eulerfsi import solver as public
+
+    assert {"Options", "Result", "load_scene", "simulate"} <= set(run.__all__)
+    assert public.Simulation is solver.Simulation and public.load_mesh is solver.load_mesh
+    with pytest.raises(AttributeError, match="no attribute 'Simulator'"):
+        _ = public.Simulator
+
+
 def test_version_is_the_packages(library):
     import eulerfsi
 

@@ -151,7 +151,7 @@ def test_faces_and_numbers_of_points_that_change_are_refused(rising: Path, cli) 
     stage.GetRootLayer().Save()
     result = cli("validate", rising)
     assert result.returncode != 0
-    text = f"{ROCK}.points = {count - 1} points at frame 5, {count} at frame 1: must be as many in all frames"
+    text = f"{ROCK}.points = {count - 1} points at frame 5, {count} at frame 1: must be the same number in all frames"
     assert text in result.stdout + result.stderr and "in rising.usda" in result.stdout + result.stderr
     mesh.GetPointsAttr().Set(rock_points(5), 5)
     mesh.GetFaceVertexCountsAttr().Clear()

@@ -121,11 +121,11 @@ def test_real_steps_are_few_and_a_long_one_is_not_begun(library, tmp_path, monke
     scene = read_scene(open_stage(tmp_path / "small.usda"), tmp_path / "small.usda")
     taken = estimate.try_steps(scene, 1, 0)
     assert 1 <= len(taken) <= 8 and all(t > 0 for t in taken)
-    assert "steps tried" in estimate.describe(estimate.plan_of(scene), taken, 1, 1e4)
+    assert "trial steps" in estimate.describe(estimate.plan_of(scene), taken, 1, 1e4)
     fine = dataclasses.replace(scene, domain={**scene.domain, "voxel_size": 1e-4})
     monkeypatch.setattr(estimate, "build_simulation", lambda *_: pytest.fail("would take minutes"))
     assert estimate.try_steps(fine, 1, 0) == []
-    assert "guessed from the number of cells" in estimate.describe(estimate.plan_of(fine), [], 1, 1e10)
+    assert "estimated from the number of cells" in estimate.describe(estimate.plan_of(fine), [], 1, 1e10)
 
 
 def test_time_runs_out_between_steps(library, tmp_path, monkeypatch):

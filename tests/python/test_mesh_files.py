@@ -138,14 +138,14 @@ def test_crash_of_a_reader_is_an_error_that_names_it(tmp_path):
     data = mesh_samples.dae()
     deep = data.replace(b'<node id="node">', b"<node>" * 1000000 + b"<node>").replace(b"</node>", b"</node>" * 1000001)
     (tmp_path / "deep.dae").write_bytes(deep)
-    assert "its reader crashed (Segmentation fault)" in refusal(tmp_path / "deep.dae", binding.ERROR_MESH)
+    assert "the process reading it crashed (Segmentation fault)" in refusal(tmp_path / "deep.dae", binding.ERROR_MESH)
 
 
 @pytest.mark.parametrize(
     ("number", "status", "text"),
     [
-        (signal.SIGKILL, binding.ERROR_MEMORY, "its reader was killed; the machine may be out of memory"),
-        (signal.SIGABRT, binding.ERROR_MESH, "its reader crashed (Aborted)"),
+        (signal.SIGKILL, binding.ERROR_MEMORY, "the process reading it was killed; the machine may be out of memory"),
+        (signal.SIGABRT, binding.ERROR_MESH, "the process reading it crashed (Aborted)"),
     ],
 )
 def test_reader_that_is_killed_is_an_error(endless, number, status, text):

@@ -73,16 +73,16 @@ def made_folder(folder: Path) -> Path:
 CASES = {
     "missing": (lambda d: d / "bad.usda", ["bad.usda: no such file"]),
     "folder": (made_folder, ["bad.usda: is a folder"]),
-    "empty": (lambda d: written(d, "bad.usda", ""), ["bad.usda: cannot be opened as USD: it is no USD layer"]),
-    "rubbish usda": (lambda d: written(d, "bad.usda", RUBBISH), ["it is no USD layer"]),
+    "empty": (lambda d: written(d, "bad.usda", ""), ["bad.usda: cannot be opened as USD: it is not a USD layer"]),
+    "rubbish usda": (lambda d: written(d, "bad.usda", RUBBISH), ["it is not a USD layer"]),
     "rubbish usdc": (lambda d: written(d, "bad.usdc", RUBBISH), ["bad.usdc: cannot be opened as USD"]),
-    "rubbish usdz": (lambda d: written(d, "bad.usdz", RUBBISH), ["it is no USD layer"]),
+    "rubbish usdz": (lambda d: written(d, "bad.usdz", RUBBISH), ["it is not a USD layer"]),
     "syntax": (
         lambda d: written(d, "bad.usda", text_of(d).replace("def Mesh", "def Mesh ???", 1)),
         ["bad.usda: cannot be opened as USD: line ", "Expected }"],
     ),
     "truncated": (lambda d: written(d, "bad.usda", text_of(d)[:3000]), ["line ", "a syntax error (ListValueClose)"]),
-    "no text": (lambda d: written(d, "bad.usda", text_of(d).encode().replace(b"Ball", b"B\xff\xfe")), ["no text"]),
+    "no text": (lambda d: written(d, "bad.usda", text_of(d).encode().replace(b"Ball", b"B\xff\xfe")), ["not text"]),
     "future version": (lambda d: written(d, "bad.usda", text_of(d).replace("usda 1.0", "usda 9.0")), ["'9.0'"]),
     "broken sublayer": (
         lambda d: (written(d, "broken.usda", "#usda 1.0\ndef ???"), arc(d, "sublayer", "./broken.usda"))[1],
@@ -94,13 +94,16 @@ CASES = {
     ),
     "no mesh file": (lambda d: surface(d, "none.obj", None), ["/World/Ball", "surfaceFile", "none.obj"]),
     "empty mesh file": (lambda d: surface(d, "m.obj", ""), ["/World/Ball: eulerfsi:surfaceFile = ./m.obj: not a read"]),
-    "rubbish obj": (lambda d: surface(d, "m.obj", RUBBISH), ["./m.obj: not a readable .obj file: it holds no mesh"]),
-    "rubbish stl": (lambda d: surface(d, "m.stl", RUBBISH), ["./m.stl: not a readable .stl file: it is no STL file"]),
+    "rubbish obj": (lambda d: surface(d, "m.obj", RUBBISH), ["./m.obj: not a readable .obj file: it contains no mesh"]),
+    "rubbish stl": (
+        lambda d: surface(d, "m.stl", RUBBISH),
+        ["./m.stl: not a readable .stl file: it is not an STL file"],
+    ),
     "broken gltf": (
         lambda d: surface(d, "m.gltf", '{"asset":'),
         ["./m.gltf: not a readable .gltf file: it is damaged"],
     ),
-    "no faces": (lambda d: surface(d, "m.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n"), ["./m.obj", "it holds no faces"]),
+    "no faces": (lambda d: surface(d, "m.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n"), ["./m.obj", "it contains no faces"]),
     "nan in mesh file": (
         lambda d: surface(d, "m.obj", "v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
         ["./m.obj: point 0", "not finite"],
@@ -134,7 +137,7 @@ def test_bad_file_is_one_clean_line(shown, tmp_path, case, command):
     code, out, err = shown(command, file)
     assert code == 3, out + err
     if (case, command) == ("folder", "info"):
-        words = ("is no cache of eulerfsi: it holds no manifest.json",)
+        words = ("is not a cache of eulerfsi: it has no manifest.json",)
     assert out == "" and len(err.splitlines()) == 1 and err.startswith("error: "), err
     for word in words:
         assert word in err, err
@@ -187,8 +190,8 @@ def test_mesh_file_in_place_of_a_scene_says_new_in_a_line_that_works(shown, tmp_
     write_obj(tmp_path / "my ball.obj")
     monkeypatch.setenv("EULERFSI_COMMAND", "./eulerfsi")
     code, _, err = shown(command, "my ball.obj")
-    assert code == 3 and "my ball.obj: is no USD file" in err
-    words = shlex.split(err.rstrip().rpartition(" make a scene of it: ")[2])
+    assert code == 3 and "my ball.obj: is not a USD file" in err
+    words = shlex.split(err.rstrip().rpartition(" to make a scene from a mesh file: ")[2])
     assert words == ["./eulerfsi", "new", "my ball.usda", "--solid", "my ball.obj"]
     assert shown(*words[1:])[0] == 0
     assert "'my ball2.usda'" in shown(command, "my ball.obj")[2]  # a name that is free

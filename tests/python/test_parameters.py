@@ -108,7 +108,7 @@ int main() {
 @pytest.mark.skipif(shutil.which("c++") is None, reason="no C++ compiler")
 def test_cpp_table_compiles_and_holds_the_values_of_the_table(tmp_path: Path) -> None:
     (tmp_path / "rows.cpp").write_text(PROGRAM, encoding="utf-8")
-    folders = [ROOT / "libeulerfsi" / "include", ROOT / "libeulerfsi" / "src" / "sim"]
+    folders = [ROOT / "libeulerfsi" / "include", ROOT / "libeulerfsi" / "src" / "frame"]
     flags = [*(f"-I{folder}" for folder in folders), "-std=c++20", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]
     command = ["c++", *flags, str(tmp_path / "rows.cpp"), "-o", str(tmp_path / "rows")]
     built = subprocess.run(command, capture_output=True, text=True, check=False)

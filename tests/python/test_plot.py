@@ -108,7 +108,7 @@ def test_svg_and_pdf(cache, tmp_path):
 def test_what_is_refused(cache, tmp_path):
     with pytest.raises(UsageError, match=r"a\.gif: must end with one of \.png, \.svg, \.pdf"):
         plot("step", cache, tmp_path / "a.gif")
-    with pytest.raises(SceneError, match=r"is no cache of eulerfsi: it holds no manifest\.json"):
+    with pytest.raises(SceneError, match=r"is not a cache of eulerfsi: it has no manifest\.json"):
         plot("step", tmp_path, None)
     with pytest.raises(SceneError, match=r"none: no such folder"):
         plot("step", tmp_path / "none", None)
@@ -119,6 +119,6 @@ def test_what_is_refused(cache, tmp_path):
     with pytest.raises(CacheIOError, match=r"stats\.jsonl: line 1: is damaged"):
         plot("step", broken, tmp_path / "a.png")
     (broken / "stats.jsonl").write_text("")
-    with pytest.raises(CacheIOError, match=r"stats\.jsonl: holds no step"):
+    with pytest.raises(CacheIOError, match=r"stats\.jsonl: contains no step"):
         plot("step", broken, tmp_path / "a.png")
     assert not (tmp_path / "a.png").exists()

@@ -220,13 +220,13 @@ def test_validate_and_info_say_what_rides_on_what(tmp_path: Path, cli) -> None:
     for line in (
         f"{BODY}: collider, 224 triangles, friction 0, moves and deforms",
         f"{BODY}/Hat: follows the surface of {BODY}, 62 points",
-        "/World/Ball/Eye: rides along with /World/Ball, 62 points",
+        "/World/Ball/Eye: follows /World/Ball, 62 points",
     ):
         assert line in checked.splitlines()
     for number in range(9):
         add_mesh(stage, f"/World/Ball/Freckle{number}", *sphere(0.01, 3))
     stage.GetRootLayer().Save()
-    many = "/World/Ball/Eye and 9 more: each rides along with /World/Ball, 188 points in all"
+    many = "/World/Ball/Eye and 9 more: each follows /World/Ball, 188 points in all"
     assert many in cli("validate", tmp_path / "body.usda").stdout.splitlines()
     told = [" ".join(line.split()) for line in cli("info", tmp_path / "cache").stdout.splitlines()]
     at = told.index(f"{BODY}: collider")
@@ -264,8 +264,8 @@ def test_what_has_no_points_is_left_behind_with_a_warning(tmp_path: Path, librar
     stage.GetPrimAtPath("/World/Ball").GetRelationship("eulerfsi:pins").SetTargets(["/World/Ball/Hand"])
     assert [code for code, _ in issues(stage)] == ["LeftBehind"] * 2
     found = [message for _, message in issues(stage)]
-    assert found[0].startswith("/World/Ball: does not take along /World/Ball/Beads: only a Mesh, curves and Points")
-    assert found[1].startswith(f"{BODY}: does not take along {BODY}/Button")
+    assert found[0].startswith("/World/Ball: does not carry /World/Ball/Beads: only a Mesh, curves and Points")
+    assert found[1].startswith(f"{BODY}: does not carry {BODY}/Button")
     stage.GetPrimAtPath(BODY).GetAttribute("points").Clear()  # what does not deform takes along by its transform
     stage.GetPrimAtPath(BODY).GetAttribute("points").Set(body_points(1))
     assert len(issues(stage)) == 1
@@ -279,7 +279,7 @@ def test_an_instance_below_a_collider_that_deforms_is_refused(tmp_path: Path, li
     hat.SetInstanceable(True)
     [(code, message)] = issues(stage)
     assert code == "InstancePassenger"
-    wanted = f"{BODY}/Hat.instanceable = true: must be false: {BODY}/Hat/Brim inside it is carried, and given its own"
+    wanted = f"{BODY}/Hat.instanceable = true: must be false: {BODY}/Hat/Brim inside it is carried and needs its own"
     assert message.startswith(wanted)
     hat.SetInstanceable(False)
     assert issues(stage) == []

@@ -400,7 +400,7 @@ def test_a_schema_on_a_prim_that_nothing_defines_is_warned_of(cli, tmp_path):
     assert told.returncode == 0
     warnings = [line for line in told.stdout.splitlines() if line.startswith("warning")]
     assert len(warnings) == 1
-    assert "/World/Bal.specifier = an over with EulerFsiSolidAPI: must be defined: it takes no part" in warnings[0]
+    assert "/World/Bal.specifier = an over with EulerFsiSolidAPI: must be defined; it is ignored" in warnings[0]
 
 
 def test_a_schema_below_an_instance_is_warned_of(cli, tmp_path):

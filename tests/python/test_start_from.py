@@ -73,9 +73,11 @@ def test_solids_go_on_in_another_scene(fallen: Path, tmp_path: Path, frame: int 
 
 def test_what_cannot_be_taken_over_is_refused(fallen: Path, tmp_path: Path) -> None:
     cache, scene = fallen / "cache", alone(tmp_path / "alone.usda")
-    with pytest.raises(UsageError, match=r"--start-from nowhere: nowhere holds no cache"):
+    with pytest.raises(UsageError, match=r"--start-from nowhere: nowhere contains no cache"):
         run(scene, tmp_path / "c", start_from="nowhere")
-    with pytest.raises(UsageError, match=r"holds no checkpoint of frame 7; it has those of frames: 11 and 13\. A run"):
+    with pytest.raises(
+        UsageError, match=r"contains no checkpoint of frame 7; it has those of frames: 11 and 13\. A run"
+    ):
         run(scene, tmp_path / "c", start_from=f"{cache}:7")
     with pytest.raises(SceneError, match=r"alone.usda: --start-from .*voxel_size = 0.05: must be 0.06"):
         run(scene, tmp_path / "c", start_from=str(cache), settings=("/World/Domain.voxelSize=0.05",))
@@ -90,11 +92,11 @@ def test_what_cannot_be_taken_over_is_refused(fallen: Path, tmp_path: Path) -> N
 def test_a_cache_is_continued_only_from_its_own_start(fallen: Path, tmp_path: Path) -> None:
     scene, text = alone(tmp_path / "alone.usda"), str(fallen / "cache")
     run(scene, tmp_path / "c", start_from=text, frames="5-8")
-    with pytest.raises(UsageError, match=r"cannot resume, it was begun from frame 13 of another cache"):
+    with pytest.raises(UsageError, match=r"cannot resume, it was started from frame 13 of another cache"):
         run(scene, tmp_path / "c", start_from=f"{text}:11", resume=True)
     for checkpoint in (tmp_path / "c/checkpoints").iterdir():
         checkpoint.unlink()
-    with pytest.raises(UsageError, match=r"begun from frame 13 of another cache: give the same option"):
+    with pytest.raises(UsageError, match=r"started from frame 13 of another cache: give the same option"):
         run(scene, tmp_path / "c", resume=True)
     run(scene, tmp_path / "c", resume=True, start_from=text, frames="5-8")
 

@@ -69,7 +69,7 @@ def check_scene(stage: Usd.Stage) -> list[Issue]:
         domain = prims["domain"][0]
         if read(domain, "eulerfsi:ambientFluid") is False:
             for prim in prims["emitter"]:
-                hint = f"{domain.GetPath()}.eulerfsi:ambientFluid is off: nothing carries the smoke"
+                hint = f"{domain.GetPath()}.eulerfsi:ambientFluid is off: smoke needs a fluid"
                 issue = make_issue(prim, "eulerfsi:enabled", True, "false", "NoFluid", hint, severity="warning")
                 issues.append(issue)
         issues += _check_outflow(domain, prims["emitter"])
@@ -85,8 +85,8 @@ def _check_defined(stage: Usd.Stage) -> list[Issue]:
     for prim in Usd.PrimRange.Stage(stage, Usd.PrimAllPrimsPredicate):
         scopes = scopes_of(prim) if prim.IsActive() and not prim.IsDefined() and not prim.IsAbstract() else ()
         for scope in scopes:
-            value, limit = f"an over with {API_SCHEMAS[scope]}", "defined: it takes no part in the simulation"
-            hint = "look at its path, and at what the prims above it refer to"
+            value, limit = f"an over with {API_SCHEMAS[scope]}", "defined; it is ignored by the simulation"
+            hint = "check its path and the references of the prims above it"
             issues.append(make_issue(prim, "specifier", value, limit, "UndefinedPrim", hint, severity="warning"))
     return issues
 
@@ -118,7 +118,7 @@ def _check_outflow(domain: Usd.Prim, emitters: list[Usd.Prim]) -> list[Issue]:
     if "open" in walls or read(domain, "eulerfsi:ambientFluid") is False:
         return []
     limit = f"false, or one of the walls of {domain.GetPath()} open"
-    hint = "the box has no open side: the jet makes no volume and moves the fluid as a fan does"
+    hint = "the box has no open side: the jet adds no volume and acts as a fan"
     return [
         make_issue(prim, "eulerfsi:emitVelocity", True, limit, "ClosedJet", hint, severity="warning")
         for prim in emitters
@@ -206,7 +206,7 @@ def check_values(prim: Usd.Prim, scope: str) -> list[Issue]:
                 issues.append(make_issue(prim, name, attribute.Get(time), limit, code))
                 break
         if attribute.GetNumTimeSamples() > 1 and not counts:
-            hint = "only the value at the first time code counts"
+            hint = "only the value at the first time code is used"
             number = f"{attribute.GetNumTimeSamples()} time samples"
             issues.append(make_issue(prim, name, number, "constant", "Animated", hint, severity="warning"))
     return issues

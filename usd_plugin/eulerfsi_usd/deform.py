@@ -114,7 +114,7 @@ def _check_frame(
     authored = UsdGeom.Mesh(prim).GetPointsAttr().Get(frame)
     if len(authored or ()) != count:  # looked at first: no skinning fits another number
         value = f"{len(authored or ())} points at frame {frame:g}, {count} at frame {first:g}"
-        limit = "as many in all frames: the points of a collider may move, their number may not change"
+        limit = "the same number in all frames: the points of a collider may move, their number may not change"
         return _named(prim, "points", value, limit, "ChangingCollider")
     try:
         points = pose.points(Usd.TimeCode(frame))

@@ -55,13 +55,13 @@ def _check_same_mesh(prim: Usd.Prim) -> list[Issue]:
     mesh = UsdGeom.Mesh(prim)
     skeleton = Pose(prim, True).skeleton
     if skeleton:
-        limit = "none: the volume of a pin is moved by transforms only"
+        limit = "none: the volume of a pin is animated by transforms only"
         return [make_issue(prim, "skel:skeleton", skeleton, limit, "DeformingPin")]
     changed = first_change(
         prim, (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr(), mesh.GetPointsAttr())
     )
     if changed:
-        limit = "the same in all frames: the volume of a pin is moved by transforms only"
+        limit = "the same in all frames: the volume of a pin is animated by transforms only"
         return [make_issue(prim, *changed, limit, "ChangingPin")]
     return []
 
@@ -129,5 +129,5 @@ def _check_primvar(solid: Usd.Prim) -> list[Issue]:
         return [make_issue(solid, PIN_PRIMVAR, "at most 0.5 everywhere", "above 0.5 at a vertex", "EmptyPins")]
     if primvar.ValueMightBeTimeVarying():
         number = f"{primvar.GetAttr().GetNumTimeSamples()} time samples"
-        return [make_issue(solid, PIN_PRIMVAR, number, "constant: what is held may not be animated", "Animated")]
+        return [make_issue(solid, PIN_PRIMVAR, number, "constant: the pinned vertices may not be animated", "Animated")]
     return []

@@ -79,7 +79,7 @@ def check_passengers(solids: list[Usd.Prim], colliders: list[Usd.Prim]) -> list[
         issues += _check_left_behind(body, body in solids)
         for prim in carried:
             if carriers.get(prim, body) != body:
-                limit = f"carried by one body only: {carriers[prim].GetPath()} carries it already"
+                limit = f"carried by one body only; {carriers[prim].GetPath()} carries it already"
                 issues.append(make_issue(body, CARRIED, prim.GetPath(), limit, "ManyCarriers"))
             carriers.setdefault(prim, body)
             issues += _check_points(prim) + check_scale(prim) + _check_own_animation(prim, body)
@@ -93,9 +93,7 @@ def _check_left_behind(body: Usd.Prim, is_solid: bool) -> list[Issue]:
     if not left or not (is_solid or points_move(body)):
         return []
     value = ", ".join(left[:3]) + (f" and {len(left) - 3} more" if len(left) > 3 else "")
-    message = (
-        f"{body.GetPath()}: does not take along {value}: only a Mesh, curves and Points have points that can follow"
-    )
+    message = f"{body.GetPath()}: does not carry {value}: only a Mesh, curves and Points have points that can follow"
     limit = "a Mesh, curves or Points"
     return [Issue(left[0], "typeName", value, limit, message, "warning", "LeftBehind")]
 
@@ -121,7 +119,7 @@ def _check_target(solid: Usd.Prim, target: Sdf.Path) -> list[Issue]:
 
 def _check_points(prim: Usd.Prim) -> list[Issue]:
     if prim.IsInstanceProxy():
-        limit = f"false: {prim.GetPath()} inside it is carried, and given its own points"
+        limit = f"false: {prim.GetPath()} inside it is carried and needs its own points"
         return [make_issue(instance_above(prim), "instanceable", True, limit, "InstancePassenger")]
     points = UsdGeom.PointBased(prim).GetPointsAttr().Get(first_time(prim.GetStage()))
     points = np.asarray(points if points is not None else (), float).reshape(-1, 3)

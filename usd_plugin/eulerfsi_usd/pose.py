@@ -60,11 +60,11 @@ class Pose:
                 kind = parent.GetTypeName() or "prim without a type"
                 return f"{parent.GetPath()}, between it and its SkelRoot, is a {kind}; make it an Xform or a Scope"
             if parent.IsA(UsdGeom.Gprim):
-                return f"{parent.GetPath()}, above it, is a {parent.GetTypeName()}; USD skins nothing below one"
+                return f"{parent.GetPath()}, above it, is a {parent.GetTypeName()}; USD applies no skinning below one"
             parent = parent.GetParent()
         if not UsdSkel.BindingAPI(self.prim).GetInheritedSkeleton():
             return "no skel:skeleton is bound to it or above it"
-        return "USD does not take them"
+        return "USD does not apply them"
 
     def points(self, time: Usd.TimeCode) -> np.ndarray:
         """(n, 3) float64 in the prim's local space. Raises PoseError."""
@@ -94,7 +94,7 @@ class Pose:
         fractions, shape, subshape = shapes.ComputeSubShapeWeights(weights)
         indices, offsets = shapes.ComputeBlendShapePointIndices(), shapes.ComputeSubShapePointOffsets()
         if not shapes.ComputeDeformedPoints(fractions, shape, subshape, indices, offsets, points):
-            raise PoseError(f"the blend shapes do not fit its {len(points)} points")
+            raise PoseError(f"the blend shapes do not match its {len(points)} points")
 
     def _skin(self, points: object, time: Usd.TimeCode) -> bool:
         """Moves points by the joints, in place, into the skeleton's space; False where no joint holds them."""
@@ -102,7 +102,7 @@ class Pose:
             return False
         transforms = self._skeleton.ComputeSkinningTransforms(time)
         if not transforms or not self._skinning.ComputeSkinnedPoints(transforms, points, time):
-            raise PoseError(f"the joints of {self.skeleton}, their weights and its {len(points)} points do not fit")
+            raise PoseError(f"the joints of {self.skeleton}, their weights and its {len(points)} points do not match")
         return True
 
     def _skeleton_to_local(self, time: Usd.TimeCode) -> np.ndarray:

@@ -29,7 +29,7 @@ def check_surface(prim: Usd.Prim) -> list[Issue]:
         limit = "a file that exists"
         return [make_issue(prim, "eulerfsi:surfaceFile", asset, limit, "MissingFile")] if missing else []
     if not prim.IsA(UsdGeom.Mesh):
-        limit = "the path of a mesh file, because the prim is no Mesh"
+        limit = "the path of a mesh file, because the prim is not a Mesh"
         return [make_issue(prim, "eulerfsi:surfaceFile", None, limit, "MissingMesh")]
     try:
         points, counts, indices = mesh_arrays(prim)
@@ -111,7 +111,7 @@ def check_skinning(prim: Usd.Prim) -> list[Issue]:
     if not reason:
         return []
     limit = "a skinning that USD applies"
-    message = f"{prim.GetPath()}: is not skinned, its joint weights or blend shapes do nothing: {reason}"
+    message = f"{prim.GetPath()}: is not skinned, its joint weights or blend shapes have no effect: {reason}"
     return [Issue(str(prim.GetPath()), "skel:skeleton", reason, limit, message, "warning", "IdleSkinning")]
 
 
@@ -121,7 +121,7 @@ def check_animation(prim: Usd.Prim, scope: str) -> list[Issue]:
     after = -math.inf if time.IsEarliestTime() else time.GetValue()
     if scope == "solid":
         drivers = Pose(prim, prim.IsA(UsdGeom.Mesh) and not surface_file(prim)).drivers(after)
-        effect = "it starts from that pose and motion at frame {}; the animation after it does not act"
+        effect = "it starts from that pose and motion at frame {}; later animation is ignored"
     else:
         drivers = Pose(prim, True).drivers(after) if prim.IsA(UsdGeom.Mesh) else transform_drivers(prim, after)
         drivers += [f"its {name}" for name in dimensions(prim) if prim.GetAttribute(name).ValueMightBeTimeVarying()]

@@ -71,7 +71,7 @@ class Cache:
             for name in ("frames", "checkpoints", *(("vdb",) if self.scene.has_smoke else ())):
                 (self.folder / name).mkdir(exist_ok=True)
         except OSError as error:
-            raise CacheIOError(f"{self.folder}: cannot be made: {error.strerror}") from error
+            raise CacheIOError(f"{self.folder}: cannot be created: {error.strerror}") from error
         copy = localize_scene(self.scene.path, self.folder / "scene")
         self.writer.write_manifest_layer()
         self.manifest.data["scene_copy"] = copy.relative_to(self.folder).as_posix()
@@ -180,11 +180,13 @@ def prepare(folder: Path, overwrite: bool, resume: bool) -> str:
         if resume:
             return "resume"
         if not overwrite:
-            raise UsageError(f"{folder}: holds a cache already; continue with --resume or replace it with --overwrite")
+            raise UsageError(
+                f"{folder}: already contains a cache; continue it with --resume or replace it with --overwrite"
+            )
         Manifest.load(folder)  # only a folder that is ours is ever replaced
         return "new"
     if folder.is_dir() and any(path.name != LOCK for path in folder.iterdir()):
-        raise UsageError(f"{folder}: is not empty and holds no cache; choose another folder with -o")
+        raise UsageError(f"{folder}: is not empty and contains no cache; choose another folder with -o")
     return "new"
 
 

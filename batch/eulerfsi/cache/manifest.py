@@ -40,7 +40,7 @@ class Manifest:
         try:
             data = json.loads(path.read_text(encoding="utf-8"))
         except (FileNotFoundError, NotADirectoryError) as error:
-            reason = f"is no cache of eulerfsi: it holds no {FILE_NAME}" if folder.is_dir() else "no such folder"
+            reason = f"is not a cache of eulerfsi: it has no {FILE_NAME}" if folder.is_dir() else "no such folder"
             raise SceneError(f"{folder}: {reason}") from error
         except OSError as error:
             raise CacheIOError(f"{path}: {error.strerror}") from error
@@ -92,7 +92,7 @@ class Manifest:
             f"the {name} was {self.data[key]:g}, is {now:g}" for key, name, now in starts if self.data[key] != now
         ]
         what = "; ".join(changes[:5]) or "a mesh"
-        raise SceneError(f"{self.folder}: cannot resume, the scene has changed since the cache was begun: {what}")
+        raise SceneError(f"{self.folder}: cannot resume, the scene has changed since the cache was started: {what}")
 
     def check_same_start(self, start: dict[str, Any] | None) -> None:
         """Raises UsageError for another `--start-from` than the cache's, and none where the run must begin again."""
@@ -100,7 +100,7 @@ class Manifest:
         if start == before or (start is None and self.usable_checkpoint()):
             return
         was = f"from frame {before['frame']} of another cache" if before else "without --start-from"
-        raise UsageError(f"{self.folder}: cannot resume, it was begun {was}: give the same option")
+        raise UsageError(f"{self.folder}: cannot resume, it was started {was}: give the same option")
 
     def damaged_files(self, frame: int) -> list[str]:
         """Files of a frame that are missing or differ from what was written."""

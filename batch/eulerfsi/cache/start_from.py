@@ -37,7 +37,7 @@ def find_start(text: str) -> Start:
     if not folder.is_dir() and (match := re.fullmatch(r"(.+):(-?\d+)", text)):
         folder, frame = Path(match[1]), int(match[2])
     if not (folder / FILE_NAME).is_file():
-        raise UsageError(f"--start-from {text}: {folder} holds no cache")
+        raise UsageError(f"--start-from {text}: {folder} contains no cache")
     manifest = Manifest.load(folder)
     first, fps = manifest.data["first"], manifest.data["fps"]
     # One that a signal has left may lie between two frames.
@@ -46,9 +46,9 @@ def find_start(text: str) -> Start:
     if not found:
         there = " and ".join(str(c["frame"]) for c in whole) or "none"
         raise UsageError(
-            f"--start-from {text}: {folder} holds no checkpoint{'' if frame is None else f' of frame {frame}'}; it has "
-            f"those of frames: {there}. A run keeps the last two, of every tenth frame and of its last: "
-            "simulate it with --frames up to the frame that you want"
+            f"--start-from {text}: {folder} contains no checkpoint{'' if frame is None else f' of frame {frame}'}; it "
+            f"has those of frames: {there}. A run keeps the last two, of every tenth frame and of its last: "
+            "simulate it with --frames up to the wanted frame"
         )
     path = folder / found[-1]["file"]
     if not path.is_file() or files.digest(path) != found[-1]["sha256"]:

@@ -45,13 +45,13 @@ def build_parser() -> argparse.ArgumentParser:
     simulate.add_argument(
         "--start-from",
         metavar="CACHE[:FRAME]",
-        help="the same solids start as they are in that frame of another cache, by default its last",
+        help="initial solids: those of that frame of another cache, by default its last",
     )
     group = simulate.add_mutually_exclusive_group()
-    group.add_argument("--overwrite", action="store_true", help="replace the cache that the folder holds")
+    group.add_argument("--overwrite", action="store_true", help="replace an existing cache in the folder")
     group.add_argument("--resume", action="store_true", help="continue the cache at its latest checkpoint")
 
-    validate = add("validate", "Check a scene: schema, meshes, memory, and how long a run takes by a few steps.")
+    validate = add("validate", "Check a scene: schema, meshes, memory; estimate the run time from a few steps.")
     validate.add_argument("scene", type=Path, metavar="SCENE")
     _scene_options(validate)
 
@@ -65,7 +65,7 @@ def build_parser() -> argparse.ArgumentParser:
         "-o", "--output", type=Path, metavar="FILE", help="png, svg or pdf; default: ./<cache>_<kind>.png"
     )
 
-    new = add("new", "Write a ready scene around mesh files.")
+    new = add("new", "Write a complete scene around mesh files.")
     new.add_argument("scene", type=Path, metavar="SCENE.usda")
     formats = f"mesh file, named as one of: {', '.join(mesh_file.FORMATS)}; may be repeated"
     new.add_argument("--solid", type=Path, action="append", required=True, metavar="FILE", help=formats)
@@ -76,7 +76,7 @@ def build_parser() -> argparse.ArgumentParser:
     bench.add_argument("rest", nargs=argparse.REMAINDER, help="options of the benchmark; --help lists them")
 
     test = add("test", "Run the tests (in a checkout).")
-    slow = "those that take long instead: double precision, slow laws, whole scenes"
+    slow = "the slow tests instead: double precision, slow laws, whole scenes"
     test.add_argument("--slow", action="store_true", help=slow)
     return parser
 
@@ -165,7 +165,7 @@ def _simulate(options: argparse.Namespace) -> int:
     result = simulate(options.scene, wanted)
     if options.progress != "json":
         if result.nothing_to_do:
-            say("all frames are there already", sys.stdout)
+            say("all frames exist already", sys.stdout)
         say(f"cache:   {result.folder}", sys.stdout)
         say(
             f"open:    {result.root} (in Blender: File > Import > Universal Scene Description; usdview; Houdini; ...)",

@@ -31,7 +31,7 @@ class Statistics:
         self.frames = [line for line in lines if line.get("event") == "frame"]
         if not self.steps:
             raise CacheIOError(
-                f"{folder / stats_file.NAME}: holds no step: must be of a run that has simulated at least one frame"
+                f"{folder / stats_file.NAME}: contains no step: the run must have simulated at least one frame"
             )
 
     @property
@@ -138,9 +138,7 @@ def _time(statistics: Statistics, axes: Axes) -> None:
 
 def _demand_solids(statistics: Statistics) -> list[str]:
     if not statistics.solids:
-        raise UsageError(
-            f"{statistics.manifest.folder}: the scene has no solid: must have one for a plot of its volume"
-        )
+        raise UsageError(f"{statistics.manifest.folder}: the scene has no solid, whose volume could be plotted")
     return statistics.solids
 
 

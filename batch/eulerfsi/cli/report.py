@@ -71,7 +71,7 @@ def describe_scene(scene: Scene) -> list[str]:
         mode = next(name for name, number in binding.EMITTER_MODES.items() if number == emitter.values["mode"])
         text = f"{emitter.path}: {mode} emitter, smoke density {emitter.over_time('density').max():g}"
         if emitter.values["has_velocity"]:
-            text += f", blows at {np.linalg.norm(emitter.over_time('velocity'), axis=-1).max():.4g} m/s"
+            text += f", velocity {np.linalg.norm(emitter.over_time('velocity'), axis=-1).max():.4g} m/s"
         lines.append(text + (f", {len(emitter.keys)} keys" if emitter.keys else ""))
     for force in scene.forces:
         kind, on = (
@@ -87,8 +87,8 @@ def _describe_given(scene: Scene) -> list[str]:
     """Pins, colliders, and what rides along."""
     lines = []
     for pin in scene.pins:
-        where = f"{int(pin.vertices.sum()):,} vertices" if pin.vertices is not None else f"what lies in {pin.path}"
-        driver = f"follows {pin.motion.driver}" if pin.motion.moves else "stays where it starts"
+        where = f"{int(pin.vertices.sum()):,} vertices" if pin.vertices is not None else f"the material in {pin.path}"
+        driver = f"follows {pin.motion.driver}" if pin.motion.moves else "fixed where it starts"
         lines.append(f"{pin.solid}: pinned, {where}, {driver}")
     for collider in scene.colliders:
         ways = ["moves"] * collider.motion.moves + ["deforms"] * (collider.shape is not None)
@@ -96,7 +96,7 @@ def _describe_given(scene: Scene) -> list[str]:
             f"{collider.path}: collider, {collider.report['triangles']:,} triangles, "
             f"friction {collider.values['friction']:g}, {' and '.join(ways) or 'stands still'}"
         )
-    ways = [(part, f"rides along with {part.solid}") for part in scene.passengers]
+    ways = [(part, f"follows {part.solid}") for part in scene.passengers]
     ways += [(part, f"follows the surface of {part.collider}") for part in scene.riders]
     for way in dict.fromkeys(way for _, way in ways):
         parts = [part for part, its in ways if its == way]

@@ -234,7 +234,7 @@ def describe(plan: Plan, taken: Sequence[float], threads: int, cells: float) -> 
     per_step = statistics.median(usual) if usual else cells * SECONDS_PER_CELL_STEP * 2 / threads
     low, high = seconds(plan, per_step)
     fewest, most = steps(plan)
-    how = f"by {len(taken)} steps tried" if taken else "guessed from the number of cells"
+    how = f"from {len(taken)} trial steps" if taken else "estimated from the number of cells"
     count = f"{fewest:,.0f} to {most:,.0f}" if most > 1.1 * fewest else f"{most:,.0f}"
     return (
         f"time: about {_duration(math.sqrt(low * high))} ({_duration(low)} to {_duration(high)}) for {plan.frames} "

@@ -194,7 +194,9 @@ class Run:
             self.cache.add_stats({"event": "stopped", "frame": frame, "time": now, "contacts": part})
             self.cache.save_checkpoint(frame - 1, self.simulation)
         else:
-            self.log.info(f"frame {frame}: stopped in its first steps; a resumed run takes up an earlier checkpoint")
+            self.log.info(
+                f"frame {frame}: stopped in its first steps; a resumed run continues from an earlier checkpoint"
+            )
 
     def _finish_frame(self, frame: int, seconds: float) -> None:
         solids = {solid.part.path: self.simulation.solid_diagnostics(solid.id) for solid in self.build.solids}
@@ -220,8 +222,8 @@ class Run:
             if path not in known:
                 self.log.warning(
                     f"{path}: frame {frame}: by {self.simulation.time:.4g} s it has left the box through "
-                    f"{_way_out(self.scene, facts)}: it takes no further part, and is invisible from this frame on; a "
-                    "larger domain keeps it"
+                    f"{_way_out(self.scene, facts)}: it is no longer simulated and is invisible from this frame on; "
+                    "a larger domain keeps it"
                 )
 
     def _look_at_meshes(self, frame: int, solids: dict[str, dict[str, Any]]) -> None:
@@ -231,8 +233,8 @@ class Run:
                 self.warned.add(path)
                 self.log.warning(
                     f"{path}: frame {frame}: {facts['false_edges']} edges of the mesh are longer than 4 times what "
-                    f"the largest stretch of the solid ({facts['max_stretch']:.3g}) explains: parts of it have "
-                    f"exchanged points; {stats_file.NAME} counts them in every frame"
+                    f"the largest stretch of the solid ({facts['max_stretch']:.3g}) explains: points of it have "
+                    f"moved to another part; {stats_file.NAME} counts them in every frame"
                 )
 
     def _look_at_jets(self, frame: int) -> None:
@@ -245,8 +247,8 @@ class Run:
             if steady and brought.get(path) == 0.0 and path not in self.warned:
                 self.warned.add(path)
                 self.log.warning(
-                    f"{path}: frame {frame}: the emitter blows but brings no fluid in: no place in it is free of "
-                    "solids and colliders"
+                    f"{path}: frame {frame}: the emitter has a velocity but adds no fluid: no part of its region "
+                    "is free of solids and colliders"
                 )
 
     def _leave(self, status: str) -> None:

@@ -32,7 +32,7 @@ def read_solid(reader: Reader, space: SimulationSpace, prim: Usd.Prim) -> Solid:
     if prim.IsInstanceProxy():
         instance = instance_above(prim).GetPath()
         raise SceneError(
-            f"{path}: a solid inside an instance cannot be given its own points; set instanceable = false on {instance}"
+            f"{path}: a solid inside an instance cannot have its own points; set instanceable = false on {instance}"
         )
     local, file, pose = _surface(reader, prim)
     to_sim = space.from_local(reader.local_to_world(prim))
@@ -274,7 +274,7 @@ def _describe_start(reader: Reader, pose: Pose, animated: tuple[np.ndarray, np.n
         return ""
     text = f"starts from its pose at frame {reader.time.GetValue():g} ({', '.join(sources)})"
     if pose.drivers() and not any(motion.any() for motion in animated):
-        return f"{text}, where its animation gives it no motion"
+        return f"{text}, although its animation has no motion there"
     for name, unit, motion in zip(("velocity", "angular_velocity"), ("m/s", "rad/s"), animated, strict=True):
         if motion.any():
             kept = values[name] == motion.tolist()

@@ -88,11 +88,11 @@ def _check_walls(scene: Scene) -> list[Issue]:
         across, along = velocity[normal] != 0.0, any(v != 0.0 for axis, v in enumerate(velocity) if axis != normal)
         limit = ""
         if (across or along) and not domain["ambient_fluid"]:
-            limit = "0 without ambientFluid, which it moves"
+            limit = "0 without ambientFluid"
         elif (across or along) and wall in ("open", "periodic"):
-            limit = f"0 on a face that is {wall}, which is no wall"
+            limit = f"0 on a face that is {wall}, not a wall"
         elif along and wall == "slip":
-            limit = "0 along a slip wall, which drags nothing along (noSlip does)"
+            limit = "0 along a slip wall, which does not drag the fluid (noSlip does)"
         elif across and normal == slab:
             limit = "0 across a 2-D domain"
         if limit:
@@ -104,7 +104,7 @@ def _check_walls(scene: Scene) -> list[Issue]:
         net, gross, first = net + flux, gross + abs(flux), first or (field if flux else "")
     if not issues and abs(net) > 1e-6 * gross and not open_faces(domain):
         value = f"a net inflow of {net / unit**3:.4g}"
-        limit = "0 in a box without an open face: open one, or let as much out through another wall"
+        limit = "0 in a box without an open face: open one, or add the opposite flux at another wall"
         message = f"{scene.domain_path}: {first}: {value} (volume per second): must be {limit}"
         issues.append(Issue(scene.domain_path, first, value, limit, message, "error", "TrappedInflow"))
     return issues
@@ -115,7 +115,7 @@ def _check_numbers(scene: Scene) -> list[Issue]:
     first = scene.frames.first
     if first >= 0 or not scene.has_smoke:
         return []
-    limit = ">= 0 for smoke in Blender, whose volume sequences know no sign in names of files"
+    limit = ">= 0 for smoke in Blender, whose volume sequences do not support a sign in file names"
     message = f"stage: first frame {first}: must be {limit}"
     return [Issue("/", "startTimeCode", str(first), limit, message, "warning", "NegativeFrames")]
 
@@ -154,7 +154,7 @@ def _check_mesh(scene: Scene, solid: Solid) -> list[Issue]:
         value, limit = str(report["separate_pieces"]), "one: give each piece a prim of its own"
         message = (
             f"{where}: the mesh has {value} pieces that do not touch: must be {limit}. Pieces of a solid share one map "
-            "of the material, which they spoil where they move relative to each other"
+            "of the material, which is corrupted where they move relative to each other"
         )
         issues.append(Issue(solid.path, field, value, limit, message, "warning", "SeparatePieces"))
     voxel, thinnest = scene.domain["voxel_size"], solid.start.report["thinnest_feature"]
@@ -201,7 +201,7 @@ def _check_periodic(scene: Scene, body: Solid | Collider) -> list[Issue]:
         limit = f"more than a voxel away from the periodic faces ({field} of {scene.domain_path}), within {between}"
         message = (
             f"{body.path}: the {type(body).__name__.lower()} reaches from {value}: must be {limit}; "
-            "a larger box, or walls there, let it be"
+            "use a larger box, or walls there"
         )
         return [Issue(body.path, field, value, limit, message, "error", "AtPeriodicFace")]
     return []
@@ -215,8 +215,8 @@ def _check_compressible(scene: Scene, solid: Solid) -> list[Issue]:
     field, value = "eulerfsi:compressible", "true"
     limit = f"false in a box of fluid without an open face ({scene.domain_path})"
     message = (
-        f"{solid.path}: {field} = {value}: should be {limit}: the fluid keeps its volume, so that the solid can hardly "
-        "change its own. Open a face of the domain (eulerfsi:wallYMax = open), or leave the fluid out "
+        f"{solid.path}: {field} = {value}: should be {limit}: the fluid is incompressible, so that the solid can "
+        "hardly change its volume. Open a face of the domain (eulerfsi:wallYMax = open), or disable the fluid "
         "(eulerfsi:ambientFluid = false)"
     )
     return [Issue(solid.path, field, value, limit, message, "warning", "NoRoom")]

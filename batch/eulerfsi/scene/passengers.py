@@ -47,7 +47,9 @@ def _shape(reader: Reader, prim: Usd.Prim) -> tuple[np.ndarray, dict[str, Any]]:
         points = np.asarray(UsdGeom.PointBased(prim).GetPointsAttr().Get(reader.time), float)
     local = solver.Mesh(points, np.array(counts or (), int), np.array(indices or (), int))
     if is_mesh and (local.counts.sum() != len(local.indices) or (local.indices >= len(local.points)).any()):
-        raise SceneError(f"{prim.GetPath()}: faceVertexCounts, faceVertexIndices and points of the mesh do not fit")
+        raise SceneError(
+            f"{prim.GetPath()}: faceVertexCounts, faceVertexIndices and points of the mesh are inconsistent"
+        )
     left_handed = is_mesh and reader.authored(prim, "orientation") == UsdGeom.Tokens.leftHanded
     return points, dict(path=str(prim.GetPath()), local=local, subdivision=subdivision, left_handed=left_handed)
 
@@ -56,5 +58,5 @@ def _place(reader: Reader, space: SimulationSpace, carrier: Usd.Prim, prim: Usd.
     """(n, 3) in simulation space at the start."""
     to_sim = space.from_local(reader.local_to_world(prim))
     if determinant(to_sim) == 0:
-        raise SceneError(f"{prim.GetPath()}: the transform of what {carrier.GetPath()} carries has a zero scale")
+        raise SceneError(f"{prim.GetPath()}: the transform of the passenger of {carrier.GetPath()} has a zero scale")
     return transform_points(points, to_sim)

@@ -33,7 +33,7 @@ _VOXEL_SIZES = (1e-6, 1e6)  # m: what single precision and OpenVDB's transforms 
 def open_stage(path: Path) -> Usd.Stage:
     """Opens a scene file with the schema registered. Raises SceneError."""
     if not path.is_file():
-        raise SceneError(f"{path}: {'is a folder, no scene file' if path.is_dir() else 'no such file'}")
+        raise SceneError(f"{path}: {'is a folder, not a scene file' if path.is_dir() else 'no such file'}")
     if not is_usd_file(path):
         raise SceneError(how_to_make_a_scene(path))
     try:

@@ -23,7 +23,7 @@ def how_to_make_a_scene(file: Path) -> str:
     while scene.exists():
         number, scene = number + 1, Path(f"{file.stem}{number + 1}.usda")
     return (
-        f"{file}: is no USD file (.usda, .usdc, .usd, .usdz); if it is a mesh file, make a scene of it: "
+        f"{file}: is not a USD file (.usda, .usdc, .usd, .usdz); to make a scene from a mesh file: "
         f"{command_line('new', scene, '--solid', file)}"
     )
 
@@ -43,7 +43,7 @@ def how_to_reference(file: Path, stage: Usd.Stage, scene: Path) -> str:
         shown = [mesh.split("/") for mesh in meshes[:_SHOWN] or ["path/of/the/mesh"]]
         body += [*(f"    {line}" for line in _overs(shown, schema)), "}"]
     more = f" ({len(meshes)} meshes, {_SHOWN} shown)" if len(meshes) > _SHOWN else ""
-    first = f"{file}: is a USD file, no mesh file: reference it in a scene and make its meshes solids{more}, as in"
+    first = f"{file}: is a USD file, not a mesh file: reference it in a scene and make its meshes solids{more}, as in"
     return "\n".join([first, *(f"    {line}" for line in body)])
 
 

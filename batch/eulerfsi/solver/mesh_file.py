@@ -41,14 +41,18 @@ def read(path: str | Path, memory_limit: int | None = None) -> Arrays:
             message = f"{path}: not read within {seconds:.0f} s; the file is most likely damaged"
             raise LibraryError(binding.ERROR_MESH, message)
         if code == -signal.SIGKILL:
-            raise LibraryError(binding.ERROR_MEMORY, f"{path}: its reader was killed; the machine may be out of memory")
+            raise LibraryError(
+                binding.ERROR_MEMORY, f"{path}: the process reading it was killed; the machine may be out of memory"
+            )
         if code < 0:
             name = signal.strsignal(-code) or f"signal {-code}"
-            raise LibraryError(binding.ERROR_MESH, f"{path}: its reader crashed ({name}); most likely it is damaged")
+            raise LibraryError(
+                binding.ERROR_MESH, f"{path}: the process reading it crashed ({name}); the file is most likely damaged"
+            )
         if code > 0:
             noise.seek(0)
             last = noise.read().decode("utf-8", "replace").strip().rpartition("\n")[2]
-            raise EulerFsiError(f"{path}: the process that reads it failed with code {code}: {last}")
+            raise EulerFsiError(f"{path}: the process reading it failed with code {code}: {last}")
         answer.seek(0)
         return _arrays(path, answer, memory)
 
@@ -67,7 +71,9 @@ def time_limit(path: str | Path) -> float:
 def _run(path: str | Path, memory: int, seconds: float, answer: BinaryIO, noise: BinaryIO) -> int | None:
     """Exit code of the child, None when its time was up. It is gone when this returns or raises."""
     if not sys.executable:
-        raise EulerFsiError(f"{path}: a mesh file is read by a second Python, and this program does not know its own")
+        raise EulerFsiError(
+            f"{path}: a mesh file is read by a second Python process, and the interpreter of this one is unknown"
+        )
     arguments = [os.fspath(path), str(answer.fileno()), str(memory), str(os.getpid())]
     # The child shall find what this process found, whatever the environment says.
     places = [str(paths.PACKAGE.parent), *(place for place in sys.path if os.path.isabs(place))]
@@ -100,5 +106,5 @@ def _arrays(path: str | Path, answer: BinaryIO, memory: int) -> Arrays:
     counts = np.fromfile(answer, np.int32, facts["faces"])
     indices = np.fromfile(answer, np.int32, facts["corners"])
     if (len(points), len(counts), len(indices)) != (facts["points"], facts["faces"], facts["corners"]):
-        raise EulerFsiError(f"{path}: the process that reads it gave fewer values than it announced")
+        raise EulerFsiError(f"{path}: the process reading it returned fewer values than announced")
     return points, counts, indices

@@ -1,6 +1,6 @@
 """The solver for Python: meshes, simulations, fields. SI units; a thin layer over `binding`.
 
-One simulation is used by one thread at a time; many simulations may live in one process.
+Calls on one simulation must not overlap in time; a process may have any number of simulations.
 """
 
 from __future__ import annotations
@@ -108,11 +108,11 @@ def load_mesh(path: str | Path, memory_limit: int | None = None) -> Mesh:
 
 
 class Surface:
-    """A mesh examined for simulations with one voxel size [m]: the solid that it bounds. Read-only; many may share it.
+    """The solid bounded by a mesh, prepared for one voxel size [m]. Constant; any number of simulations may use it.
 
-    report: fields of EfsiMeshReport. repairs: what was found and repaired, in words, "" for nothing.
-    threads: 0 for one per processor. progress(fraction done) is called now and then on this thread; True asks to stop,
-    which raises LibraryError with status ERROR_CANCELLED. An exception inside it stops the work and is raised here.
+    report: fields of EfsiMeshReport. repairs: description of the repairs, "" without any. threads: 0 for one per
+    processor. progress(completed fraction) is called repeatedly on this thread; returning True cancels, which raises
+    LibraryError with status ERROR_CANCELLED. An exception inside it cancels too and is raised here.
     """
 
     def __init__(
@@ -140,9 +140,9 @@ class Surface:
         self.repairs = self._lib.efsi_surface_get_repairs(self._handle).decode("utf-8", "replace")
 
     def lay_in_slab(self, axis: int, low: float, high: float) -> Surface:
-        """What of it lies in a slab, a domain one cell thick along the axis, from low to high [m]: its section counts.
+        """Extrudes the section of the surface for a slab, a domain one cell thick along the axis, from low to high [m].
 
-        Raises LibraryError for a mesh that does not reach through the slab.
+        Raises LibraryError for a mesh that does not extend through the slab.
         """
         slab, error = Surface.__new__(Surface), binding.Error()
         slab.mesh, slab._lib, slab._handle = self.mesh, self._lib, c_void_p()
@@ -157,7 +157,7 @@ class Surface:
             self._lib.efsi_surface_destroy(self._handle)
 
     def overlap(self, other: Surface) -> tuple[float, float]:
-        """(diameter of the largest ball that lies in both [m], volume of what lies in both [m^3]); 0, 0 for none."""
+        """Returns the diameter of the largest ball inside both [m] and the volume of their intersection [m^3]."""
         depth, volume, error = c_double(), c_double(), binding.Error()
         check_error(
             self._lib.efsi_surface_get_overlap(self.handle, other.handle, byref(depth), byref(volume), byref(error)),
@@ -181,11 +181,11 @@ def _stops(raised: list[BaseException], ask: Callable[[], Any]) -> int:
 
 
 class Simulation:
-    """One simulation. `values`: fields of EfsiSimulationDef by name (SI); what is left out keeps its default.
+    """A simulation. `values`: fields of EfsiSimulationDef by name (SI); omitted ones keep their defaults.
 
     log(level, message): receives the library's messages. A context manager; close() frees the memory.
-    names: {"solid 1": what the caller calls it}, likewise "collider 1" and "pin 1"; messages of the library have that
-    behind the number.
+    names: {"solid 1": the caller's name for it}, likewise "collider 1" and "pin 1"; messages of the library append it
+    to the number.
     """
 
     def __init__(self, values: Mapping[str, Any], log: LogFunction | None = None) -> None:
@@ -209,7 +209,7 @@ class Simulation:
         self.close()
 
     def close(self) -> None:
-        """Frees the simulation; later calls are no longer possible."""
+        """Frees the simulation; no calls are possible afterwards."""
         handle, self._handle = self._handle, c_void_p()
         self._lib.efsi_simulation_destroy(handle)
 
@@ -227,7 +227,7 @@ class Simulation:
     def add_solid(self, shape: Mesh | Surface, **values: Any) -> tuple[int, dict[str, Any]]:
         """Adds a solid before the first step. values: fields of EfsiSolidDef (SI). Returns (id, mesh report).
 
-        shape: a mesh, which is examined here, or a surface for this voxel size, which was.
+        shape: a mesh, or a surface prepared for this voxel size.
         """
         definition, identifier, report = self._solid_def(shape, values), c_uint32(), binding.MeshReport()
         self._check(self._lib.efsi_solid_add(self._handle, byref(definition), byref(identifier), byref(report)))
@@ -244,16 +244,16 @@ class Simulation:
         return definition
 
     def add_collider(self, shape: Mesh | Surface, **values: Any) -> tuple[int, int]:
-        """Adds a solid whose motion is given, before the first step. values: friction. Returns (solid id, pin id)."""
+        """Adds a collider before the first step. values: friction. Returns (solid id, pin id)."""
         definition, solid, pin = self._solid_def(shape, values), c_uint32(), c_uint32()
         status = self._lib.efsi_collider_add(self._handle, byref(definition), byref(solid), byref(pin), None)
         self._check(status)
         return solid.value, pin.value
 
     def add_pin(self, solid: int, where: Surface | np.ndarray) -> int:
-        """Holds a part of a solid, before the first step. Returns the pin's id.
+        """Pins a part of a solid, before the first step. Returns the pin's id.
 
-        where: a volume around the solid at rest, or (vertices,) true where a vertex of its mesh is held.
+        where: a volume in the space of the rest shape, or (vertices,) true where a vertex of its mesh is pinned.
         """
         pin = c_uint32()
         if isinstance(where, Surface):
@@ -265,18 +265,18 @@ class Simulation:
         return pin.value
 
     def set_motion(self, pin: int, start: float, end: float, poses: tuple[np.ndarray, np.ndarray]) -> None:
-        """What a pin holds moves from one pose to the next between two times [s].
+        """Moves a pin or a collider from one pose to another between two times [s].
 
-        poses: (4, 4) each, rigid, for column vectors; they place what is at rest.
+        poses: (4, 4) each, rigid, for column vectors; they are applied to the rest position.
         """
         before, after = (np.ascontiguousarray(pose, np.float64) for pose in poses)
         status = self._lib.efsi_pin_set_motion(self._handle, pin, start, end, before.ctypes.data, after.ctypes.data)
         self._check(status)
 
     def set_points(self, pin: int, start: float, end: float, points: tuple[np.ndarray, np.ndarray]) -> None:
-        """The points of a collider go straight from where they are to other places between two times [s].
+        """Moves the points of a collider along straight lines between two times [s].
 
-        points: (n, 3) each, in the order of its mesh, simulation space [m]; the poses of set_motion place them.
+        points: (n, 3) each, in the order of its mesh, simulation space [m]; set_motion's poses are applied to them.
         """
         before, after = (np.ascontiguousarray(part, np.float32) for part in points)
         status = self._lib.efsi_collider_set_points(
@@ -285,7 +285,7 @@ class Simulation:
         self._check(status)
 
     def pin_reaction(self, pin: int) -> dict[str, Any]:
-        """Fields of EfsiPinReaction: what held the nodes of a pin in the last step."""
+        """Returns the fields of EfsiPinReaction: the reaction of a pin in the last step."""
         out = binding.PinReaction()
         self._check(self._lib.efsi_pin_get_reaction(self._handle, pin, byref(out)))
         return to_dict(out)
@@ -293,8 +293,8 @@ class Simulation:
     def add_emitter(self, volume: Surface | None = None, keys: Sequence[Mapping] = (), **values: Any) -> int:
         """Adds an emitter before the first step. values: fields of EfsiEmitterDef (SI). Returns its id.
 
-        volume: a closed mesh in the place of box or ball. keys: fields of EfsiEmitterKey in the order of their times,
-        in the place of constant values.
+        volume: a closed mesh instead of a box or a ball. keys: fields of EfsiEmitterKey in the order of their times,
+        instead of constant values.
         """
         definition, identifier = binding.EmitterDef(), c_uint32()
         self._lib.efsi_emitter_def_init(byref(definition))
@@ -314,20 +314,20 @@ class Simulation:
         return identifier.value
 
     def emitter_flux(self, emitter: int) -> float:
-        """Volume per time that an emitter has brought into the box in the last step [m^3/s]."""
+        """Returns the volume flux of an emitter into the box in the last step [m^3/s]."""
         out = c_double()
         self._check(self._lib.efsi_emitter_get_flux(self._handle, emitter, byref(out)))
         return out.value
 
     def add_passenger(self, solid: int, points: np.ndarray) -> int:
-        """Adds points, (n, 3) [m] in the solid's rest shape, that ride along with it. Returns their id."""
+        """Adds points, (n, 3) [m] in the solid's rest shape, that follow its material. Returns their id."""
         identifier, rest = c_uint32(), np.ascontiguousarray(points, np.float32)
         status = self._lib.efsi_passenger_add(self._handle, solid, rest.ctypes.data, len(rest), byref(identifier))
         self._check(status)
         return identifier.value
 
     def passenger(self, identifier: int, point_count: int) -> tuple[np.ndarray, np.ndarray]:
-        """Positions [m] and velocities [m/s] of a passenger's points, (point_count, 3) float32 each."""
+        """Returns positions [m] and velocities [m/s] of a passenger's points, (point_count, 3) float32 each."""
         points, velocities = (np.empty((point_count, 3), np.float32) for _ in range(2))
         self._check(
             self._lib.efsi_passenger_get_points(
@@ -345,7 +345,7 @@ class Simulation:
         return identifier.value
 
     def step(self, max_dt: float) -> dict[str, Any]:
-        """One step of at most max_dt seconds; returns the fields of EfsiStepInfo."""
+        """Makes one step of at most max_dt seconds; returns the fields of EfsiStepInfo."""
         info = binding.StepInfo()
         self._check(self._lib.efsi_simulation_step(self._handle, max_dt, byref(info)))
         return to_dict(info)
@@ -370,12 +370,12 @@ class Simulation:
 
     @property
     def time(self) -> float:
-        """Simulated time [s]."""
+        """Returns the simulated time [s]."""
         return self._time_and_steps()[0]
 
     @property
     def steps(self) -> int:
-        """Steps since time 0."""
+        """Returns the number of steps since time 0."""
         return self._time_and_steps()[1]
 
     def _time_and_steps(self) -> tuple[float, int]:
@@ -384,7 +384,7 @@ class Simulation:
         return time.value, steps.value
 
     def state_hash(self) -> str:
-        """64-bit hash of the state's values, 16 hexadecimal digits."""
+        """Returns the 64-bit hash of the state, 16 hexadecimal digits."""
         value = c_uint64()
         self._check(self._lib.efsi_simulation_get_hash(self._handle, byref(value)))
         return f"{value.value:016x}"
@@ -398,11 +398,11 @@ class Simulation:
         self._check(self._lib.efsi_simulation_restore_checkpoint(self._handle, str(path).encode()))
 
     def restore_solids(self, path: str | Path) -> None:
-        """Takes over the solids' shape, velocity and plastic strain from a checkpoint, before the first step."""
+        """Restores the solids' shape, velocity and plastic strain from a checkpoint, before the first step."""
         self._check(self._lib.efsi_simulation_restore_solids(self._handle, str(path).encode()))
 
     def surface(self, solid: int, point_count: int) -> tuple[np.ndarray, np.ndarray]:
-        """Positions [m] and velocities [m/s] of a solid's surface, (point_count, 3) float32 each."""
+        """Returns positions [m] and velocities [m/s] of a solid's surface, (point_count, 3) float32 each."""
         points, velocities = (np.empty((point_count, 3), np.float32) for _ in range(2))
         self._check(
             self._lib.efsi_solid_get_surface(
@@ -412,26 +412,25 @@ class Simulation:
         return points, velocities
 
     def solid_diagnostics(self, solid: int) -> dict[str, Any]:
-        """Fields of EfsiSolidDiagnostics."""
+        """Returns the fields of EfsiSolidDiagnostics."""
         out = binding.SolidDiagnostics()
         self._check(self._lib.efsi_solid_get_diagnostics(self._handle, solid, byref(out)))
         return to_dict(out)
 
     def fluid_diagnostics(self) -> dict[str, Any]:
-        """Fields of EfsiFluidDiagnostics."""
+        """Returns the fields of EfsiFluidDiagnostics."""
         out = binding.FluidDiagnostics()
         self._check(self._lib.efsi_simulation_get_fluid_diagnostics(self._handle, byref(out)))
         return to_dict(out)
 
     def repairs(self) -> dict[str, Any]:
-        """Fields of EfsiRepairs, of the last step."""
+        """Returns the fields of EfsiRepairs, of the last step."""
         out = binding.Repairs()
         self._check(self._lib.efsi_simulation_get_repairs(self._handle, byref(out)))
         return to_dict(out)
 
     def contacts(self) -> list[dict[str, Any]]:
-        """Fields of EfsiContactPair for every two solids that have pushed each other in the last call of `step` or
-        `advance`, so far; [] where none did."""
+        """Returns the fields of EfsiContactPair for all pairs in contact in the last call of `step` or `advance`."""
         count = c_uint64()
         self._check(self._lib.efsi_simulation_get_contacts(self._handle, None, 0, byref(count)))
         if count.value == 0:
@@ -441,7 +440,7 @@ class Simulation:
         return [to_dict(pair) for pair in pairs]
 
     def transport_change(self, solid: int) -> dict[str, Any]:
-        """Fields of EfsiTransportChange, of the last step."""
+        """Returns the fields of EfsiTransportChange, of the last step."""
         out = binding.TransportChange()
         self._check(self._lib.efsi_solid_get_transport_change(self._handle, solid, byref(out)))
         return to_dict(out)
@@ -459,7 +458,7 @@ class Simulation:
         return {**energies, "change": change, "source_work": out.source_work}
 
     def profile(self) -> dict[str, Any]:
-        """Fields of EfsiProfile; seconds, tiles and bytes are dicts by stage."""
+        """Returns the fields of EfsiProfile; seconds, tiles and bytes are dicts by stage."""
         out = binding.Profile()
         self._check(self._lib.efsi_simulation_get_profile(self._handle, byref(out)))
         result = to_dict(out)
@@ -468,7 +467,7 @@ class Simulation:
         return result
 
     def reset_profile(self) -> None:
-        """Starts the profile's sums at zero."""
+        """Resets the profile's sums to zero."""
         self._check(self._lib.efsi_simulation_reset_profile(self._handle))
 
     def field(self, name: str, solid: int = 0) -> tuple[np.ndarray, dict[str, Any]]:

@@ -1,8 +1,11 @@
 /* eulerfsi: export macro, status codes, errors, version, log callback.
  *
- * Every function returns an EfsiStatus. Functions that act on a simulation store a message that
- * efsi_simulation_last_error() returns; functions without one fill an optional EfsiError.
- * All quantities are SI (metre, kilogram, second, pascal) unless a comment says otherwise.
+ * Functions return an EfsiStatus unless their declaration shows another type. A function that acts on a simulation
+ * stores the message of a failure, which efsi_simulation_last_error() returns; the others write it to an optional
+ * EfsiError. Every function returns EFSI_ERROR_ARGUMENT for a required pointer that is NULL, an unknown id and a value
+ * outside its limits, EFSI_ERROR_MEMORY when memory runs out and EFSI_ERROR_INTERNAL for a defect of the library;
+ * comments name the other errors only. All quantities are SI (metre, kilogram, second, pascal) unless a comment says
+ * otherwise.
  */
 #ifndef EULERFSI_BASE_H
 #define EULERFSI_BASE_H
@@ -31,15 +34,15 @@ extern "C" {
 typedef int32_t EfsiStatus;
 #define EFSI_OK 0               /* success */
 #define EFSI_ERROR_INTERNAL 1   /* a defect of the library */
-#define EFSI_ERROR_ARGUMENT 2   /* a value is refused; the message names field, value and limit */
-#define EFSI_ERROR_MESH 3       /* a mesh cannot become a solid */
-#define EFSI_ERROR_DIVERGED 4   /* the state went bad; the state is the last good one */
-#define EFSI_ERROR_IO 5         /* a file cannot be read or written */
+#define EFSI_ERROR_ARGUMENT 2   /* an invalid value; the message names field, value and limit */
+#define EFSI_ERROR_MESH 3       /* a mesh that does not define a solid */
+#define EFSI_ERROR_DIVERGED 4   /* the run diverged; the state is that of the last valid step */
+#define EFSI_ERROR_IO 5         /* a file that cannot be read or written */
 #define EFSI_ERROR_MEMORY 6     /* not enough memory */
-#define EFSI_ERROR_CANCELLED 7  /* the progress callback asked to stop; the state is the last completed step */
-#define EFSI_ERROR_CHECKPOINT 8 /* the checkpoint belongs to another scene or another version */
+#define EFSI_ERROR_CANCELLED 7  /* stopped by the progress callback; the state is that of the last completed step */
+#define EFSI_ERROR_CHECKPOINT 8 /* a checkpoint of another scene or another version */
 
-/* Where functions without a simulation put their message. `status` repeats the return value. */
+/* Error of a function that does not act on a simulation. `status` repeats the return value. */
 typedef struct EfsiError {
   EfsiStatus status;
   char message[1020]; /* UTF-8, zero-terminated */
@@ -51,12 +54,12 @@ typedef struct EfsiVec3 {
 
 #define EFSI_LOG_INFO 0
 #define EFSI_LOG_WARNING 1
-/* Called on the caller's thread only, during a call into the library. */
+/* Receives a log message. Runs on the caller's thread, during a call into the library. */
 typedef void (*EfsiLogCallback)(void* user, int32_t level, const char* message);
 
-/* Version of the loaded library; any pointer may be NULL. */
+/* Returns the version of the loaded library; any pointer may be NULL. */
 EFSI_API EfsiStatus efsi_version(int32_t* major, int32_t* minor, int32_t* patch);
-/* Short English name of a status, never NULL; lives as long as the library. */
+/* Returns a short English name of a status, never NULL; valid as long as the library is loaded. */
 EFSI_API const char* efsi_status_text(EfsiStatus status);
 
 #ifdef __cplusplus

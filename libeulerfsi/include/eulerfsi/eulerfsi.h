@@ -1,4 +1,4 @@
-/* eulerfsi: the header that users include. */
+/* eulerfsi: the whole C API; the header that clients include. */
 #ifndef EULERFSI_EULERFSI_H
 #define EULERFSI_EULERFSI_H
 

@@ -1,4 +1,4 @@
-/* eulerfsi: the ambient fluid, smoke emitters. */
+/* eulerfsi: smoke emitters and jets. */
 #ifndef EULERFSI_FLUID_H
 #define EULERFSI_FLUID_H
 
@@ -14,13 +14,13 @@ struct EfsiSim;
 #define EFSI_EMITTER_BOX 0
 #define EFSI_EMITTER_SPHERE 1
 
-#define EFSI_EMIT_INITIAL 0    /* fills its region once, at the first step */
-#define EFSI_EMIT_CONTINUOUS 1 /* holds its values from start_time to end_time */
+#define EFSI_EMIT_INITIAL 0    /* fills its region once, before the first step */
+#define EFSI_EMIT_CONTINUOUS 1 /* imposes its values from start_time to end_time */
 
-/* A region that carries smoke into the fluid, and blows it where has_velocity is 1. A continuous one with a velocity is
- * a jet: in a box with an open face it brings the volume that flows out of it. Solids are left as they are. The region
- * is the image of the box [-1/2,1/2]^3 or of the ball of radius 1/2 under `transform` (row-major 4x4, applied to column
- * vectors (x,y,z,1), metres). */
+/* A region that emits smoke into the fluid and, with has_velocity = 1, prescribes the fluid's velocity. A continuous
+ * emitter with a velocity is a jet: in a box with an open face it is a source of the volume that leaves its region.
+ * Emitters do not act on solids. The region is the image of the box [-1/2,1/2]^3 or of the ball of radius 1/2 under
+ * `transform` (row-major 4x4, applied to column vectors (x,y,z,1), metres). */
 typedef struct EfsiEmitterDef {
   uint32_t struct_size;
   uint32_t magic;
@@ -28,7 +28,7 @@ typedef struct EfsiEmitterDef {
   int32_t mode;  /* EFSI_EMIT_* */
   double transform[16];
   double density;     /* smoke density inside, dimensionless, >= 0 */
-  double temperature; /* difference to ambient inside [K] */
+  double temperature; /* difference from ambient inside [K] */
   EfsiVec3 velocity;  /* [m/s], used when has_velocity is 1 */
   double start_time;  /* [s] */
   double end_time;    /* [s] */
@@ -36,16 +36,19 @@ typedef struct EfsiEmitterDef {
   uint32_t reserved[3];
 } EfsiEmitterDef;
 
+/* Fills a definition with its header, the defaults and the identity as transform. */
 EFSI_API EfsiStatus efsi_emitter_def_init(EfsiEmitterDef* def);
-/* Adds an emitter before the first step. id: out, 1-based. */
+/* Adds an emitter; allowed before the first step only. id: out, 1-based; may be NULL. EFSI_ERROR_ARGUMENT where the
+ * region contains no cell centre. */
 EFSI_API EfsiStatus efsi_emitter_add(struct EfsiSim* sim, const EfsiEmitterDef* def, uint32_t* id);
 
-/* The same with a closed mesh as its region, made for the simulation's voxel size; shape and transform do not count. */
+/* Adds an emitter whose region is a closed mesh; allowed before the first step only. volume: made for the simulation's
+ * voxel size; shape and transform of the definition are ignored. id: out, 1-based; may be NULL. */
 EFSI_API EfsiStatus efsi_emitter_add_volume(struct EfsiSim* sim, const EfsiEmitterDef* def, const EfsiSurface* volume,
                                             uint32_t* id);
 
-/* Values of a continuous emitter at a time. They are linear between two keys and jump between two of the same time;
- * before the first key and after the last they are those of that key. */
+/* Values of a continuous emitter at one time. Values are interpolated linearly between keys, jump between two keys of
+ * the same time, and are constant before the first key and after the last. */
 typedef struct EfsiEmitterKey {
   double time;        /* [s] */
   double density;     /* as in EfsiEmitterDef */
@@ -54,11 +57,12 @@ typedef struct EfsiEmitterKey {
   int32_t on;         /* 0: off until the next key */
   uint32_t reserved;
 } EfsiEmitterKey;
-/* Keys in the order of their times, in the place of the definition's values; start_time and end_time still count.
- * Before the first step. */
+/* Sets the keys of an emitter, which replace the values of its definition; start_time and end_time still apply. Allowed
+ * before the first step only. keys: in the order of their times; count: at least 1. EFSI_ERROR_ARGUMENT for keys that
+ * are out of order. */
 EFSI_API EfsiStatus efsi_emitter_set_keys(struct EfsiSim* sim, uint32_t id, const EfsiEmitterKey* keys, uint64_t count);
-/* Volume per time that an emitter has brought into the box in the last step [m^3/s]; 0 before, and where no face of the
- * box is open. */
+/* Returns the volume flux of an emitter into the box in the last step [m^3/s]; 0 before the first step, and where no
+ * face of the box is open. */
 EFSI_API EfsiStatus efsi_emitter_get_flux(const struct EfsiSim* sim, uint32_t id, double* flux);
 
 #ifdef __cplusplus

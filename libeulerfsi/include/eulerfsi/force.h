@@ -1,4 +1,4 @@
-/* eulerfsi: forces that act in a region on fluid and solids. */
+/* eulerfsi: body forces on fluid and solids in a region. */
 #ifndef EULERFSI_FORCE_H
 #define EULERFSI_FORCE_H
 
@@ -11,15 +11,15 @@ extern "C" {
 struct EfsiSim;
 
 #define EFSI_FORCE_CONSTANT 0 /* the same acceleration everywhere */
-#define EFSI_FORCE_RADIAL 1   /* away from the middle of the region */
-#define EFSI_FORCE_WIND 2     /* takes matter along with the wind and its noise */
+#define EFSI_FORCE_RADIAL 1   /* directed away from the centre of the region */
+#define EFSI_FORCE_WIND 2     /* drag towards a wind velocity with noise */
 
 #define EFSI_ACTS_ON_BOTH 0
 #define EFSI_ACTS_ON_FLUID 1
 #define EFSI_ACTS_ON_SOLIDS 2
 
-/* A force in a region: the image of the box [-1/2,1/2]^3 or of the ball of radius 1/2 under `transform` (row-major 4x4,
- * applied to column vectors (x,y,z,1), metres). Fields and limits as in libeulerfsi/parameters.toml, scope "force". */
+/* A body force in a region, the image of the box [-1/2,1/2]^3 or of the ball of radius 1/2 under `transform` (row-major
+ * 4x4, applied to column vectors (x,y,z,1), metres). Fields and limits: libeulerfsi/parameters.toml, scope "force". */
 typedef struct EfsiForceDef {
   uint32_t struct_size;
   uint32_t magic;
@@ -28,20 +28,21 @@ typedef struct EfsiForceDef {
   int32_t acts_on; /* EFSI_ACTS_ON_* */
   int32_t reserved0;
   double transform[16];
-  EfsiVec3 acceleration;      /* constant [m/s^2] */
-  double radial_acceleration; /* radial; negative: towards the middle [m/s^2] */
-  EfsiVec3 wind_velocity;     /* [m/s] */
-  double wind_drag;           /* rate at which the wind takes matter along [1/s] */
-  double noise_speed;         /* root of the mean square of the noise [m/s] */
-  double noise_size;          /* of its eddies [m] */
-  double noise_frequency;     /* at which they change [1/s] */
+  EfsiVec3 acceleration;      /* of a constant force [m/s^2] */
+  double radial_acceleration; /* of a radial force; negative: towards the centre [m/s^2] */
+  EfsiVec3 wind_velocity;     /* of a wind [m/s] */
+  double wind_drag;           /* rate at which velocities relax to the wind's [1/s] */
+  double noise_speed;         /* root mean square of the noise [m/s] */
+  double noise_size;          /* size of the noise's eddies [m] */
+  double noise_frequency;     /* rate at which the eddies change [1/s] */
   double start_time;          /* [s] */
   double end_time;            /* [s] */
   uint64_t reserved[2];
 } EfsiForceDef;
 
+/* Fills a definition with its header, the defaults and the identity as transform. */
 EFSI_API EfsiStatus efsi_force_def_init(EfsiForceDef* def);
-/* Adds a force before the first step. id: out, 1-based. */
+/* Adds a force; allowed before the first step only. id: out, 1-based; may be NULL. */
 EFSI_API EfsiStatus efsi_force_add(struct EfsiSim* sim, const EfsiForceDef* def, uint32_t* id);
 
 #ifdef __cplusplus

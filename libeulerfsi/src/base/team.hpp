@@ -1,6 +1,6 @@
 // Purpose: threads that wait for the next loop. An OpenMP region costs its threads' sleep and waking, fifty
 // microseconds; a loop handed to a team costs one or two. Who is awake takes the next part of a loop, so that a thread
-// without a processor holds nobody up: the leader does its part too.
+// without a processor delays nobody: any awake thread, including the caller, takes the next chunk.
 #pragma once
 
 #include <atomic>

@@ -1,4 +1,4 @@
-// Purpose: what the opaque types of the C API hold.
+// Purpose: the content of the opaque types of the C API.
 #pragma once
 
 #include <memory>

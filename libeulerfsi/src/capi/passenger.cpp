@@ -1,4 +1,4 @@
-// Purpose: passenger.h: points that ride along with a solid.
+// Purpose: passenger.h: points that follow a solid.
 #include "capi/convert.hpp"
 #include "capi/guard.hpp"
 #include "capi/solid_id.hpp"

@@ -83,7 +83,7 @@ EfsiStatus efsi_simulation_advance(EfsiSim* sim, double duration, EfsiStepInfo* 
                                    void* user) {
   return guarded(sim, [&] {
     if (info) *info = EfsiStepInfo{};
-    // Also after a cancel or a failure, info tells what the completed steps did.
+    // Also after a cancel or a failure, info describes the completed steps.
     const auto between_steps = [&](double fraction, const efsi::sim::StepInfo& last) {
       const EfsiStepInfo done = to_c(last);
       if (info) *info = done;

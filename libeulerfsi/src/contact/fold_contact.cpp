@@ -22,10 +22,10 @@ using solid::NearPair;
 
 namespace {
 
-constexpr double kStandOff = 3.0;      // cells: between folds, so that one map holds both
+constexpr double kStandOff = 3.0;      // cells: distance of folds, so that one map can represent both
 constexpr double kOfRest = 0.5;        // or this part of what is between them at rest
 constexpr double kNearer = 1.5;        // times: a pair of points has come nearer than at rest
-constexpr double kReach = 0.5;         // cells: rows from this gap on, or where they are to meet in the step
+constexpr double kReach = 0.5;         // cells: rows below this gap, or where it would close in the step
 constexpr double kRowReach = 5.0;      // cells: points farther apart have no row
 constexpr double kSeen = 6.0;          // cells: from here on points limit the step
 constexpr double kAgainst = -0.3;      // cosine of the normals, at most
@@ -62,7 +62,7 @@ Side find_side(const FoldPoint& point, const Vec3d& x, double alike, const solid
   return side;
 }
 
-// Whether two points look at each other, along the mean of their normals, which is out of the first.
+// Whether two points face each other along the mean of their normals, which is out of the first.
 bool face(const Side& a, const Side& b, double h, Vec3d& normal) {
   if (!(a.normal.dot(b.normal) < kAgainst)) return false;
   const Vec3d way = b.place - a.place;
@@ -101,7 +101,7 @@ std::set<std::pair<std::int32_t, std::int32_t>> choose(const std::vector<NearPai
   return chosen;
 }
 
-// What points have pushed in the last step stands for what they do in this one, with whichever others.
+// Impulses of the last step are the initial guess of the points' rows in this one, with any partner.
 void recall(const solid::SolidState& state, std::int32_t l, double dt, std::vector<FoundRow>& rows) {
   for (FoundRow& row : rows) {
     const solid::SolidPress* best = nullptr;

@@ -1,4 +1,4 @@
-// Purpose: the folds of one solid stay apart: a row wherever two parts of its surface come near each other through
+// Purpose: self-contact of folds: a row wherever two parts of its surface come near each other through
 // what is not solid, and are far from each other in the material (docs/numerics/folds.md). What rows do: Eq. 8 with
 // contact, system/contact_solve.hpp.
 #pragma once

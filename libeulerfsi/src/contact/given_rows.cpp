@@ -9,7 +9,8 @@
 namespace efsi::sim {
 namespace {
 
-constexpr double kFreePart = 0.5;  // of a contact's weights on one of its sides: less than that cannot give way
+constexpr double kFreePart =
+    0.5;  // of a contact's weights on one of its sides: with less on free nodes that side is prescribed
 
 }  // namespace
 

@@ -1,4 +1,4 @@
-// Purpose: what holds a solid in a step, and all that turns over at once when something touches it: how much of its
+// Purpose: what constrains a solid in a step, and all that changes at once in contact: how much of its
 // stiffness is implicit, the frame of its transport, whether the choice of its elements lags, which loss of volume
 // counts.
 #pragma once
@@ -16,7 +16,7 @@ namespace efsi::sim {
 using SolidPairs = std::set<std::pair<std::size_t, std::size_t>>;
 
 struct Hold {
-  unsigned axes = 0;  // bit a: walls hold it along axis a; 7: another solid does
+  unsigned axes = 0;  // bit a: a wall constrains it along axis a; 7: another solid does
   bool touches() const { return axes != 0; }
 };
 
@@ -25,8 +25,8 @@ struct Hold {
 struct Cluster {
   std::vector<std::size_t> solids;
   Hold hold;           // of each of them
-  unsigned walls = 0;  // bit a: walls hold one of them along axis a
-  // Solids that only hold each other move on together.
+  unsigned walls = 0;  // bit a: a wall constrains one of them along axis a
+  // Solids that constrain only each other move together.
   bool floats() const { return solids.size() > 1 && walls == 0; }
 };
 
@@ -35,19 +35,19 @@ struct Holds {
   std::vector<std::size_t> cluster_of;  // per solid
   const Hold& of(std::size_t solid) const { return clusters[cluster_of[solid]].hold; }
 };
-// solids: how many there are in the system; contacts: those that push each other.
+// solids: how many there are in the system; contacts: pairs with active rows.
 Holds find_holds(std::size_t solids, const system::VelocitySystem& system, const SolidPairs& contacts);
 
 // What pace and growth of a step leave of the stiffness: where something touches a solid, as if it were strained much.
 system::StiffnessShares shares_while(bool touches, double pace, double strain, double growth);
 
 // The frame in which a solid's velocity field keeps its shape for the step: that of the rigid body with its momenta,
-// which moves by the mean of those at the step's start and now. While walls hold a solid its field rests on the grid,
-// and the mean moves it along them only.
+// which moves by the mean of those at the step's start and now. While walls constrain a solid its field is at rest on
+// the grid, and the mean moves it along them only.
 solid::RigidStep transport_frame(const Hold& hold, const solid::Momenta& before, const solid::Momenta& after,
                                  double dt);
-// Of each solid; those that only hold each other have that of the rigid body with the momenta of all of them. Momenta:
-// per solid; empty: at rest.
+// Of each solid; those that constrain only each other have that of the rigid body with the momenta of all of them.
+// Momenta: per solid; empty: at rest.
 std::vector<solid::RigidStep> transport_frames(const Holds& holds, const std::vector<solid::Momenta>& before,
                                                const std::vector<solid::Momenta>& after, double dt);
 

@@ -73,7 +73,7 @@ std::optional<Meeting> meet(const solid::SolidRest& rest, const solid::SolidStat
   return m;
 }
 
-// Gives a particle what Eq. 14 and 15 say, against what moves at `other`.
+// Applies Eqs. 14 and 15 to a particle, relative to the velocity `other`.
 void push(const Meeting& m, double reach, double stiffness, double friction, double dt, double mass, Vec3& v,
           Sums& sums) {
   const solid::Repulsion r =

@@ -16,11 +16,11 @@ inline constexpr double kContactSkin = 0.25;  // cells between solids at rest on
 // the nodes with all forces but the solids' own. Empty where no two bands overlap.
 SolidContacts find_solid_contacts(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
                                   const CommonGrid& common, const NodeVelocity& velocity);
-// Per solid: whether a row has pushed it in the last step or will at the velocity of find_solid_contacts.
+// Per solid: whether a row was active in the last step or will be at the velocity of find_solid_contacts.
 std::vector<std::uint8_t> pressed_solids(std::size_t solids, const SolidContacts& contacts);
 // From nodes to the unknowns of an assembled system.
 void number_rows(const system::VelocitySystem& system, SolidContacts& contacts);
-// Pairs of solids that push each other, or before the solve those that are to meet.
+// Pairs of solids with active rows, or before the solve those that are about to touch.
 SolidPairs meeting_pairs(const SolidContacts& contacts);
 SolidPairs pushing_pairs(const SolidContacts& contacts);
 // What the next step wants to know.

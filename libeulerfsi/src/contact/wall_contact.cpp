@@ -17,7 +17,7 @@ using grid::Grid;
 
 namespace {
 
-constexpr double kTouches = 0.2;    // cells: a solid that a wall pushed stays in touch up to here
+constexpr double kTouches = 0.2;    // cells: gap up to which an active row stays active
 constexpr double kBetween = 0.075;  // cells: depth of a vertex between columns that a node in touch does not see
 constexpr double kNoGap = 1e30;     // the column of a node does not meet the solid
 
@@ -51,7 +51,7 @@ Footprint footprint(const StepContext& step, const solid::SolidState& state, con
   Footprint out;
   const Grid &g = common.grid, &band = state.band.grid;
   if (!grid::Walls::blocks(common.walls.face[face])) return out;
-  if (static_cast<int>(face / 2) == grid::slab_axis(g, common.walls)) return out;  // a slab's faces hold it always
+  if (static_cast<int>(face / 2) == grid::slab_axis(g, common.walls)) return out;  // a slab's faces always constrain it
   const Vec3i lo = grid::offset(band, g);
   const std::size_t a = face / 2, u = (a + 1) % 3, v = (a + 2) % 3;
   const bool below = face % 2 == 0;
@@ -149,12 +149,12 @@ LastPresses last_presses(const solid::SolidState& solid) {
   return last;
 }
 
-// Whether a row holds, and what friction does there. before: along `out`, at the start of the step; v: without the
+// Whether a row is active, and its friction. before: along `out`, at the start of the step; v: without the
 // solid's own forces; fast: the solid is not at rest.
 void decide(const solid::WallPress* last, double h, double dt, bool fast, double friction, Real before, const Vec3& v,
             WallRow& row) {
-  // Vertices a little deeper than the columns do not push, and those of a solid at rest come and go at the edge of a
-  // footprint.
+  // Vertices a little deeper than the columns do not activate a row, and those of a solid at rest come and go at the
+  // edge of a footprint.
   const double seen = row.vertex > 0.0 ? row.vertex : std::min(0.0, row.vertex + kBetween * h);
   if (fast || seen < 0.0) row.gap = std::min(row.gap, seen);
   row.least = static_cast<Real>(least_velocity(row.gap, h, dt));
@@ -174,10 +174,10 @@ void decide(const solid::WallPress* last, double h, double dt, bool fast, double
   along[row.axis] = 0;
   row.way = along.stableNormalized();
   const Vec3 pull(last->pull[0], last->pull[1], last->pull[2]);
-  if (row.way.dot(pull) > 0) row.way = -pull.stableNormalized();  // what just stuck has no way of its own
+  if (row.way.dot(pull) > 0) row.way = -pull.stableNormalized();  // a node that has just stuck has no sliding direction
 }
 
-// What a face pushed a solid in the last step [N].
+// Normal force of a face on a solid in the last step [N].
 double pushed_at(const solid::SolidState& solid, std::size_t face) {
   double sum = 0.0;
   for (const solid::WallPress& p : solid.presses)
@@ -187,7 +187,7 @@ double pushed_at(const solid::SolidState& solid, std::size_t face) {
 }
 
 // While a solid slides it leaves nodes and comes upon others, of which the last step says nothing: friction as a whole
-// is that of all that the face pushed.
+// is that of the total normal impulse of the face.
 void share_friction(double whole, std::vector<WallRow>& rows) {
   double sum = 0.0;
   for (const WallRow& row : rows) sum += static_cast<double>(row.limit);
@@ -358,7 +358,7 @@ bool hold_more(std::vector<WallRow>& rows, system::VelocitySystem& system, Right
 
 namespace {
 
-// Of a row that holds: its part along the normal, and along the tangents where it sticks.
+// Of an active row: its part along the normal, and along the tangents where it sticks.
 void add(const Vec3& impulse, WallRow& row) {
   if (row.holds) row.push += row.out * impulse[row.axis];
   if (row.rub != Rub::kSticks) return;
@@ -396,7 +396,7 @@ void remember_rows(double dt, const std::vector<WallRow>& rows, SolidStates& sta
   for (const WallRow& row : rows) {
     if (!row.holds) continue;
     const Vec3 pull = rate * (row.rub == Rub::kSlides ? Vec3(-row.limit * row.way) : row.pull);
-    // What stuck slides on when it was held by more than it may be.
+    // A sticking node slides once its friction has exceeded the limit.
     const bool slides = row.rub == Rub::kSlides || (row.rub == Rub::kSticks && row.pull.norm() > row.limit);
     states[row.solid].presses.push_back({{row.place[0], row.place[1], row.place[2]},
                                          row.axis,

@@ -1,9 +1,9 @@
-// Purpose: walls push solids and never pull them, and rub them by Coulomb's law: what a step prescribes at the nodes of
+// Purpose: unilateral contact with walls and Coulomb friction: what a step prescribes at the nodes of
 // solids on walls. Along n out of the wall, for the gap g to the solid's surface, the wall's impulse p and its
 // tangential part r (docs/numerics/wall-contact.md):
 //   n.v >= tau,  tau = -g/dt (g > 0),  |g| / max(1/24 s, 4 dt) (g < 0),   p >= 0,   |r| <= mu p,  v_t = 0 if <
-// A row that holds prescribes n.v; one that does not moves with the node above it. Which rows hold follows from what
-// the walls pushed in the last step, from where the solid would be after this one, and from the velocity solve.
+// An active row prescribes n.v; an inactive one moves with the node above it. The active set follows from the wall
+// impulses of the last step, from where the solid would be after this one, and from the velocity solve.
 #pragma once
 
 #include "contact/wall_row.hpp"
@@ -18,9 +18,9 @@ namespace efsi::sim {
 // forces but their own, and the velocity that walls and rows prescribe. Fixes in matter.fixed what sticks.
 void meet_walls(const StepContext& step, const SolidStates& states, const SolidWorks& solids, Matter& matter,
                 NodeVelocity& velocity, std::vector<WallRow>& rows);
-// What is fixed in the velocity solve: matter.fixed less the rows that do not hold, and what sticks above walls.
+// What is fixed in the velocity solve: matter.fixed without inactive rows, and what sticks above walls.
 std::vector<std::uint8_t> held_components(const std::vector<std::uint8_t>& fixed, const std::vector<WallRow>& rows);
-// Ties the nodes of rows that do not hold to those above them.
+// Ties the nodes of inactive rows to those above them.
 void tie_rows(const std::vector<WallRow>& rows, system::VelocitySystem& system);
 // The right-hand side of Eq. 8, and the momentum that its solution has to have [kg m/s].
 struct RightSides {
@@ -31,14 +31,14 @@ void add_friction(const std::vector<WallRow>& rows, const system::VelocitySystem
 // After a velocity solve, whose answer is v: rows that it has led beyond what they allow hold, too, and what friction
 // has turned around sticks. Whether there are any: the solve has to be repeated.
 bool hold_more(std::vector<WallRow>& rows, system::VelocitySystem& system, RightSides right, std::vector<Real>& v);
-// What the walls push and rub in the velocity solve, and against the pressure, which moves no node on a wall.
+// Normal and friction impulses of walls in the velocity solve, and by the pressure, which moves no node on a wall.
 void add_velocity_reactions(const Reaction& reaction, std::vector<WallRow>& rows);
 void add_pressure_reactions(const Reaction& reaction, std::vector<WallRow>& rows);
-// The pressure moves nodes above walls: those of rows that hold get back what these prescribe. mass: of all matter.
+// The pressure moves nodes above walls: those of active rows are reset to what these prescribe. mass: of all matter.
 void keep_off(const std::vector<Real>& mass, NodeVelocity& velocity, std::vector<WallRow>& rows);
 // What the next step wants to know.
 void remember_rows(double dt, const std::vector<WallRow>& rows, SolidStates& states);
-// The fluid's own velocity at the nodes of rows: walls hold it.
+// The fluid's own velocity at the nodes of rows, fixed by walls.
 void still_fluid(const std::vector<WallRow>& rows, grid::VectorField& flow);
 
 }  // namespace efsi::sim

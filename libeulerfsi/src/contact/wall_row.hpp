@@ -5,7 +5,7 @@
 
 namespace efsi::sim {
 
-// What friction does at a row: nothing, it brakes what slides, or it holds.
+// Friction at a row: none, sliding, or sticking.
 enum class Rub : std::uint8_t { kNone, kSlides, kSticks };
 
 // A node of a solid on a wall.

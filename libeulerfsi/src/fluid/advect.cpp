@@ -92,7 +92,7 @@ struct Transport {
   Real fluid_volume;
 };
 
-// What arrives at a node, and how far it is from there to where it comes from: by the midpoint rule. Where half the way
+// The position from which a node is reached, relative to the node, by the midpoint rule. Where half the trace
 // already leads through a wall it comes from the wall: the midpoint's velocity there, at a no-slip wall none, would
 // keep a jet away from the wall where it is for ever.
 EFSI_INLINE void carry_node(const Transport& t, const Row& row, int i, VectorField& first, VectorField& back) {
@@ -190,12 +190,14 @@ EFSI_INLINE bool corrected_nodes(const Transport& t, const Row& row, const Hourg
   const auto& lanes = t.nodes.lanes;
   const Octet zero{}, least = grid::octet(kRestCells / t.step);
   const auto fluid = grid::load_octet(t.specific_volume + n) == grid::octet(t.fluid_volume);
+  // Displacements of the backward and the forward trace; nodes without fluid stay.
   const Octets v = grid::load_octets(t.flow, n);
   Octets from = grid::load_octets(back, n), to;
   for (std::size_t a = 0; a < 3; ++a) {
     to.c[a] = fluid ? opposite(from.c[a], v.c[a], t.step) : zero;
     from.c[a] = fluid ? from.c[a] : zero;
   }
+  // The limited correction, less hourglass modes.
   const auto correct = [&](const auto& ahead, const auto& behind) EFSI_INLINE_LAMBDA {
     const Octet share = way(v, t.step);
     Octet cut{};  // what the limits take, largest component
@@ -217,6 +219,7 @@ EFSI_INLINE bool corrected_nodes(const Transport& t, const Row& row, const Hourg
     const Room room(t.nodes.points, t.nodes.periodic, row, i);
     return room.cuts(from) || room.cuts(to);
   };
+  // All eight within one cell, else within three taps, else the caller goes node by node.
   grid::LaneSampler::Cell to_cell, from_cell;
   if (lanes.place(i, row.j, row.k, to, to_cell) && lanes.place(i, row.j, row.k, from, from_cell)) {
     if ((!to_cell.inner || !from_cell.inner) && cuts()) return false;

@@ -285,6 +285,7 @@ void clear_idle(const Parallel& parallel, const Grid& g, const TileMask& tiles, 
 std::uint64_t advect_scalar(const Parallel& parallel, const Grid& g, bool corrected, double dt, const VectorField& flow,
                             const std::vector<Real>& fraction, std::span<const SourceCell> sources,
                             std::vector<Real>& field, AdvectWorkspace& work, ScalarBudget& budget) {
+  // Tiles with smoke, and their neighbours.
   TileMask tiles(g.cells);
   std::vector<Real> top(static_cast<std::size_t>(tiles.count()));
   parallel.for_each(tiles.count(), [&](std::int64_t t) {
@@ -319,10 +320,12 @@ std::uint64_t advect_scalar(const Parallel& parallel, const Grid& g, bool correc
   });
   budget.open(parallel, g, corrected, tiles, top, field, work.solid_cells);
   budget.bring_in(g, dt, sources, field);
+  // Semi-Lagrangian transport.
   tiles.for_runs(parallel, [&](int j, int k, int begin, int end, bool active) {
     const CellRow row = {{j, k, begin, end, g.cell(0, j, k)}, g.node(0, j, k)};
     if (active) carry_row(transport, row, source.data(), first.data(), work.first);
   });
+  // Its correction (MacCormack).
   tiles.for_runs(parallel, [&](int j, int k, int begin, int end, bool active) {
     if (!active) return;
     const CellRow row = {{j, k, begin, end, g.cell(0, j, k)}, g.node(0, j, k)};

@@ -304,6 +304,7 @@ double find_sources(const Grid& g, const Emitter& emitter, const Emission& emiss
   const std::size_t first = sources.size();
   double alone = 0.0, total = 0.0;  // what a region without walls and solids would bring; what it brings [m^3/s]
   const Vec3i low = cover.low, end = end_of(cover);
+  // Positive flux out of each cell of the block, with all corners and with those that are free.
   for_block({low[0] - 1, low[1] - 1, low[2] - 1}, end, [&](const Vec3i& at) {
     double all = 0.0, here = 0.0;
     Vec3i place;
@@ -327,6 +328,7 @@ double find_sources(const Grid& g, const Emitter& emitter, const Emission& emiss
     sources.push_back(
         {place, static_cast<Real>(here), static_cast<Real>(emission.density), static_cast<Real>(emission.temperature)});
   });
+  // Scaled to the flux of the region.
   if (!(alone > 0.0) || !(total > 0.0)) return 0.0;
   const double flux = std::min(wanted, total * wanted / alone);
   const double to_rate = flux / total / (g.h * g.h * g.h);

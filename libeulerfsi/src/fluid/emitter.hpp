@@ -1,4 +1,4 @@
-// Purpose: emitters: regions that carry smoke into the fluid and blow it, with values that change in time.
+// Purpose: emitters: regions that emit smoke and may prescribe the fluid's velocity, with values that change in time.
 // Docs: docs/numerics/jets.md.
 #pragma once
 

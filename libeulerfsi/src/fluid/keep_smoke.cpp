@@ -22,7 +22,7 @@ constexpr std::size_t kCells = 512;   // of a tile
 constexpr std::size_t kWithin = 27;   // functions that are not 0 in a tile
 constexpr std::size_t kAround = 128;  // those of the tile and its neighbours, 5^3, and room to write rows of four
 constexpr double kNegligible = 1e-6;  // of the largest room
-constexpr int kRounds = 32;           // what finds no room goes on by so many intervals at most
+constexpr int kRounds = 32;           // intervals over which an amount without capacity is passed on, at most
 
 using Cells = Real[kCells];
 using Sums = Real[kWithin];
@@ -167,6 +167,7 @@ EFSI_KERNEL void take_arrivals(const Grid& g, const PackedSampler& sampler, cons
                                const grid::VectorField& back, Real* around) {
   const PackedSampler box = sampler;
   const auto axes = [&](const auto& value) { return Quad{value(0), value(1), value(2), Real(1)}; };
+  // The three intervals around the tile along each axis.
   Quad width[3], begin[3], before[3], after[3];
   for (int m = 0; m < 3; ++m) {
     width[m] = 1 / axes([&](int a) { return tile.axis[a]->width[m]; });
@@ -178,6 +179,7 @@ EFSI_KERNEL void take_arrivals(const Grid& g, const PackedSampler& sampler, cons
   begin[2] = begin[1] + axes([&](int a) { return tile.axis[a]->width[1]; });
   const Quad zero = {0, 0, 0, 0}, one = {1, 1, 1, 1};
   const Vec3i last = {tile.end[0] - 1, tile.end[1] - 1, tile.end[2] - 1};
+  // Blocks of 2^3 cells.
   for (int k = tile.begin[2]; k < tile.end[2]; k += 2)
     for (int j = tile.begin[1]; j < tile.end[1]; j += 2) {
       const int after_j = std::min(j + 1, last[1]), after_k = std::min(k + 1, last[2]);
@@ -188,13 +190,14 @@ EFSI_KERNEL void take_arrivals(const Grid& g, const PackedSampler& sampler, cons
       for (int i = tile.begin[0]; i < tile.end[0]; i += 2) {
         const Real amount = pairs[i - tile.begin[0]] + pairs[i - tile.begin[0] + 1];
         if (amount == 0) continue;
-        // The middle of the block, and the mean way of two opposite corners.
+        // The middle of the block, and the mean displacement of two opposite corners.
         const int after_i = std::min(i + 1, last[0]);
         const Quad middle = Real(0.5) * Quad{static_cast<Real>(i + after_i + 1), static_cast<Real>(j + after_j + 1),
                                              static_cast<Real>(k + after_k + 1), 0};
         const Quad way = Real(0.5) * (node_value(back, low + static_cast<std::size_t>(i)) +
                                       node_value(back, high + static_cast<std::size_t>(after_i)));
         const Quad from = box.keep_inside(middle + way);
+        // The splines at the origin of the block, and the tiles that they belong to.
         const auto is_before = from < begin[1], is_after = from >= begin[2];
         const auto choose = [&](const Quad(&of)[3]) { return is_before ? of[0] : (is_after ? of[2] : of[1]); };
         const Quad place = grid::clamp((from - choose(begin)) * choose(width), zero, one), left = one - place;
@@ -447,7 +450,7 @@ void ScalarBudget::gather(const Parallel& parallel, const grid::Walls& walls) {
   });
 }
 
-// The share of each function. What finds no room goes on to the six neighbours.
+// The share of each function. An amount without capacity is passed on to the six neighbours.
 void ScalarBudget::exchange(const Parallel& parallel, const Grid& g) {
   const Vec3i& n = functions_;
   const auto near = [&](std::size_t a, int i) { return place_along(i, n[a], g.periodic[a]); };

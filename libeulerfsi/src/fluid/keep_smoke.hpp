@@ -1,4 +1,4 @@
-// Purpose: keeps the amount of what the fluid carries: what the transport has lost or made of it is given back or taken
+// Purpose: conserves the amount of smoke and heat: what the transport has lost or gained is compensated
 // in the neighbourhood.
 // Symbols: psi: quadratic B-splines, one per interval of 8^3 cells, of sum 1; s, r: a cell's value before and after the
 // transport; x: the cell's centre, X: where its content comes from; top: the largest |s| nearby.
@@ -43,7 +43,7 @@ class ScalarBudget {
   void count(const Parallel& parallel, const Grid& g, const grid::VectorField& back, const std::vector<Real>& field,
              const std::vector<std::uint8_t>& solid);
   // When the solids have moved: cells that are more than half solid now are emptied, which is a loss too, and what is
-  // missing is given back; not within two intervals of an open face, where what has left is no loss.
+  // missing is restored; not within two intervals of an open face, where what has left is no loss.
   void settle(const Parallel& parallel, const Grid& g, const grid::Walls& walls, const std::vector<std::uint8_t>& was,
               const std::vector<Real>& cell_fraction, std::vector<Real>& field);
   // There is nothing to settle.

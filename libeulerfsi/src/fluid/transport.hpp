@@ -63,7 +63,7 @@ class Room {
       high_.c[a] = periodic[a] ? grid::octet(kFar) : static_cast<Real>(points[a] - 1) - at;
     }
   }
-  // Whether a way that is not zero ends at the first or last point or beyond.
+  // Whether a displacement that is not zero ends at the first or last point or beyond.
   EFSI_INLINE bool cuts(const grid::Octets& way) const {
     const grid::Octet zero{}, one = grid::octet(1);
     grid::Octet cut{};
@@ -74,7 +74,7 @@ class Room {
     }
     return grid::greatest(cut) > 0;
   }
-  // The ways, cut there.
+  // The displacements, cut there.
   EFSI_INLINE grid::Octets keep(const grid::Octets& way) const {
     grid::Octets kept;
     for (std::size_t a = 0; a < 3; ++a) kept.c[a] = grid::smaller(grid::larger(way.c[a], low_.c[a]), high_.c[a]);

@@ -27,7 +27,7 @@ linalg::SolveStats diffuse(const Parallel& parallel, const grid::Grid& g, const 
                            const std::vector<std::uint8_t>& solid, double viscosity, double dt,
                            grid::VectorField& velocity, ViscousWorkspace& work);
 
-// y = K x for mu = 1 and h = 1, of whole fields; what tests look at.
+// y = K x for mu = 1 and h = 1, of whole fields; used by tests.
 void viscous_force(const Parallel& parallel, const grid::Grid& g, const std::vector<std::uint8_t>& solid,
                    const std::vector<Real>& x, std::vector<Real>& y);
 

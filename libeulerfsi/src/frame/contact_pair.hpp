@@ -9,8 +9,8 @@
 
 namespace efsi::sim {
 
-// Two solids of which a row has pushed, or one whose folds have pushed each other; counts are sums over the steps in
-// which one did, overlaps are at their starts.
+// Two solids with an active row between them, or one with an active row between its folds; counts are sums over the
+// steps in which one did, overlaps are at their starts.
 struct ContactPair {
   std::size_t one = 0, other = 0;  // one < other; folds: one = other
   std::uint64_t steps = 0;

@@ -17,11 +17,11 @@ enum class EnergyStage : std::int32_t {
   kPressure,        // Eqs. 12, 13 with the coupling step
   kSolidTransport,  // u and v move with the solids, by shape
   kFluidTransport,  // the fluid's velocity moves, the masses of the nodes stand still
-  kRemap,           // which cells carry stiffness, how much fluid the nodes hold
+  kRemap,           // changes of the cells with stiffness and of the fluid's mass at nodes
   kRepair,
   kMomentum,     // what restores the momenta
   kPlasticFlow,  // what plastic flow dissipates
-  kViscosity,    // what the viscous fluid dissipates, less what walls that move put in
+  kViscosity,    // viscous dissipation minus the work of moving walls
   kCount
 };
 inline constexpr std::size_t kEnergyStages = static_cast<std::size_t>(EnergyStage::kCount);

@@ -8,7 +8,7 @@
 namespace efsi::sim {
 namespace {
 
-constexpr double kAtEnd = 1e-9;  // part of the way: rounding of times
+constexpr double kAtEnd = 1e-9;  // part of the motion: rounding of times
 
 // Axis times angle of the smaller turn.
 Vec3d turn_between(const Mat3d& from, const Mat3d& to) {

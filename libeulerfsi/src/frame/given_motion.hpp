@@ -1,4 +1,4 @@
-// Purpose: motion that the caller gives: where a rigid body is between two poses, and how it moves there; what is held
+// Purpose: prescribed motion: the pose of a rigid body between two poses, and its velocity there; what is pinned
 // so: a region of a solid (a pin) or all of it (a collider).
 #pragma once
 
@@ -44,7 +44,7 @@ struct PointMotion {
   std::vector<Vec3d> velocity(double t, double dt) const;
 };
 
-// Nodes and vertices of a solid whose material lies in a region move as given.
+// Nodes and vertices of a solid whose material lies in a region have prescribed motion.
 struct Pin {
   std::size_t solid = 0;
   bool whole = false;  // all of the solid: it is a collider
@@ -53,12 +53,12 @@ struct Pin {
   std::vector<std::uint8_t> vertices;               // of the solid's surface: 1: in the region
   Vec3d low = Vec3d::Zero(), high = Vec3d::Zero();  // box around what moves [m]
   GivenMotion motion;
-  PointMotion points;  // of a collider; `motion` acts on what they say
+  PointMotion points;  // of a collider; `motion` is applied to them
 
   bool holds(const Vec3d& X) const { return whole || region->sample(X) <= 0.0; }
 };
 
-// What holds a pin in a step.
+// Reaction of a pin during one step.
 struct PinReaction {
   Vec3d impulse = Vec3d::Zero();          // [kg m/s]
   Vec3d angular_impulse = Vec3d::Zero();  // about `center` [kg m^2/s]
@@ -70,7 +70,7 @@ struct PinReaction {
 geometry::SignedDistance region_of(const geometry::TriangleMesh& surface, const std::vector<std::uint8_t>& marked,
                                    double h);
 
-// Whether part of a solid moves as given, and whether all of it does.
+// Whether a part of a solid has prescribed motion, and whether all of it does.
 bool is_pinned(const std::vector<Pin>& pins, std::size_t solid);
 bool is_collider(const std::vector<Pin>& pins, std::size_t solid);
 

@@ -1,4 +1,4 @@
-// Purpose: loops over the parts of the common grid that solids or walls hold; planes in parallel.
+// Purpose: loops over the parts of the common grid with solids or walls; planes in parallel.
 #pragma once
 
 #include <algorithm>

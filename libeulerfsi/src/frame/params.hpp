@@ -23,21 +23,21 @@ struct Numerics {
   double pressure_tolerance = 0.018;
   int points_per_element = 1;
   solid::AdvectionScheme solid_advection = solid::AdvectionScheme::kMacCormack;
-  // With kPaper: from which distance on the particles of a solid are pushed away [cells], h of Eq. 14.
+  // With kPaper: distance below which the particles of a solid are repelled [cells], h of Eq. 14.
   double contact_distance = 1.0;
   bool corrected_fluid_advection = true;  // MacCormack; smoke and heat keep their amount
   // true: v = v* - G^-1 J^T q on solid nodes (Eq. 13 as printed); false: v = v* - M^-1 J^T q, divergence-free.
   bool stiff_correction = false;
-  // One step towards the pressure that elasticity answers to, before the projection.
+  // Coupling steps, in which elasticity responds to the pressure, before the projection.
   bool coupling_step = true;
   // How much of the stiffness is implicit follows what a step does to the solid; false: all of it (Eq. 8).
   bool stiffness_by_pace = true;
   bool stiffness_by_part = true;   // a cell that is solid in part is as stiff; false: as a whole one
   bool resolve_impacts = true;     // at walls, steps that shear waves cross in less than a cell
-  bool repair_map = true;          // broken cells are put back in shape
+  bool repair_map = true;          // broken cells are repaired
   bool volume_by_pressure = true;  // alone: an incompressible solid's lambda is bounded
   bool walls_push_only = true;     // solids leave them freely, and slide; false: they fix what they fix of the fluid
-  bool volume_source = true;       // b of Eq. 11 pulls det F back to 1
+  bool volume_source = true;       // b of Eq. 11 restores det F = 1
   bool fluid_slips = true;         // beside a solid the fluid has a velocity of its own
   bool conserve_momentum = true;   // transport keeps linear and angular momentum
   // Particles carry the velocity of solids and repel each other.

@@ -1,4 +1,4 @@
-// Purpose: what it takes to hold a node of a solid in a step, where a wall or a given motion prescribes its velocity.
+// Purpose: impulses on nodes of solids whose velocity a wall or a prescribed motion fixes in a step.
 #pragma once
 
 #include <cstddef>

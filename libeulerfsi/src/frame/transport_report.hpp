@@ -12,7 +12,7 @@ namespace efsi::sim {
 // before and after. Sums and extremes over the solids (EfsiRepairs).
 struct Repairs {
   std::uint64_t clamped = 0;   // cells whose F was clamped in the forces
-  std::uint64_t rejected = 0;  // cells after the transport whose map was not believed
+  std::uint64_t rejected = 0;  // cells whose map was rejected after the transport
   std::uint64_t broken = 0;    // of incompressible solids: det F out of bounds after the transport
   std::uint64_t put_back = 0;  // cells that the repair moved, with those that it broke itself
   double min_det_f_before = 1.0, max_det_f_before = 1.0, min_det_f_after = 1.0, max_det_f_after = 1.0;
@@ -24,7 +24,7 @@ struct TransportChange {
   double volume_mesh = 0.0, volume_cells = 0.0;  // less what the pressure gave, over the volume at rest; incompressible
   Vec3d momentum = Vec3d::Zero();                // [kg m/s]
   Vec3d angular_momentum = Vec3d::Zero();        // about the centre of mass [kg m^2/s]
-  double mass = 0.0;                             // as the cells count it, over what the solid weighs, less 1
+  double mass = 0.0;                             // by cell fractions, relative to the first step's, minus 1
 };
 
 }  // namespace efsi::sim

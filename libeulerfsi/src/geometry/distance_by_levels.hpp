@@ -1,5 +1,5 @@
 // Purpose: the distance from the nodes of a grid to a triangle mesh, at every node only as well as what reads it asks:
-// for meshes that move in every step. geometry/distance_to_mesh.hpp is the thorough way.
+// for meshes that move in every step. geometry/distance_to_mesh.hpp is the exact method.
 #pragma once
 
 #include "base/parallel.hpp"

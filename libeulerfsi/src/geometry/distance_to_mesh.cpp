@@ -257,8 +257,8 @@ class DistanceToMesh::Sweep {
   }
 
   // By how much the square of the distance to a triangle is smaller than that to its point at (x, y, z) from here,
-  // which is nearest to the neighbour: by the square of the way from there, or of its part at right angles to the line
-  // from point to neighbour, when that line leads on to here.
+  // which is nearest to the neighbour: by the square of the displacement from there, or of its part at right angles to
+  // the line from point to neighbour, when that line leads on to here.
   float most_gain(int way, float x, float y, float z, float squared) const {
     const auto& back = back_[way];
     const float towards = x * back[0] + y * back[1] + z * back[2], along = towards - apart_[way];

@@ -106,6 +106,7 @@ enum class Effort { kThorough, kByLevels };
 // Turns the triangles of the mesh that are inside out.
 SignedDistance build(TriangleMesh& mesh, double spacing, double margin, Effort effort, MeshReport& report,
                      const Parallel& parallel, const Progress& progress) {
+  // Inspect, weld and orient the mesh.
   progress.at(0.0);
   report = inspect(mesh);
   std::vector<std::int32_t> kept;
@@ -124,6 +125,7 @@ SignedDistance build(TriangleMesh& mesh, double spacing, double margin, Effort e
   report.pieces = static_cast<std::uint32_t>(topology.parts);
   report.turned_triangles = static_cast<std::uint32_t>(turned.changed.size());
 
+  // Distances to the mesh, winding numbers, and the boundary of the solid.
   SignedDistance grid = make_grid(extents(surface), spacing, margin);
   std::uint64_t caps = 0;
   bool as_given = false;  // the mesh is the boundary of the solid

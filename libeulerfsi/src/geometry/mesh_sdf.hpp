@@ -27,7 +27,7 @@ SignedDistance build_signed_distance(const TriangleMesh& mesh, double spacing, M
 
 // A mesh and the solid that it bounds.
 struct Surface {
-  TriangleMesh mesh;  // as given, but for triangles that were inside out: they are turned
+  TriangleMesh mesh;  // as passed, with inverted triangles reversed
   SignedDistance distance;
   MeshReport report;
   std::vector<double> along;  // of a slab's surface: where the points of the mesh were along its axis [m]

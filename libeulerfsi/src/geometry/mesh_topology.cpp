@@ -120,6 +120,7 @@ std::uint64_t agree_with_neighbours(TriangleMesh& mesh) {
     std::int32_t from, to;
     bool agree;
   };
+  // Pairs of triangles that share an edge, and whether they agree.
   std::vector<Link> links;
   const std::vector<HalfEdge> edges = sorted_half_edges(mesh);
   for_each_edge(edges, [&](std::size_t begin, std::size_t end) {
@@ -133,6 +134,7 @@ std::uint64_t agree_with_neighbours(TriangleMesh& mesh) {
   for (const Link& link : links) ++first[link.from + 1];
   std::partial_sum(first.begin(), first.end(), first.begin());
 
+  // Each connected patch: the minority is reversed.
   std::uint64_t turned = 0;
   std::vector<signed char> side(mesh.triangles.size(), 0);  // +1 as given, -1 turned
   std::vector<std::int32_t> patch;

@@ -32,7 +32,8 @@ Overlap overlap(const SignedDistance& a, const SignedDistance& b, const Parallel
         field.values[field.index(i, j, static_cast<int>(k))] =
             static_cast<float>(both(field.node(i, j, static_cast<int>(k))));
   });
-  // Distances change by no more than the way: only cells whose corners come close to the deepest node can hold more.
+  // Distances change by no more than the displacement: only cells whose corners come close to the deepest node can hold
+  // more.
   const double deepest = -*std::min_element(field.values.begin(), field.values.end());
   const double gain = 1.05 * std::sqrt(3.0) * 0.5 * field.spacing;
   if (deepest + gain <= 0.0) return {};

@@ -194,11 +194,13 @@ std::shared_ptr<const Surface> lay_in_slab(const Surface& surface, const Slab& s
   auto out = std::make_shared<Surface>();
   out->report = surface.report;
   out->mesh = surface.mesh;
+  // Vertices beyond the slab are placed on its faces.
   const double inset = kInset * slab.thickness();
   for (Vec3d& x : out->mesh.points) {
     out->along.push_back(x[slab.axis]);
     x[slab.axis] = std::clamp(x[slab.axis], slab.low + inset, slab.high - inset);
   }
+  // The section halfway.
   const double spacing = surface.distance.spacing;
   const Section whole = cut(surface.mesh, slab.axis, slab.middle());
   if (whole.open_ends > 0)
@@ -206,6 +208,7 @@ std::shared_ptr<const Surface> lay_in_slab(const Surface& surface, const Slab& s
            " open ends: must be closed");
   const Section section = boundary(parallel, whole, spacing);
   if (section.segments.empty()) refuse("its section through the slab encloses nothing");
+  // Signed distances in the plane.
   SignedDistance& distance = out->distance = make_grid(section, slab, spacing);
   const int u = (slab.axis + 1) % 3, v = (slab.axis + 2) % 3;
   const double on_surface = 1e-5 * spacing;
@@ -217,6 +220,7 @@ std::shared_ptr<const Surface> lay_in_slab(const Surface& surface, const Slab& s
   });
   if (std::none_of(distance.values.begin(), distance.values.end(), [](float phi) { return phi < 0.0f; }))
     refuse("its section through the slab encloses no node of the grid at spacing " + std::to_string(spacing) + " m");
+  // The report of the slab.
   MeshReport& report = out->report;
   report.extent_min[slab.axis] = slab.low;
   report.extent_max[slab.axis] = slab.high;

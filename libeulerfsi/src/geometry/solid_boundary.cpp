@@ -209,6 +209,7 @@ void add_caps(const SignedDistance& distance, const std::vector<float>& winding,
 
 SolidBoundary solid_boundary(const TriangleMesh& mesh, const SignedDistance& distance, const WindingField& winding,
                              bool trust_cells, const Parallel& parallel, const Progress& progress) {
+  // Which pieces of the triangles bound the solid.
   std::vector<std::size_t> first_piece = {0};
   for (const Triangle& t : mesh.triangles)
     first_piece.push_back(first_piece.back() + Cut(mesh, t, distance.spacing).pieces());
@@ -220,6 +221,7 @@ SolidBoundary solid_boundary(const TriangleMesh& mesh, const SignedDistance& dis
     add_triangle(boundary.mesh, a, b, c);
     return static_cast<std::int32_t>(boundary.mesh.triangles.size()) - 1;
   };
+  // Whole triangles, and the bounding pieces of the others.
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
     const auto begin = bounds.begin() + static_cast<std::ptrdiff_t>(first_piece[t]);
     const auto end = bounds.begin() + static_cast<std::ptrdiff_t>(first_piece[t + 1]);
@@ -239,6 +241,7 @@ SolidBoundary solid_boundary(const TriangleMesh& mesh, const SignedDistance& dis
   }
   boundary.kept = boundary.mesh.triangles.size();
   boundary.first_piece = std::move(first_piece);
+  // Caps over holes.
   if (!winding.balanced()) {
     std::vector<SolidBoundary> caps(distance.size[2] - 1);
     parallel.for_each(static_cast<std::int64_t>(caps.size()),

@@ -24,7 +24,7 @@ struct Extents {
 
 // What was found in a mesh and what was done about it; the C++ face of EfsiMeshReport.
 struct MeshReport {
-  double surface_volume = 0.0;                                   // signed volume of the mesh as given [m^3]
+  double surface_volume = 0.0;                                   // signed volume of the mesh as passed [m^3]
   double solid_volume = 0.0;                                     // volume of the closed solid [m^3]
   Vec3d extent_min = Vec3d::Zero(), extent_max = Vec3d::Zero();  // [m]
   std::uint64_t triangles = 0;

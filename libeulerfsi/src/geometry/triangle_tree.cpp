@@ -101,6 +101,7 @@ void TriangleTree::build(std::int32_t begin, std::int32_t end) {
   node.area_normal.setZero();
   node.moment.setZero();
   node.second_moment.fill(0.0);
+  // The box, and the sums of areas.
   Vec3d weighted = Vec3d::Zero(), low = node.min, high = node.max;
   double area = 0.0;
   for (std::int32_t i = begin; i < end; ++i) {
@@ -115,6 +116,7 @@ void TriangleTree::build(std::int32_t begin, std::int32_t end) {
     node.area_normal += vector_area;
   }
   node.centre = area > 0.0 ? Vec3d(weighted / area) : Vec3d(0.5 * (node.min + node.max));
+  // Moments about the centre of area, for the series of far nodes.
   double radius_squared = 0.0;
   for (std::int32_t i = begin; i < end; ++i) {
     const Corners& t = corners_[i];
@@ -187,6 +189,7 @@ void TriangleTree::add_winding(const Vec3d& centre, double half, const std::vect
   WindingSum smooth(centre, support);
   const double radius = std::sqrt(3.0) * half, smooth_distance = kSmoothFactor * half;
   std::int64_t near_triangles = 0;
+  // Walk through the tree: far nodes by their series, others are collected in `near`.
   std::vector<std::int32_t> near, stack(sources.rbegin(), sources.rend());
   const bool divide = targets.points.size() > kFewPoints;
   while (!stack.empty()) {
@@ -205,6 +208,7 @@ void TriangleTree::add_winding(const Vec3d& centre, double half, const std::vect
       stack.push_back(index + 1);
     }
   }
+  // Near triangles are summed exactly, or are left to the eighths of the cube.
   const bool eighths = divide && near_triangles > kFewNear;
   if (!eighths) {
     for (const std::int32_t index : near) {
@@ -213,6 +217,7 @@ void TriangleTree::add_winding(const Vec3d& centre, double half, const std::vect
     }
   }
   sum.add_to(targets.winding, targets.on_surface);
+  // What varies smoothly in the cube is interpolated.
   if (interpolate) {
     std::vector<double> values(support.size(), 0.0);
     std::vector<bool> none(support.size(), false);
@@ -221,6 +226,7 @@ void TriangleTree::add_winding(const Vec3d& centre, double half, const std::vect
     for (std::size_t i = 0; i < targets.points.size(); ++i) targets.winding[i] += interpolation.at(targets.points[i]);
   }
   if (!eighths) return;
+  // The same for each eighth of the cube with its points.
   std::array<std::vector<std::size_t>, 8> members;
   for (std::size_t i = 0; i < targets.points.size(); ++i) {
     const Vec3d& X = targets.points[i];

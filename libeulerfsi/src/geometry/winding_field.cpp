@@ -158,6 +158,7 @@ double WindingField::closed_number(const Vec3d& X) const {
 
 std::vector<float> WindingField::at(const std::vector<Vec3d>& points, const Parallel& parallel,
                                     const Progress& progress) const {
+  // A closed mesh: each point by itself.
   std::vector<float> numbers(points.size());
   if (balanced()) {
     constexpr std::int64_t kBatch = 256;
@@ -186,6 +187,7 @@ std::vector<float> WindingField::at(const std::vector<Vec3d>& points, const Para
   for (std::size_t e = 0; e < entries.size(); ++e)
     if (e == 0 || entries[e].cube != entries[e - 1].cube) first.push_back(e);
   first.push_back(entries.size());
+  // Of each cube: the closed mesh, minus its closing triangles.
   progress.for_each(parallel, static_cast<std::int64_t>(first.size()) - 1, [&](std::int64_t group) {
     std::vector<Vec3d> members;
     for (std::size_t e = first[group]; e < first[group + 1]; ++e) members.push_back(points[entries[e].point]);

@@ -9,7 +9,7 @@ namespace efsi::sim {
 struct GivenNode {
   std::size_t pin = 0, solid = 0, node = 0;  // node: of the common grid
   Vec3 velocity = Vec3::Zero();
-  Vec3d impulse = Vec3d::Zero();  // that holds it in this step [kg m/s]
+  Vec3d impulse = Vec3d::Zero();  // reaction in this step [kg m/s]
 };
 
 }  // namespace efsi::sim

@@ -1,8 +1,8 @@
 // Purpose: colliders whose points are given: their surface at a time, and the velocity that its points give to what is
 // near them (docs/numerics/given-motion.md):
 //   w(X) = w(P) + G (X - P),   P the nearest point of the surface, G grad w there; 0 more than four cells outside
-// G is that of a shell: along the triangle what its corners say, across it the normal keeps its length and turns with
-// the triangle. What moves rigidly, moves so at all X. |G (X - P)| is at most the range of the w of the surface.
+// G is that of a shell: along the triangle what its corners say, along the normal, which keeps its length and turns
+// with the triangle. What moves rigidly, moves so at all X. |G (X - P)| is at most the range of the w of the surface.
 #pragma once
 
 #include <span>
@@ -30,7 +30,7 @@ class ShapeVelocity {
   double range_ = 0.0;  // diagonal of the box around them [m/s]
 };
 
-// How what a pin holds moves: v = V + omega x (x - c) + R w(X), x = R X + s.
+// Motion of pinned material: v = V + omega x (x - c) + R w(X), x = R X + s.
 struct PinVelocity {
   Pose pose;
   solid::RigidMotion motion;
@@ -46,7 +46,7 @@ PinVelocity velocity_of(const Pin& pin, const solid::SolidState& state, double t
 // Throws Error(kMesh) where they bound no volume.
 void update_shape(const Parallel& parallel, const Scene& scene, const Pin& pin, double time, solid::SolidState& state);
 
-// The given nodes of a collider lie beside its surface, not on it: what they push aside is not what it takes up.
+// The given nodes of a collider lie beside its surface, not on it: the volume they displace is not that of the surface.
 // Changes their normal velocities, in proportion to those that the points give them, so that the flux out of its
 // elements is dV/dt of the surface. Does nothing where it reaches out of the box, or crosses itself.
 void keep_volume(const Scene& scene, const PinVelocity& velocity, double dt, const solid::SolidState& state,

@@ -36,7 +36,7 @@ double fastest(const Pin& pin, const PinVelocity& velocity) {
   return speed;
 }
 
-// Where a pin holds nodes of a band: velocity, and the map where `map`.
+// Pinned nodes of a band: velocity, and the map where `map`.
 void give(const Parallel& parallel, const Pin& pin, const PinVelocity& velocity, bool map, solid::SolidState& state) {
   const Grid& g = state.band.grid;
   parallel.for_each(g.cells[2] + 1, [&](std::int64_t plane) {

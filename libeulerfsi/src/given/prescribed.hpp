@@ -2,7 +2,7 @@
 // prescribed, such nodes have no W in the projection (Eq. 12: their mass is infinite), and the map there follows from
 // the pose:
 //   v = V + omega x (x - c) of the pose at the start of the step,   u = x - X(x) of that at its end
-// What it takes to hold them is reported as an impulse per pin (docs/numerics/given-motion.md).
+// The reaction is reported as an impulse per pin (docs/numerics/given-motion.md).
 #pragma once
 
 #include "frame/reaction.hpp"
@@ -29,9 +29,9 @@ void fix_given(const std::vector<GivenNode>& given, system::VelocitySystem& syst
 // Cells at which nothing can move have no pressure. active: as PressureSystem has it; filled where it is empty.
 void close_given_cells(const StepContext& step, const SolidStates& states, const Matter& matter,
                        const system::SlipNodes& slip, std::vector<std::uint8_t>& active);
-// What holds the nodes, in the velocity solve or against the pressure.
+// Impulses on pinned nodes, in the velocity solve or by the pressure.
 void add_given_reactions(const Reaction& reaction, std::vector<GivenNode>& given);
-// What held each pin in the step.
+// Reaction of each pin during the step.
 std::vector<PinReaction> sum_reactions(const StepContext& step, const grid::Grid& grid,
                                        const std::vector<GivenNode>& given);
 // After the transport of solid l: map and velocity, then the vertices, where its pins hold it.

@@ -84,7 +84,7 @@ inline Vec3 wall_velocity(const Grid& g, const Walls& walls, int i, int j, int k
 }
 
 // The same for every node. Solids slide on walls: nodes that carry a solid keep their tangential components free on a
-// no-slip wall, which holds the fluid only (friction belongs to contact).
+// no-slip wall, which constrains the fluid only (friction belongs to contact).
 inline std::uint8_t fixed_for_solid(const Grid& g, Walls walls, int i, int j, int k) {
   for (Wall& wall : walls.face)
     if (wall == Wall::kNoSlip) wall = Wall::kSlip;

@@ -107,6 +107,7 @@ EFSI_KERNEL void extend_nodes(const Box& box, const Grid& g, const std::array<in
   for (const std::array<int, 3>* p = begin; p < end; ++p) {
     const auto target = static_cast<std::ptrdiff_t>(g.node((*p)[0], (*p)[1], (*p)[2]));
     const Real* around = weights.around((*p)[0], (*p)[1], (*p)[2]);
+    // Rows with data around the node, and the moments of their weights.
     std::size_t count = 0;
     bool whole_rows = true;  // all lanes of the rows, also those without data, are in the arrays
     Lanes one = {}, y = one, z = one, yy = one, zz = one, yz = one;  // sums of w, w y, ... per lane
@@ -125,10 +126,12 @@ EFSI_KERNEL void extend_nodes(const Box& box, const Grid& g, const std::array<in
     }
     const double s[10] = {sum_of(one), sum_of(one * along), sum_of(y),  sum_of(z),         sum_of(one * along * along),
                           sum_of(yy),  sum_of(zz),          sum_of(yz), sum_of(z * along), sum_of(y * along)};
+    // Weights by which the fit is evaluated at the node.
     double c[4];
     evaluation_row(s, c);
     for (std::size_t q = 0; q < count; ++q)
       live[q].weights *= c[1] * along + (c[0] + c[2] * live[q].row->y + c[3] * live[q].row->z);
+    // The weighted sums, several fields at once.
     for (std::size_t first = 0; first < fields.size(); first += kAtOnce) {
       const std::size_t some = std::min(kAtOnce, fields.size() - first);
       const Real* source[kAtOnce];
@@ -182,6 +185,7 @@ void extend_linear(const Parallel& parallel, const Grid& g, int layers, std::vec
   std::vector<std::array<int, 3>> next;
   std::vector<Real> result;
   std::vector<std::uint8_t> reached(layer.size()), scratch(layer.size());
+  // Weights of the data.
   for (std::size_t m = 0; m < layer.size(); ++m) reached[m] = layer[m] == 0;
   for (int k = 0; k < n[2]; ++k)
     for (int j = 0; j < n[1]; ++j)
@@ -191,6 +195,7 @@ void extend_linear(const Parallel& parallel, const Grid& g, int layers, std::vec
           weights.at(i, j, k) =
               data.node.empty() ? Real(1) : std::clamp(data.node[m] / data.whole, kLeastWeight, Real(1));
       }
+  // Layer by layer: its nodes, their values, then both become data.
   for (int l = 1; l <= layers; ++l) {
     dilate(n, reached, scratch);
     next.clear();

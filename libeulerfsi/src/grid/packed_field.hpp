@@ -1,5 +1,5 @@
 // Purpose: node vectors packed for fast trilinear interpolation: (x, y, z, 0) side by side, so that one load brings an
-// edge of a cell and one instruction works on all components. interpolate.hpp is the readable twin.
+// edge of a cell and one instruction works on all components. interpolate.hpp is the simple reference.
 // Positions are in grid units: g = (x - origin) / h. The interpolation is nested, z then y then x.
 #pragma once
 

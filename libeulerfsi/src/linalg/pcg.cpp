@@ -20,6 +20,7 @@ SolveStats pcg(const Parallel& parallel, const Operator& apply, const Operator& 
   for (auto* v : {&work.r, &work.z, &work.d, &work.q}) v->resize(n);
   auto &r = work.r, &z = work.z, &d = work.d, &q = work.q, &best = work.best;
 
+  // A right-hand side that is zero or not finite needs no iteration.
   SolveStats stats;
   const double b_norm = norm(parallel, b);
   if (b_norm == 0.0) {
@@ -32,6 +33,7 @@ SolveStats pcg(const Parallel& parallel, const Operator& apply, const Operator& 
     stats.converged = false;
     return stats;
   }
+  // The stopping criterion.
   double reference = options.reference > 0.0 ? options.reference : b_norm;
   const auto done = [&](double r_norm) {
     stats.residual = r_norm / reference;
@@ -74,6 +76,7 @@ SolveStats pcg(const Parallel& parallel, const Operator& apply, const Operator& 
     scale_add(parallel, d, beta, z);
     rz = rz_new;
   }
+  // Not converged: return the best iterate.
   if (!(stats.residual <= best_residual) && best_residual < std::numeric_limits<double>::infinity()) {
     copy(parallel, x, best);
     stats.residual = best_residual;

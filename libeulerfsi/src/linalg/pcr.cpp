@@ -12,6 +12,7 @@ SolveStats pcr(const Parallel& parallel, const Operator& apply, const Operator& 
   for (auto* v : {&work.r, &work.z, &work.p, &work.az, &work.ap, &work.mp}) v->resize(n);
   auto &r = work.r, &z = work.z, &p = work.p, &az = work.az, &ap = work.ap, &mp = work.mp;
 
+  // A right-hand side that is zero or not finite needs no iteration.
   SolveStats stats;
   const double b_norm = norm(parallel, b);
   if (b_norm == 0.0) {
@@ -24,6 +25,7 @@ SolveStats pcr(const Parallel& parallel, const Operator& apply, const Operator& 
     stats.converged = false;
     return stats;
   }
+  // r = b - A x, and the stopping criterion.
   apply(x, az);
   r = b;
   add_scaled(parallel, r, -1.0, az);
@@ -34,6 +36,7 @@ SolveStats pcr(const Parallel& parallel, const Operator& apply, const Operator& 
            (!options.also || options.also(r));
   };
   if (done()) return stats;
+  // The first search direction; ap = A p and az = A z are kept instead of multiplied anew.
   precondition(r, z);
   p = z;
   apply(z, az);

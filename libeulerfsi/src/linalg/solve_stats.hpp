@@ -18,7 +18,7 @@ struct SolveOptions {
   double tolerance = 1e-3;      // on |r| / |b|, 2-norm
   double reference = 0.0;       // in place of |b| where it is more than 0
   bool against_start = false;   // on |r| over that of the start instead, down to the rounding of b; pcg only
-  double least = 0.0;           // |r| that is nothing whatever it is at the start; with against_start
+  double least = 0.0;           // lower bound of the tolerance on |r|; with against_start
   bool residual_known = false;  // r of the workspace is that of x at the start; pcg only
   int max_iterations = 500;
   int min_iterations = 0;  // made also when the start passes

@@ -1,7 +1,7 @@
 // Purpose: multiplicative plasticity in principal axes: a yield stress, a flow rate, linear hardening. Pure functions.
 // F = F_e F_p with det F_p = 1 (Bargteil et al. 2007; Fan et al. 2013, Sec. 3.7). Flow shrinks the deviator of the
 // elastic logarithmic strain; the measure of stress is von Mises' of the Kirchhoff stress, so that the yield stress is
-// that of a bar pulled along its axis.
+// that of uniaxial tension.
 #pragma once
 
 #include "material/constitutive.hpp"
@@ -9,7 +9,7 @@
 namespace efsi::material {
 
 struct Plastic {
-  double yield_stress = 0.0;  // [Pa]; 0: elastic, whatever the stress
+  double yield_stress = 0.0;  // [Pa]; 0: purely elastic
   double flow_rate = 1000.0;  // at which stress above the yield stress relaxes [1/s]
   double hardening = 0.0;     // by which the yield stress grows per unit of accumulated plastic strain [Pa]
 

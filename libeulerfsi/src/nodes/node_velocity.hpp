@@ -1,5 +1,5 @@
 // Purpose: the one velocity at each node of the common grid that solids and fluid have together.
-// Paper: Alg. 1 line 7; Sec. 4.2. At slip nodes solid and fluid stay apart (docs/deviations.md).
+// Paper: Alg. 1 line 7; Sec. 4.2. Slip nodes keep both velocities (docs/deviations.md).
 #pragma once
 
 #include "frame/step_context.hpp"

@@ -16,9 +16,9 @@ struct StepWeight {
 };
 
 // Weight less the buoyancy in an ambient density, whose hydrostatic pressure the pressure leaves out: the fluid's. So a
-// solid floats by what it weighs and not by how the stairs of its cells sum up the pressure, and what has the fluid's
-// density stays at rest. A light solid is not pushed up with more than kMostLift times its weight, which the elastic
-// solve would follow before the pressure answers; the rest of its buoyancy is the pressure's.
+// solid floats by its mass and not by the sum of the pressure over its voxelised boundary, and one of the fluid's
+// density stays at rest. The upward force on a light solid is at most kMostLift times its weight, since the elastic
+// solve would follow it before the pressure responds; the rest of its buoyancy is the pressure's.
 inline constexpr double kMostLift = 1.0;
 StepWeight weight_in_step(const Scene& scene, double dt, const SolidWorks& solids);
 

@@ -30,7 +30,7 @@ bool same_parts(const std::vector<system::RowPart>& a, const std::vector<system:
   });
 }
 
-// What the rows that stand in G as penalties answer to the coupling step, per row [N s]. Penalties are in the order of
+// Reaction in the coupling step of the rows that are penalties in G, per row [N s]. Penalties are in the order of
 // the rows, of which some are open.
 std::vector<Vec3d> coupling_impulses(const VelocityEquation& elasticity, const PressureEquation& pressure) {
   const std::vector<system::ContactRow>& rows = elasticity.contacts.rows;

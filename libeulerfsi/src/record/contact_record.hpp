@@ -1,4 +1,4 @@
-// Purpose: what a step, or several, report of solids that push each other (EfsiContactPair).
+// Purpose: the record of contacts between solids in one or several steps (EfsiContactPair).
 #pragma once
 
 #include "frame/contact_pair.hpp"
@@ -8,7 +8,7 @@
 
 namespace efsi::sim {
 
-// Of a step after its projection. Empty where nothing pushes.
+// Of a step after its projection. Empty without contact impulses.
 ContactPairs record_contacts(const Scene& scene, const SolidStates& states, const VelocityEquation& elasticity,
                              const PressureEquation& pressure);
 // Adds those of a later step.

@@ -22,7 +22,7 @@ std::vector<Real> uniform_mass(const Grid& g, double density) {
   return mass;
 }
 
-// What a push p adds to the kinetic energy of a mass M with the momentum P: p.P + M p^2 / 2.
+// What a velocity change p adds to the kinetic energy of a mass M with the momentum P: p.P + M p^2 / 2.
 double push_work(const Vec3& push, double mass, const Vec3d& momentum) {
   const Vec3d p = push.cast<double>();
   return p.dot(momentum) + 0.5 * mass * p.squaredNorm();

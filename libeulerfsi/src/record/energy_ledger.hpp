@@ -59,7 +59,7 @@ class EnergyLedger {
   void book(EnergyStage stage, const Energy& now);
   double fluid_energy(const std::vector<Real>& mass, const grid::VectorField& velocity) const;
   double potential(std::size_t l, const Vec3d& center) const;
-  bool counts(std::size_t l) const;  // a collider's own energy is no one's
+  bool counts(std::size_t l) const;  // the energy of a collider itself is excluded
   Energy shape_of(std::size_t l) const;
   // now: with the energies of the solids as they are.
   Energy with_solids(Energy now) const;

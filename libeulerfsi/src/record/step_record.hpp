@@ -11,7 +11,7 @@
 
 namespace efsi::sim {
 
-// What a step's work on the solids says of their speeds, det F and clamped cells.
+// Speeds, det F and clamped cells of the solids after a step.
 void report_solids(const SolidWorks& work, StepInfo& info);
 // Largest component of a velocity at the nodes of a grid [m/s].
 double largest_component(const Parallel& parallel, const grid::Grid& g, const grid::VectorField& velocity);

@@ -1,4 +1,4 @@
-// Purpose: what a simulation tells of its state: of solids, of the fluid, of memory.
+// Purpose: diagnostics of the state: solids, fluid, memory.
 #include <algorithm>
 #include <limits>
 

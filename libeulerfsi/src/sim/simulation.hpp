@@ -79,16 +79,16 @@ class Simulation {
   // Before the first step. A solid whose motion is given; of its description surface and friction count. It may lie
   // across the faces of the box. Returns the index of its pin; that of the solid is the last one's.
   std::size_t add_collider(const SolidDesc& desc, geometry::MeshReport& report);
-  // Holds a solid where its material lies in a volume, or beside marked vertices of its surface. Index from 0.
+  // Pins a solid where its material lies in a volume, or beside marked vertices of its surface. Index from 0.
   std::size_t add_pin(std::size_t solid, const geometry::SignedDistance& volume);
   std::size_t add_pin(std::size_t solid, const std::vector<std::uint8_t>& vertices);
-  // From now on what a pin holds moves so; the centre of its motion is kept. At any time.
+  // Sets the motion of a pin; the centre of its motion is kept. At any time.
   void set_motion(std::size_t pin, double start, double end, const Pose& from, const Pose& to);
   // The same for the points of a collider as its mesh has them, in material space, on which its motion acts. At any
   // time. Throws Error(kMesh) where those of now bound no volume.
   void set_points(std::size_t pin, PointMotion points);
   const std::vector<Pin>& pins() const { return pins_; }
-  // Points that ride along with a solid, at rest in its rest shape [m]. At any time. Returns their index from 0.
+  // Points that follow a solid, at rest in its rest shape [m]. At any time. Returns their index from 0.
   std::size_t add_passenger(std::size_t solid, std::vector<Vec3d> points);
   std::size_t add_force(const ForceField& force);
 
@@ -105,7 +105,7 @@ class Simulation {
   const Profile& profile() const { return profile_; }
   // What the last good step reported; its initial value before there was one.
   const StepInfo& last_step() const { return last_step_; }
-  // Solids that have pushed each other in the last call of step or advance, so far.
+  // Contacts between solids in the last call of step or advance, so far.
   const ContactPairs& contacts() const { return contacts_; }
   void reset_profile() { profile_ = Profile{}; }
 

@@ -25,7 +25,7 @@ constexpr double kUnseen = 1.2;           // cells that solids near each other m
 // Cells per step in flight over those elsewhere: through vacuum (4 where these are 1.8) and through a fluid of at most
 // kThin of a solid's density. The pressure of the fluid grows with what a solid moves in a step, and presses it.
 constexpr double kVacuumReach = 20.0 / 9.0, kFluidReach = 1.5, kThin = 0.01;
-constexpr double kStart = 0.1;         // cells in the first step, in which a dense fluid gives way to solids that move
+constexpr double kStart = 0.1;         // cells in the first step, in which a dense fluid adapts to solids that move
 constexpr double kFarthest = 3.95;     // cells per step: one of more than four is repeated
 constexpr double kFlightStrain = 0.1;  // or angle [rad], in a step in flight
 
@@ -157,7 +157,7 @@ double free_cells(const Scene& scene, const std::vector<Box>& boxes, std::size_t
   return std::max(params.cfl_solid, std::min(room, far));
 }
 
-// What the speed of a solid allows. A step that turns or strains it much is no longer than elsewhere.
+// The limit by the speed of a solid. A step that turns or strains it much is no longer than elsewhere.
 double speed_limit(const Parallel& parallel, const Scene& scene, const solid::SolidState& solid, double cells,
                    double limit) {
   const Params& params = scene.params;

@@ -30,7 +30,7 @@ struct Workspace {
   State backup;                             // the last good state
   bool masses_ready = false;                // solids' masses and matter are those of the state
 
-  // Another state: nothing that was made of the last one holds.
+  // Another state: nothing derived from the last one is valid.
   void forget() { masses_ready = pressure.lasts = false; }
 };
 

@@ -1,7 +1,7 @@
 // Purpose: linear and angular momentum of a body, and their restoration.
 // Transport exerts no force and internal forces sum to nothing, so both must leave a free body's linear and angular
 // momentum as they were; on a grid they do not: tracing back a spin of w gives cos(w dt) of it, the nodes' masses
-// change as the solid moves over them, a solve ends at its tolerance. What is missing is given back as the rigid motion
+// change as the solid moves over them, a solve ends at its tolerance. The deficit is returned as the rigid motion
 // that changes the velocity least in the norm of the mass. Departs from the paper: it does neither
 // (docs/deviations.md).
 #pragma once
@@ -46,7 +46,7 @@ struct RigidMotion {
 };
 // Of a rigid body with these momenta; none where its mass or its inertia vanishes.
 RigidMotion rigid_motion(const Momenta& momenta);
-// The same for a body that plane walls hold along some axes (bit a: axis a): it slides along the others, and turns
+// The same for a body constrained by plane walls along some axes (bit a: axis a): it slides along the others, and turns
 // about the axis of the only wall.
 RigidMotion rigid_motion(const Momenta& momenta, unsigned held_axes);
 // By an axis times an angle [rad].
@@ -63,7 +63,7 @@ RigidStep steady_step(const RigidMotion& velocity, double dt);
 // Of a free body whose momenta a step changes before it moves: by the mean of both velocities. What turns a body keeps
 // its direction while its moments of inertia turn with it, so that it turns about the axis that it has halfway.
 RigidStep free_step(const Momenta& before, const Momenta& after, double dt);
-// Of a body that walls hold along some axes, its velocity field not seen from a frame: what the mean of both
+// Of a body constrained by walls along some axes, its velocity field not seen from a frame: what the mean of both
 // velocities moves it further along the others than the last one does.
 RigidStep held_step(const Momenta& before, const Momenta& after, unsigned held_axes, double dt);
 // What `now` lacks to have the momenta of `target`, whose centre is the same but for what the body has moved.

@@ -41,7 +41,7 @@ struct SolidRest {
   bool compressible = false;           // it may change its volume
   double bulk = 0.0;                   // stiffness against that which the pressure has, not the elements [Pa]
   geometry::SignedDistance distance;   // material space
-  geometry::TriangleMesh surface;      // as given, material space; in a slab what lies beyond it is on its faces
+  geometry::TriangleMesh surface;      // as passed, material space; in a slab what lies beyond it is on its faces
   geometry::NearestTriangle nearest;   // of the surface at rest; empty: nothing asks
   std::vector<double> along;           // in a slab: where the surface's points were given along its axis [m]
   SurfaceClusters clusters;            // of its points; none: no vertex is mended
@@ -67,7 +67,7 @@ struct Band {
 // that came from between these and the extension; that the extension made up.
 inline constexpr std::uint8_t kNoData = 0, kKnown = 1, kEdge = 2, kExtended = 3;
 
-// What a wall did at a node that it held in the last step.
+// Impulses of a wall at a node with an active row in the last step.
 struct WallPress {
   std::int32_t node[3], axis;  // of the box; the wall's normal
   Real force;                  // away from the wall [N]
@@ -103,8 +103,8 @@ struct SolidState {
   VectorField v;                     // velocity, band nodes [m/s]
   std::vector<std::uint8_t> valid;   // band nodes: kNoData, or where u and v came from in the last step
   std::vector<std::uint8_t> stiff;   // band cells: carried stiffness in the last step; empty: not known
-  std::vector<WallPress> presses;    // where walls held it in the last step
-  std::vector<SolidPress> contacts;  // where it pushed itself and solids that come after it in the last step
+  std::vector<WallPress> presses;    // rows at walls in the last step
+  std::vector<SolidPress> contacts;  // active contact rows with itself and later solids in the last step
   std::vector<PlasticNode> plastic;  // nodes of rest.plastic_lattice; empty: it cannot yield
   double flow_due = 0.0;             // half of the last step, in which that has yet to flow; 0: no step yet [s]
   std::vector<Vec3d> surface;        // positions of the embedded surface [m]
@@ -198,7 +198,7 @@ struct SolidWork {
   double min_det_f = 1.0, max_det_f = 1.0;
   double max_stretch = 1.0;  // largest principal stretch of an element that is not degenerate, at least 1
   std::uint64_t degenerate = 0;
-  std::uint64_t rejected = 0;   // cells whose map was not believed
+  std::uint64_t rejected = 0;   // cells whose map was rejected
   double volume = 0.0;          // by cell fractions [m^3]
   double next_volume = 0.0;     // that a step without loss ends with, by the mesh, over that at rest; 0: not known
   double total_mass = 0.0;      // [kg]

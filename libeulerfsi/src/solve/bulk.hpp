@@ -1,5 +1,5 @@
 // Purpose: solids that may change their volume and whose bulk stiffness the pressure has (SolidRest::bulk): what their
-// cells give way to it, and what they want back (docs/numerics/bulk-by-pressure.md).
+// cells are compliant under it, and the volume change that they request (docs/numerics/bulk-by-pressure.md).
 #pragma once
 
 #include "frame/step_context.hpp"

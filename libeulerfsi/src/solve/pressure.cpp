@@ -105,7 +105,7 @@ double fluid_level(const Parallel& parallel, const Grid& g, const std::vector<st
   return count > 0 ? sum / static_cast<double>(count) : 0.0;
 }
 
-// |left| / |f| of a solid; infinite where nothing pushes.
+// |left| / |f| of a solid; infinite without forces.
 double left_over(const system::VelocitySystem& system, std::size_t solid, const std::vector<Real>& f,
                  const std::vector<Real>& left) {
   double with = 0.0, without = 0.0;
@@ -116,8 +116,8 @@ double left_over(const system::VelocitySystem& system, std::size_t solid, const 
   return without > 0.0 ? std::sqrt(with / without) : std::numeric_limits<double>::infinity();
 }
 
-// The solids of which the last pressure acts at once: those that it holds, with what they pushed each other by in the
-// last step, and all that pushed each other, so that their rows are sought under it.
+// The solids on which the last pressure already acts: those that it balances, together with the contact impulses of
+// the last step, and all that were in contact, so that their rows are sought under it.
 std::vector<std::uint8_t> find_held(const StepContext& step, const VelocityEquation& elasticity,
                                     const std::vector<Real>& impulse) {
   const system::VelocitySystem& system = elasticity.system;
@@ -215,7 +215,7 @@ void solve_pressure(const StepContext& step, const SolidStates& states, const So
       pressure.system.set_right_side(step.parallel, velocity.field, pressure.source);
     }
     ScopedTimer timer(step.profile, Stage::kPressureSolve);
-    if (first) {  // the solve starts from the last pressure, less what acts already
+    if (first) {  // the solve starts from the last pressure, minus the part that already acts
       std::swap(pressure.q, last);
       pressure.q.resize(g.padded_count(), 0);
       linalg::scale(step.parallel, pressure.q, -step.dt);

@@ -9,8 +9,8 @@
 
 namespace efsi::sim {
 
-// The system of line 10. Where the last pressure, that of the state, nearly balances what else pushes the solids, as at
-// rest, it acts in line 9 already: on f*, on the momentum that v* has to have and on the velocity of the fluid.
+// The system of line 10. Where the last pressure, that of the state, nearly balances the other forces on the solids, as
+// at rest, it acts in line 9 already: on f*, on the momentum that v* has to have and on the velocity of the fluid.
 void prepare_pressure(const StepContext& step, const SolidStates& states, SolidWorks& solids, const Matter& matter,
                       const std::vector<Real>& last, VelocityEquation& elasticity, NodeVelocity& velocity,
                       PressureEquation& pressure);

@@ -17,7 +17,7 @@ namespace {
 constexpr double kEstimate = 0.2;        // of the divergence that the estimate of a coupling step leaves
 constexpr double kWorthCoupling = 0.01;  // of density |div v|^2: the solids over the fluid
 constexpr double kStrains = 1e-3;        // of the solids' energy: what the projection may add to that of all
-constexpr double kLeads = 0.01;          // cells in a step: what it may lead a row of contact that pushes beyond
+constexpr double kLeads = 0.01;          // cells in a step: largest motion of an active contact row by the projection
 
 // The first part of the preconditioner of Cahouet and Chabat (1988) is the inverse of J M^-1 J^T: a pressure that the
 // projection takes, or an estimate of it. This is the second: to a gradient G is M (1 + d2 (2 mu + lambda) / h^3
@@ -39,7 +39,7 @@ void add_stiffness(const StepContext& step, const SolidStates& states, const Sol
   }
 }
 
-// Whether taking `change` off the velocities leads surfaces that push each other into each other faster than `most`.
+// Whether subtracting `change` from the velocities closes active contact rows faster than `most`.
 bool leads_astray(const std::vector<system::ContactRow>& rows, const std::vector<Real>& change, double most) {
   return std::any_of(rows.begin(), rows.end(), [&](const system::ContactRow& row) {
     return row.push > 0.0 && row.normal.dot(system::row_velocity(row, change)) > most;
@@ -117,8 +117,8 @@ void estimate_way(const StepContext& step, PressureEquation& pressure, std::vect
   step.info.pressure_iterations += static_cast<std::uint64_t>(stats.iterations);
 }
 
-// Conjugate gradients for J A^-1 J^T q = J v* - b, A = G on the nodes that carry solids and M elsewhere. Ways are
-// conjugate by the rule of Polak and Ribiere, since the preconditioner is not the same in each.
+// Conjugate gradients for J A^-1 J^T q = J v* - b, A = G on the nodes that carry solids and M elsewhere. Search
+// directions are conjugate by the rule of Polak and Ribiere, since the preconditioner is not the same in each.
 void couple_pressure(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Matter& matter,
                      std::vector<Real>& way, VelocityEquation& elasticity, PressureEquation& pressure,
                      NodeVelocity& velocity) {

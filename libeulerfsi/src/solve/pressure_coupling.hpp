@@ -1,4 +1,4 @@
-// Purpose: the coupling of line 10: what the pressure takes from v* elasticity answers to within the step
+// Purpose: the coupling of line 10: elasticity responds within the step to what the pressure removes from v*
 // (docs/numerics/coupling-step.md).
 #pragma once
 
@@ -21,17 +21,17 @@ void solve_correction(const StepContext& step, const grid::Grid& g, const system
 void correct_velocity(const StepContext& step, std::vector<Real>& q, Real share, const VelocityEquation& elasticity,
                       PressureEquation& pressure, NodeVelocity& velocity);
 
-// Whether elasticity has to answer to the pressure, by the divergence that this is to take.
+// Whether elasticity has to respond to the pressure, by the divergence that this is to take.
 bool needs_coupling(const Scene& scene, const system::DivergenceNorms& divergence);
 // A pressure that leaves little of the divergence: where the first coupling step goes.
 void estimate_way(const StepContext& step, PressureEquation& pressure, std::vector<Real>& way);
-// A coupling step, from the velocity of the right-hand side of Eq. 12. way: a pressure that the projection would take;
-// becomes what the step has taken.
+// A coupling step, from the velocity of the right-hand side of Eq. 12. way: search direction, a pressure that the
+// projection would take; becomes what the step has taken.
 void couple_pressure(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Matter& matter,
                      std::vector<Real>& way, VelocityEquation& elasticity, PressureEquation& pressure,
                      NodeVelocity& velocity);
 // Whether to project by pressure.q would strain the solids by more energy than it takes, and more than a part of
-// theirs, or lead those that push each other into each other.
+// theirs, or close active contact rows.
 bool strains_much(const StepContext& step, const SolidWorks& solids, const grid::Grid& g, const system::SlipNodes& slip,
                   VelocityEquation& elasticity, PressureEquation& pressure);
 

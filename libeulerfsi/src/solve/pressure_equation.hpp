@@ -13,7 +13,7 @@ struct PressureEquation {
   system::PressureSystem system;
   bool lasts = false;            // the system of a scene without solids is built
   std::vector<Real> source;      // wanted divergence per padded cell [1/s]; empty: none
-  std::vector<Real> compliance;  // by which cells give way to q, per padded cell [m^4/kg]; empty: none does
+  std::vector<Real> compliance;  // of cells under q, per padded cell [m^4/kg]; empty: all are rigid
   Jets jets;                     // the part of it that emitters bring
   std::vector<Real> q;           // the multiplier, padded cells; the state's pressure is put away in it meanwhile
   std::vector<Real> taken;       // the part of q that acts before the projection, padded cells
@@ -26,7 +26,7 @@ struct PressureEquation {
   std::vector<Real> corrected;   // v* less a share of the correction on them [m/s]
   std::vector<Real> way;         // of q that the last coupling step went, padded cells
   std::vector<Real> left;        // the right-hand side of Eq. 12 before it [m^3/s]
-  double slope = 0.0;            // that times the estimate of which the way was made
+  double slope = 0.0;            // that times the estimate from which the search direction was made
 };
 
 }  // namespace efsi::sim

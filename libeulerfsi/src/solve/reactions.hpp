@@ -9,7 +9,7 @@ namespace efsi::sim {
 
 // After the velocity solve: G v* - f*.
 Reaction velocity_reaction(const Parallel& parallel, VelocityEquation& elasticity);
-// After the projection: J^T q of all the step (q: ghosts filled), less what elasticity and contact answered to it.
+// After the projection: J^T q of all the step (q: ghosts filled), minus the response of elasticity and contact.
 Reaction pressure_reaction(const Parallel& parallel, const grid::Grid& grid, const PressureEquation& pressure,
                            const system::SlipNodes& slip, VelocityEquation& elasticity);
 

@@ -14,7 +14,7 @@ namespace efsi::sim {
 // Eq. 8 on its unknowns.
 struct VelocityEquation {
   system::VelocitySystem system;
-  Holds holds;                   // what holds the solids while it is solved and after
+  Holds holds;                   // constraints of the solids during and after the solve
   std::vector<WallRow> walls;    // what walls do
   SolidContacts contacts;        // what solids do to each other
   std::vector<GivenNode> given;  // what pins and colliders prescribe

@@ -15,7 +15,7 @@
 namespace efsi::sim {
 namespace {
 
-// What a row of contact may be led beyond what it allows, of the way that surfaces go against each other in the step;
+// Largest violation of a contact row, of the approach of the surfaces in the step;
 // at least and at most, in cells: what rests may creep by the one, and the other is little of the overlap that is
 // allowed.
 constexpr double kNegligible = 0.015, kLeastNegligible = 1e-3, kMostNegligible = 2e-3;

@@ -1,6 +1,6 @@
 // Purpose: the scene's forces (frame/force_field.hpp) in a step.
 // They change the velocities of solids and fluid, each by itself, before these become one (Alg. 1 line 7; f_ext of
-// Eq. 8): what acts on a solid does not push the fluid at the nodes that they share.
+// Eq. 8): what acts on a solid does not act on the fluid at shared nodes.
 #pragma once
 
 #include "frame/step_context.hpp"

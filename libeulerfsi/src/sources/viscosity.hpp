@@ -1,5 +1,5 @@
 // Purpose: viscosity of the fluid in a step (fluid/viscosity.hpp): on the one velocity that fluid and solids have at
-// their nodes, with the mass of both, so that it drags solids along. Before Eq. 8, in which elasticity answers.
+// their nodes, with the mass of both, so that it drags solids along. Before Eq. 8, in which elasticity responds.
 #pragma once
 
 #include "fluid/viscosity.hpp"

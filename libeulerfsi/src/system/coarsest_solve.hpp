@@ -29,7 +29,7 @@ class CoarsestSolve {
   using Matrix = Eigen::SparseMatrix<double>;
 
   Matrix bare_, with_rows_;  // lower half
-  std::vector<Real> moves_;  // 0: every child is held
+  std::vector<Real> moves_;  // 0: every child is constrained
   Eigen::SimplicialLDLT<Matrix> factors_;
   bool factored_ = false;
   Eigen::VectorXd load_, ordered_;

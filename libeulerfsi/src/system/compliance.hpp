@@ -1,5 +1,5 @@
-// Purpose: what cells give way to the pressure: a diagonal of the pressure equation, J W J^T + D, on all levels of its
-// multigrid (docs/numerics/bulk-by-pressure.md). Only cells that give way are held.
+// Purpose: compliance of cells under the pressure: a diagonal of the pressure equation, J W J^T + D, on all levels of
+// its multigrid (docs/numerics/bulk-by-pressure.md). Only compliant cells are stored.
 #pragma once
 
 #include <vector>
@@ -11,7 +11,7 @@ namespace efsi::system {
 
 class Compliance {
  public:
-  // cells: D per padded cell [m^4/kg], 0: does not give way; empty: none does.
+  // cells: D per padded cell [m^4/kg], 0: rigid; empty: all are.
   void set(const std::vector<Real>& cells, const PressureGrid& level);
   bool empty() const { return cells_.empty(); }
   const std::vector<std::size_t>& cells() const { return cells_; }  // padded, in order

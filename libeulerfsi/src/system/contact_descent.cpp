@@ -9,9 +9,10 @@ namespace efsi::system {
 namespace {
 
 constexpr int kMostIterations = 1000;
-constexpr int kRenew = 8;            // iterations after which the preconditioner is that of what is closed then
-constexpr int kMostTrials = 20;      // of a line search
-constexpr double kDescended = 1e-2;  // the force along the way that may be left at its end, over that at its start
+constexpr int kRenew = 8;        // iterations after which the preconditioner is that of what is closed then
+constexpr int kMostTrials = 20;  // of a line search
+constexpr double kDescended =
+    1e-2;  // line search: directional derivative left at its end, relative to that at its start
 
 // The rows along x + t d.
 class Ray {
@@ -58,12 +59,13 @@ class Ray {
   std::vector<RowAct> acts_;
 };
 
-// The way along d at whose end no force along d is left: that of the rest falls from `start` by `slope` t.
+// Line search along d to a zero of the directional derivative; that of the system falls from `start` by `slope` t.
 double way(const Ray& ray, double start, double slope) {
   const auto force = [&](double t) { return start - t * slope + ray.force(t); };
   const double first = force(0.0);
   double low = 0.0, high = first / (slope + ray.stiffness()), at_low = first, at_high = force(high);
-  for (int i = 0; i < kMostTrials && at_high > kDescended * first; ++i) {  // rows have opened on the way
+  for (int i = 0; i < kMostTrials && at_high > kDescended * first;
+       ++i) {  // rows have opened along the search direction
     low = high;
     at_low = at_high;
     high *= 2.0;
@@ -91,6 +93,7 @@ double way(const Ray& ray, double start, double slope) {
 linalg::SolveStats descend(const Parallel& parallel, const std::vector<Real>& f, const Target& target,
                            const std::vector<ContactRow>& rows, int iterations, VelocitySystem& system,
                            std::vector<Real>& x) {
+  // The forces without contact, updated along with x.
   linalg::SolveStats stats;
   system.follow_ties(x);
   Ray ray(rows, x);
@@ -99,6 +102,7 @@ linalg::SolveStats descend(const Parallel& parallel, const std::vector<Real>& f,
   linalg::add_scaled(parallel, rest, -1.0, q);
   system.fold(parallel, rest);
   double residual = 0.0, enough = 0.0;
+  // The residual with the impulses of the rows, and the tolerance.
   const auto find_left = [&] {
     linalg::fill(parallel, pushed, f.size(), Real(0));
     for (std::size_t r = 0; r < rows.size(); ++r) {
@@ -114,6 +118,7 @@ linalg::SolveStats descend(const Parallel& parallel, const std::vector<Real>& f,
   find_left();
   double rz = 0.0;
   while (residual > enough && stats.iterations < kMostIterations) {
+    // Search direction (Polak-Ribiere); steepest descent where it does not descend.
     if ((iterations + stats.iterations) % kRenew == 0) close_rows(parallel, rows, ray.acts(), system);
     system.precondition(parallel, left, z);
     const double next = linalg::dot(parallel, left, z);
@@ -121,6 +126,7 @@ linalg::SolveStats descend(const Parallel& parallel, const std::vector<Real>& f,
     if (beta > 0.0) linalg::scale_add(parallel, d, beta, z);
     if (!(beta > 0.0) || !(linalg::dot(parallel, d, left) > 0.0)) linalg::copy(parallel, d, z);
     rz = next;
+    // Line search, in which rows open, stick and slide.
     system.apply_bare(parallel, d, q);
     linalg::copy(parallel, whole, d);
     system.follow_ties(whole);

@@ -38,7 +38,7 @@ RowAct act(const ContactRow& row, const Vec3d& w);
 // B v of a row.
 Vec3d row_velocity(const ContactRow& row, const std::vector<Real>& v);
 std::vector<RowAct> acts(const std::vector<ContactRow>& rows, const std::vector<Real>& v);
-// The rows that are closed stand in G as penalties from now on, friction with its share. held: as stiff as they are
+// Closed rows are penalties in G from now on, friction with its share. held: as stiff as they are
 // while the pressure acts.
 void close_rows(const Parallel& parallel, const std::vector<ContactRow>& rows, const std::vector<RowAct>& acts,
                 VelocitySystem& system, bool held = false);

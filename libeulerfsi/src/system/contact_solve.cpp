@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kStiff = 3.0;     // of a penalty, over the inverse of the mobility of its row by the diagonal of G
 constexpr int kMostUpdates = 20;   // of the impulses
-constexpr double kOfPush = 0.1;    // of what the rows push: the tolerance refers to that at least
+constexpr double kOfPush = 0.1;    // of the contact impulses, to which the tolerance refers at least
 constexpr double kSettled = 1e-3;  // change of the impulses in an update, over the largest
 
 // What the rows start with: penalties, and impulses that they may have.
@@ -76,7 +76,7 @@ linalg::SolveStats solve_contact(const Parallel& parallel, VelocitySolver solver
     settled = update(x, negligible, rows);
   }
   stats.converged = stats.converged && settled;
-  // When the pressure pushes, the impulses are not sought anew: the penalties alone answer.
+  // Under the pressure the impulses are not recomputed: only the penalties respond.
   close_rows(parallel, rows, acts(rows, x), system, true);
   return stats;
 }

@@ -2,7 +2,7 @@
 // Paper: Sec. 4.2, Sec. 4.5; Eq. 11, Eq. 12.
 //   (J v)_c = h^2/4 sum over corners a of c of (+-v_x +-v_y +-v_z)_a  [m^3/s], the flux out of cell c of face-averaged
 //   v A = J W J^T, W = 1/m per node with the components that walls fix set to zero
-// A slow twin with assembled matrices is in tests/reference/.
+// A slow reference with assembled matrices is in tests/reference/.
 #pragma once
 
 #include <array>

@@ -1,6 +1,6 @@
 // Purpose: multilevel diagonal scaling (Bramble, Pasciak, Xu 1990) as a part of the preconditioner of G: z += sum over
 // ever coarser lattices of P D^-1 P^T r, P trilinear interpolation, D the diagonal of G there; the coarsest is solved
-// directly. By the fine diagonal alone what pushes at one place goes through a solid by a cell in each iteration.
+// directly. With the fine diagonal alone a load propagates through a solid by one cell per iteration.
 #pragma once
 
 #include <vector>

@@ -19,7 +19,7 @@ class PressureMultigrid {
   // Rebuilds all levels. specific_volume: 1/density per node [m^3/kg]; 0: the node does not move.
   // active: padded cells with an equation; empty: all.
   // fixed: per node of the finest grid, components that walls fix. slip: nodes of the finest grid with two velocities,
-  // or none; read until the next build. compliance: per padded cell, what it gives way to the pressure; empty: none.
+  // or none; read until the next build. compliance: per padded cell, its compliance under the pressure; empty: none.
   void build(const Parallel& parallel, const Grid& g, const Walls& walls, const std::vector<std::uint8_t>& fixed,
              const std::vector<Real>& specific_volume, std::vector<std::uint8_t> active,
              const SlipNodes* slip = nullptr, const std::vector<Real>& compliance = {});
@@ -62,7 +62,7 @@ class PressureMultigrid {
   Compliance compliance_;       // of the finest level
   std::vector<Real> residual_;  // padded cells
   std::vector<Real> excess_;    // of slip nodes
-  std::vector<Real> given_;     // D x of a level's cells that give way
+  std::vector<Real> given_;     // D x of a level's compliant cells
   std::vector<CoarseLevel> coarse_;
   std::vector<Real> coarsest_;  // weights of the last level's smoothing steps, which solve it
   PressureFocus focus_;

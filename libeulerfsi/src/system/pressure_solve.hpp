@@ -1,7 +1,7 @@
 // Purpose: pressure and projection.
 // Paper: Alg. 1 lines 10, 11; Sec. 4.5, Eq. 12:  J M^-1 J^T p = J v* - b.
 // Unknown is the multiplier q [Pa s] with v = v* - M^-1 J^T q; the physical pressure is p = -q/dt, since J^T is minus
-// the gradient. Cells that give way to the pressure add a diagonal: J M^-1 J^T + D.
+// the gradient. Compliant cells add a diagonal: J M^-1 J^T + D.
 #pragma once
 
 #include <array>
@@ -24,9 +24,9 @@ class PressureSystem {
  public:
   // specific_volume: 1/density per node, 0 where nothing moves [m^3/kg]; active: cells with an equation, empty: all.
   // solid_cell: padded cells owned by solids, may be empty; the tolerance is demanded of them by themselves, too.
-  // given: nodes may move as given, which have no W. fixed: per node, components that walls fix. slip: nodes with two
-  // velocities, or none; used until the next call. sticks: the fluid slips along no solid. compliance: D per padded
-  // cell [m^4/kg], by which it gives way to q; empty: none does.
+  // given: nodes may have prescribed motion, without W. fixed: per node, components that walls fix. slip: nodes with
+  // two velocities, or none; used until the next call. sticks: the fluid slips along no solid. compliance: D per padded
+  // cell [m^4/kg], its compliance; empty: none.
   void assemble(const Parallel& parallel, const Grid& g, const Walls& walls, const std::vector<std::uint8_t>& fixed,
                 const std::vector<Real>& specific_volume, std::vector<std::uint8_t> active,
                 std::vector<std::uint8_t> solid_cell, SlipNodes* slip = nullptr, bool given = false,
@@ -56,10 +56,10 @@ class PressureSystem {
 
  private:
   bool closed() const;
-  void find_parts(const Parallel& parallel);  // where something may move as given
-  // Of the right-hand side: what no pressure can take, since it would push no node that is free. Where the fluid sticks
-  // to the walls along two axes a pressure that alternates along both, cell by cell, and is what it likes along the
-  // third, does not. Fluxes of nodes that move have nothing of it, those of walls that move and sources may have.
+  void find_parts(const Parallel& parallel);  // where motion may be prescribed
+  // Of the right-hand side: the part out of reach of any pressure, which would act on no free node. Where the fluid
+  // sticks to the walls along two axes a pressure that alternates along both, cell by cell, and is what it likes along
+  // the third, does not. Fluxes of nodes that move have nothing of it, those of walls that move and sources may have.
   void subtract_alternating(const Parallel& parallel);
   // In one layer of cells normal to an axis, along the two others.
   void subtract_alternating(std::size_t axis, int layer, const std::vector<std::uint8_t>& active);
@@ -82,7 +82,7 @@ class PressureSystem {
   PressureMultigrid multigrid_;
   SlipNodes* slip_ = nullptr;
   bool given_ = false, sticks_ = false;
-  SealedParts parts_;  // where something moves as given
+  SealedParts parts_;  // where motion is prescribed
   linalg::PcgWorkspace pcg_;
   linalg::PcrWorkspace pcr_;
 };

@@ -56,7 +56,7 @@ std::array<AxisTable, 3> restriction_tables(const PressureGrid& fine, const Grid
     const auto s = static_cast<std::size_t>(a);
     tables[s] = restriction_table(fine.grid.cells[s], coarse.cells[s], fine.walls.lower(a), fine.walls.upper(a),
                                   fine.grid.periodic[s], fine.outer[s]);
-    // A slab's coarse cell counts as a cube, twice as thick as the fine cells that it stands for.
+    // A slab's coarse cell is treated as a cube, twice as thick as the fine cells that it represents.
     if (a == slab) tables[s].weight[0] = {0, 2, 0, 0};
   }
   return tables;
@@ -137,6 +137,7 @@ void restrict_residual(const Parallel& parallel, const PressureGrid& fine, const
 void prolong_and_add(const Parallel& parallel, const PressureGrid& coarse, const std::vector<Real>& xc,
                      const PressureGrid& fine, std::vector<Real>& x) {
   const Grid &gf = fine.grid, &gc = coarse.grid;
+  // Along each axis the two coarse cells of a fine one.
   std::array<std::vector<Pair>, 3> pairs;
   for (int a = 0; a < 3; ++a) {
     const auto s = static_cast<std::size_t>(a);
@@ -149,6 +150,7 @@ void prolong_and_add(const Parallel& parallel, const PressureGrid& coarse, const
     std::vector<Real> row(static_cast<std::size_t>(nc));
     for (int k = static_cast<int>(begin); k < static_cast<int>(end); ++k)
       for (int j = 0; j < gf.cells[1]; ++j) {
+        // A row of the coarse level, interpolated along y and z.
         const Pair pk = pairs[2][static_cast<std::size_t>(k)], pj = pairs[1][static_cast<std::size_t>(j)];
         const Real* nn = xc.data() + gc.padded(0, pj.near, pk.near);
         const Real* fn = xc.data() + gc.padded(0, pj.far, pk.near);
@@ -158,6 +160,7 @@ void prolong_and_add(const Parallel& parallel, const PressureGrid& coarse, const
         Real* target = row.data();
 #pragma omp simd
         for (int i = 0; i < nc; ++i) target[i] = wk * (wj * nn[i] + vj * fn[i]) + vk * (wj * nf[i] + vj * ff[i]);
+        // Then along x; cells without an equation are left alone.
         Real* out = x.data() + gf.padded(0, j, k);
         const Real* diagonal = fine.inverse_diagonal.data() + gf.padded(0, j, k);
         const int n = gf.cells[0];

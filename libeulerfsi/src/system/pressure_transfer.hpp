@@ -1,4 +1,4 @@
-// Purpose: what two levels of the pressure's multigrid tell each other: residuals down, corrections up, and 1/density.
+// Purpose: transfers between two levels of the pressure multigrid: residuals down, corrections up, and 1/density.
 #pragma once
 
 #include <vector>

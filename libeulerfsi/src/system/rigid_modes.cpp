@@ -12,7 +12,8 @@ using Mat6d = Eigen::Matrix<double, 6, 6>;
 using Modes = Eigen::Matrix<double, 3, 6>;
 
 constexpr std::size_t kChunk = 1024;  // unknowns that are summed at a time
-constexpr double kLeast = 1e-3;       // of the mass, and times h^2 of the inertia: what is thin or held keeps some
+constexpr double kLeast =
+    1e-3;  // of the mass, and times h^2 of the inertia: lower bound for thin or constrained bodies
 
 // sum of add(sum, unknown) in a fixed order.
 template <class Sum, class Add>
@@ -36,7 +37,7 @@ void add_block(Eigen::Index row, Eigen::Index column, const Mat6d& block,
 
 }  // namespace
 
-// Entries that walls hold move nothing.
+// Entries constrained by walls have no effect.
 Modes RigidModes::modes(const Body& body, std::size_t unknown) const {
   const Vec3d& x = place_[unknown];
   Modes m;

@@ -1,5 +1,5 @@
 // Purpose: what contact does to solids as a whole, as a part of the preconditioner: z += R (R^T A R)^-1 R^T r, R the
-// motions that strain nothing, A the mass with the penalties. By the diagonal alone what pushes at one place goes
+// motions that strain nothing, A the mass with the penalties. With the diagonal alone a load at one place propagates
 // through a body by a cell in each iteration.
 #pragma once
 
@@ -26,7 +26,7 @@ class RigidModes {
   struct Body {
     std::size_t begin = 0, end = 0;                                           // unknowns
     Eigen::Index first = 0;                                                   // of its six entries: shift, turn
-    Eigen::Matrix<double, 6, 1> moves = Eigen::Matrix<double, 6, 1>::Ones();  // 0: walls hold it
+    Eigen::Matrix<double, 6, 1> moves = Eigen::Matrix<double, 6, 1>::Ones();  // 0: constrained by walls
   };
   using Entries = std::vector<Eigen::Triplet<double>>;
   void add_body(const Parallel& parallel, const VelocitySystem& system, std::size_t solid, Entries& entries);

@@ -1,7 +1,7 @@
 // Purpose: what penalties change in the inverse of a diagonal, exactly, by the identity of Sherman, Morrison and
 // Woodbury:
 //   (D + B^T S B)^-1 = D^-1 - D^-1 W^T (1 + W D^-1 W^T)^-1 W D^-1,   W = S^(1/2) B
-// Rows that share nodes push against each other. By the diagonal of B^T S B alone the penalties of a contact cost as
+// Rows that share nodes are coupled. With the diagonal of B^T S B alone the penalties of a contact cost as
 // many iterations as elasticity does, and the more the stiffer they are.
 #pragma once
 

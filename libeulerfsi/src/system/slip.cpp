@@ -172,7 +172,7 @@ Real SlipNodes::smoother_share(std::size_t t, std::size_t corner) const {
   return Real(0.375) * sum - one.sum();
 }
 
-// A pressure q in cell c pushes with area q side(c). Its own velocity loses the part of that across the normal over its
+// A pressure q in cell c exerts the impulse area q side(c). Its own velocity loses the tangential part of that over its
 // own mass, both gain the same over their common mass, and cell d sees area side(d) times what its velocity loses.
 SlipNodes::Terms SlipNodes::terms(const SlipNode& n) const {
   using grid::Octet;

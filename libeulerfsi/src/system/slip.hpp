@@ -5,14 +5,14 @@
 // the normal n both velocities are one, across it each has its own mass m_s, m_f, so that an inviscid fluid slips:
 //   v_s -= n n.g / (m_s + m_f) + (I - n n^T) g_s / m_s,   g_s, g_f: J^T q of the solid's and of the fluid's cells,
 //   v_f -= n n.g / (m_s + m_f) + (I - n n^T) g_f / m_f,   g = g_s + g_f
-// n is the normal of the cells' stairs, parallel to the g_s of a constant pressure: no pressure as such pushes along
-// the surface, and what the pressure does in the solid does not act on the fluid's own velocity at all.
+// n is the normal of the voxelised boundary, parallel to the g_s of a constant pressure: a constant pressure has no
+// effect along the surface, and what the pressure does in the solid does not act on the fluid's own velocity at all.
 //
 // Where several solids meet (l = a, b, ..., and f) each has its own mass, and in the pressure the node as a whole makes
 // no volume: with S_l the sum of the sides of l's cells, so that sum_l S_l = 0,
 //   v_l -= (g_l - S_l q) / m_l,   q = (sum_l S_l.g_l / m_l) / (sum_l |S_l|^2 / m_l)
-// which for one solid is the above. The film between solids has the pressure of the fluid around it: it neither holds
-// them together nor apart. Without fluid there is no film, and q = 0.
+// which for one solid is the above. The film between solids has the pressure of the fluid around it: it neither
+// attracts nor separates them. Without fluid there is no film, and q = 0.
 #pragma once
 
 #include <algorithm>

@@ -95,6 +95,7 @@ void place_boxes(SolidLattice& lattice) {
 void fill_boxes(const Parallel& parallel, const SolidLattice& fine, SolidLattice& coarse) {
   const std::vector<Row> rows = rows_of(coarse);
   const auto row_count = static_cast<std::int64_t>(rows.size());
+  // Moduli of the coarse cells.
   parallel.for_each(row_count, [&](std::int64_t r) {
     const auto& [b, j, k] = rows[static_cast<std::size_t>(r)];
     const Box& box = coarse.boxes[b];
@@ -109,6 +110,7 @@ void fill_boxes(const Parallel& parallel, const SolidLattice& fine, SolidLattice
       });
     }
   });
+  // Nodes at corners of cells with stiffness, numbered per row,
   std::vector<std::int32_t> begin(rows.size() + 1, 0);
   parallel.for_each(row_count, [&](std::int64_t r) {
     const auto& [b, j, k] = rows[static_cast<std::size_t>(r)];
@@ -123,6 +125,7 @@ void fill_boxes(const Parallel& parallel, const SolidLattice& fine, SolidLattice
       if (corner) coarse.id[coarse.index(box, {i, j, k})] = count++;
     }
   });
+  // then over all rows.
   sum_up(begin);
   coarse.place.resize(static_cast<std::size_t>(begin.back()));
   parallel.for_each(row_count, [&](std::int64_t r) {
@@ -194,6 +197,7 @@ SolidLattice finest_lattice(const Parallel& parallel, const VelocitySystem& syst
                             const std::vector<std::uint8_t>& wanted) {
   SolidLattice lattice;
   lattice.h = system.cell();
+  // The boxes are the bands of the solids.
   lattice.boxes.resize(system.solids());
   for (std::size_t l = 0; l < system.solids(); ++l)
     if (wanted[l]) lattice.boxes[l].nodes = system.solid(l).state->band.grid.nodes();
@@ -207,6 +211,7 @@ SolidLattice finest_lattice(const Parallel& parallel, const VelocitySystem& syst
     const grid::Grid& band = system.solid(l).state->band.grid;
     const Vec3i lo = grid::offset(band, system.grid());
     const Box& box = lattice.boxes[l];
+    // Unknowns: place, mass and free components.
     const std::size_t begin = system.begin_of(l);
     parallel.for_each(static_cast<std::int64_t>(system.begin_of(l + 1) - begin), [&](std::int64_t n) {
       const std::size_t u = begin + static_cast<std::size_t>(n);
@@ -219,6 +224,7 @@ SolidLattice finest_lattice(const Parallel& parallel, const VelocitySystem& syst
       if (wanted[l]) lattice.id[lattice.index(box, at)] = static_cast<std::int32_t>(u);
     });
     if (!wanted[l]) continue;
+    // Elements: moduli.
     const Real factor = system.stiffness_factor(l);
     parallel.for_each(static_cast<std::int64_t>(work.blocks()), [&](std::int64_t n) {
       const std::size_t block = static_cast<std::size_t>(n), first = block * solid::kBlock;

@@ -34,7 +34,7 @@ struct SolidLattice {
   // Per id.
   std::vector<Place> place;
   std::vector<double> mass;         // [kg]
-  std::vector<std::uint8_t> moves;  // bit a: along axis a nothing holds all of its children
+  std::vector<std::uint8_t> moves;  // bit a: along axis a not all of its children are constrained
 
   std::size_t size() const { return place.size(); }
   std::size_t index(const Box& box, const Vec3i& at) const {

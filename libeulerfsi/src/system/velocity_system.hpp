@@ -101,7 +101,7 @@ class VelocitySystem {
   double rounding(const Parallel& parallel, const std::vector<Real>& x) const;
   // Inverse of the diagonal of G, the mean of the components that move [1/kg].
   double mobility(std::size_t unknown) const;
-  // y = G x without penalties, whatever walls fix.
+  // y = G x without penalties and without the constraints of walls.
   void multiply(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y);
   // y = G x; 3 values per unknown node, components that walls fix are identity rows.
   void apply(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y);
@@ -145,7 +145,7 @@ class VelocitySystem {
   void divide_by_mass(const Parallel& parallel, const std::vector<Real>& b, std::vector<Real>& x) const;
   // G = M + dt C_M + this times K [s^2].
   Real stiffness_factor(std::size_t solid) const { return stiffness_factor_[solid]; }
-  // Along which axes walls hold a node of a solid: bit a: axis a; 7 where another solid does.
+  // Axes along which walls constrain a node of a solid: bit a: axis a; 7 where another solid does.
   unsigned held_axes(std::size_t solid) const { return held_[solid] == 7u ? 7u : held_[solid] & ~across_slab_; }
   bool touches(std::size_t solid) const { return held_axes(solid) != 0; }
   // Pairs of solids that share an unknown; of three or more at a node all with the first.

@@ -1,4 +1,4 @@
-// Purpose: broken cells of the solids are put back in shape after the transport (solid/element/repair.hpp).
+// Purpose: broken cells of the solids are repaired after the transport (solid/element/repair.hpp).
 #pragma once
 
 #include "frame/step_context.hpp"

@@ -58,6 +58,7 @@ ShapeEnergies measure_shape(const Parallel& parallel, const SolidRest& rest, con
     Vec3d moment = Vec3d::Zero();
   };
   std::vector<Sums> planes(static_cast<std::size_t>(g.cells[2]));
+  // Sums per plane of cells.
   parallel.for_each(g.cells[2], [&](std::int64_t kk) {
     Sums& s = planes[static_cast<std::size_t>(kk)];
     const int k = static_cast<int>(kk);
@@ -87,6 +88,7 @@ ShapeEnergies measure_shape(const Parallel& parallel, const SolidRest& rest, con
     total.elastic += s.elastic;
     total.moment += s.moment;
   }
+  // Scaled to the mass of the solid.
   ShapeEnergies out;
   if (!(total.mass > 0.0)) return out;
   const double counted = rest.density * g.h * g.h * g.h * total.mass;

@@ -16,7 +16,7 @@ namespace efsi::solid {
 namespace {
 
 constexpr double kMostWeight = 2.0;    // of an element: crumbs of a solid do not become rigid
-constexpr double kThinnestFree = 0.1;  // cells: width of an element beside a pin that gives way
+constexpr double kThinnestFree = 0.1;  // cells: least width of the deforming part of an element beside a pin
 
 // Cells: further away the plane phi = 0 misses the cell. Half the cell's diagonal times a bound of the length of
 // F^-T grad phi, clamped as below; the slope of a distance is at most 1 along each axis.
@@ -37,7 +37,7 @@ Plane plane_of(const geometry::SignedDistance& distance, const Vec3d& material, 
   return {phi / std::clamp(length, 0.25, 4.0), length > 1e-12 ? Vec3d(normal / length) : Vec3d(0, 1, 0)};
 }
 
-constexpr double kMostCrushed = 0.2, kMostStretched = 5.0;  // stretches that are believed at the edge of the data
+constexpr double kMostCrushed = 0.2, kMostStretched = 5.0;  // stretches that are accepted at the edge of the data
 constexpr double kSplinterGrowth = 1.25;  // of the volume of an element that is torn off, or its inverse
 constexpr std::size_t kSplinter = 3;      // elements
 
@@ -51,8 +51,8 @@ bool is_positive(const Mat3d& m) {
   return m(0, 0) > 0.0 && m(0, 0) * m(1, 1) > m(0, 1) * m(1, 0) && m.determinant() > 0.0;
 }
 
-// Whether a cell's map can be the solid's: of what the extension made up nothing is, and of what it had a part in
-// nothing that is inverted or whose elastic part is out of shape. Beside folds and thin parts the extension leads back
+// Whether a cell's map is valid: not where it is extrapolated, and where it is partly so only if it is not inverted
+// and its elastic stretches are accepted. Beside folds and thin parts the extension leads back
 // into the solid.
 bool is_credible(std::uint8_t nearest, std::uint8_t farthest, const PlasticField& plastic, const Vec3d& material,
                  const Mat3d& inverse_f) {
@@ -79,12 +79,14 @@ std::vector<std::vector<Holding>> compute_fractions(const Parallel& parallel, co
     for (int j = 0; j < g.cells[1]; ++j)
       for (int i = 0; i < g.cells[0]; ++i) {
         const std::size_t n = g.node(i, j, k);
+        // Origin of the map at the corners.
         std::uint8_t nearest = kExtended, farthest = kNoData;
         for (std::size_t offset : corner) {
           nearest = std::min(nearest, state.valid[n + offset]);
           farthest = std::max(farthest, state.valid[n + offset]);
         }
         if (nearest == kNoData) continue;
+        // Material at the centre, and the cut of the cell by the surface.
         Vec3d u[8], mean = Vec3d::Zero();
         for (std::size_t a = 0; a < 8; ++a) {
           u[a] = state.u.at(n + corner[a]).cast<double>();
@@ -100,6 +102,7 @@ std::vector<std::vector<Holding>> compute_fractions(const Parallel& parallel, co
           const Plane surface = plane_of(distance, material, phi / g.h, inverse_f);
           fraction = grid::plane_cut_fraction(surface.distance, surface.normal);
         }
+        // Cells with an invalid map are counted and left empty.
         const std::size_t c = g.cell(i, j, k);
         if (fraction > 0.0 && !is_credible(nearest, farthest, plastic, material, inverse_f)) {
           rejected[static_cast<std::size_t>(k)] += static_cast<Real>(fraction) > least_fraction(rest, state, c);
@@ -208,11 +211,11 @@ void stiffen_by_part(const Parallel& parallel, const SolidRest& rest, const Soli
   });
 }
 
-// One at the border of a pin gives way in its part outside only, a width theta of a cell, in which all of its strain
+// One at the border of a pin deforms in its part outside only, a width theta of a cell, in which all of its strain
 // lies: theta psi(F / theta) is about psi(F) / theta.
 void stiffen_beside_pins(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work) {
   if (state.shape)
-    work.element_factor.assign(work.element_corner.size(), 0.0);  // what deforms as given resists nothing
+    work.element_factor.assign(work.element_corner.size(), 0.0);  // prescribed deformation meets no resistance
   if (rest.held.empty() || rest.plastic.yields()) return;         // what has yielded is kept by cells
   const Grid& g = state.band.grid;
   work.element_factor.resize(work.element_corner.size(), 1.0);

@@ -23,7 +23,8 @@ inline constexpr Threshold kElementPartInFluid = {Real(0.6), Real(0.1)};
 void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work);
 
 // Of the stiffness against change of volume that the pressure has in an element, over the material's. In vacuum the
-// empty part of a cut cell gives way; in a fluid it does not, and the elements stand for the whole body alike.
+// empty part of a cut cell offers no resistance; in a fluid it does, and all elements represent the body with one
+// weight.
 double bulk_weight(const SolidRest& rest, const SolidWork& work, std::size_t e);
 
 // Keeps which cells carry stiffness for the next compute_mass: state.stiff.

@@ -1,6 +1,6 @@
 // Purpose: the plastic part of a solid's deformation: where it is stored, what it does to an element, how it flows.
 // F = F_e F_p. The laws are isotropic, so that F_p counts by C_p = F_p^T F_p alone: (F_e F_e^T)^-1 = F^-T C_p F^-1.
-// Stored is H = 1/2 log C_p, a symmetric matrix without trace (det F_p = 1 whatever is done to it), on the nodes of a
+// Stored is H = 1/2 log C_p, a symmetric matrix without trace (det F_p = 1 under sums and means), on the nodes of a
 // lattice in the rest shape. Material does not move in it, so that no transport blurs it (docs/numerics/plasticity.md).
 // Source: Bargteil et al. 2007; Fan et al. 2013, Sec. 3.7; the paper's Secs. 4, 5 (a grid of the reference
 // coordinates).
@@ -70,8 +70,8 @@ struct Hourglass {
 Hourglass hourglass_modes(const SolidRest& rest, const PlasticField& plastic, const ElasticPoint& center,
                           const Vec3d u[8], double h, double mu);
 
-// Plastic flow in the elements of `work` for a time [s], the displacement held: changes state.plastic. Where stress is
-// nowhere above the yield stress no plastic strain changes. Returns whether any did.
+// Plastic flow in the elements of `work` for a time [s], at constant displacement: changes state.plastic. Where stress
+// is nowhere above the yield stress no plastic strain changes. Returns whether any did.
 bool flow(const Parallel& parallel, const SolidRest& rest, double time, int points_per_element, const SolidWork& work,
           SolidState& state);
 

@@ -17,7 +17,7 @@ namespace {
 
 constexpr int kMapSweeps = 10, kVelocitySweeps = 10;
 constexpr Real kInside = Real(1) - Real(1e-6);             // of a cell
-constexpr double kRepairedGrowth = 1.8;                    // less than kMostGrowth: a repaired cell stays sound a while
+constexpr double kRepairedGrowth = 1.8;                    // below kMostGrowth, so that a repaired cell has a margin
 constexpr double kLeastStretch = 0.4, kMostStretch = 2.5;  // principal stretches of a repaired cell
 
 // det: det F over that of the solid.
@@ -26,7 +26,7 @@ bool is_broken(double det) { return !(det <= kMostGrowth && det * kMostGrowth >=
 // det F of the solid as a whole.
 double mean_det(const SolidRest& rest, const SolidWork& work) { return rest.density * work.volume / work.total_mass; }
 
-// The map of a cell that has the axes of inverse_f, and stretches and a volume that a sound cell can have. Of what has
+// The map of a cell that has the axes of inverse_f, and accepted stretches and volume. Of what has
 // yielded it is the elastic part.
 Mat3d sound_inverse(const Mat3d& inverse_f, double mean) {
   const Eigen::JacobiSVD<Mat3d> svd(inverse_f, Eigen::ComputeFullU | Eigen::ComputeFullV);
@@ -42,7 +42,7 @@ Mat3d sound_inverse(const Mat3d& inverse_f, double mean) {
   return u * stretch.asDiagonal() * svd.matrixV().transpose();
 }
 
-// Moves the corners of broken cells to where the maps of their broken cells, made sound, have them on average. Adds
+// Moves the corners of broken cells to where the maps of their broken cells, repaired, have them on average. Adds
 // these cells and their corners to the sets; false: there are none.
 bool repair_cells(const SolidRest& rest, SolidState& state, const SolidWork& work, std::set<std::size_t>& cells,
                   std::set<std::size_t>& nodes) {

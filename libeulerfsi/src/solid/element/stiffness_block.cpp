@@ -170,6 +170,7 @@ EFSI_INLINE void multiply_one_point(const PointBlock& p, Real inverse_h, Real fa
   constexpr int kHourglass[4] = {3, 5, 6, 7};
   const Real strain = Real(0.25) * inverse_h;
   const Real share = static_cast<Real>(kHourglassNorm * kHourglassNorm) * factor;
+  // Modes of the corners, and the gradient at the quadrature point.
   Lanes v[24], e[9];
   std::copy(x[0], x[0] + 24 * kLanes, v[0]);
   exchange_modes<false>(v);
@@ -186,12 +187,14 @@ EFSI_INLINE void multiply_one_point(const PointBlock& p, Real inverse_h, Real fa
         add_scaled(strain, sum, e[i + 3 * j]);
       }
   }
+  // Stress, and its forces on the linear modes.
   respond(p, e);
   clear(v[0], 3);  // nothing from what all corners share
   for (int j = 0; j < 3; ++j) {
     clear(v[3 * kGradient[j][0]], 3);
     for (int i = 0; i < 3; ++i) add_scaled(strain * factor, e[i + 3 * j], v[3 * kGradient[j][0] + i]);
   }
+  // Hourglass stiffness in the axes of the element.
   for (const int m : kHourglass) {
     Lanes along[3];
     clear(along[0], 3);
@@ -204,6 +207,7 @@ EFSI_INLINE void multiply_one_point(const PointBlock& p, Real inverse_h, Real fa
     for (int j = 0; j < 3; ++j)
       for (int i = 0; i < 3; ++i) add_product(p.axes[i + 3 * j], along[j], v[3 * m + i]);
   }
+  // Away from the centre the stress also acts on the hourglass modes.
   if (!centers) {
     for (int j = 0; j < 3; ++j)
       for (int i = 0; i < 3; ++i) {

@@ -1,4 +1,4 @@
-// Purpose: cells whose material the solid holds already, somewhere else.
+// Purpose: duplicate cells, whose material the solid has elsewhere.
 // Beside folds and thin parts the extension of the map leads back into the solid, and what is torn off there carries a
 // map on that covers the whole rest shape: a second solid would grow. A map is one to one; a cell that holds what
 // another holds, further away than any deformation carries it, is an error of the map.

@@ -264,6 +264,7 @@ void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const R
         body(Row{j, static_cast<int>(k), g.cells[0] + 1, g.node(0, j, static_cast<int>(k))});
     });
   };
+  // Pack u and v relative to the frame.
   const Real lead = paper ? static_cast<Real>(dt) : Real(0);  // paper: u + dt v at the nodes (line 19)
   for_rows([&](const Row& row) {
     for (int i = 0; i < row.count; ++i) {
@@ -274,9 +275,11 @@ void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const R
       grid::store_quad(packed.v.at(n), v - motion.velocity(position(row, i)) / step);
     }
   });
+  // Semi-Lagrangian transport.
   for_rows([&](const Row& row) {
     carry_row(sampler, motion, g.nodes(), row, paper, step, work.layer.data(), packed, state.valid.data());
   });
+  // Error by the forward trace, then the correction.
   if (!paper) {
     for_rows([&](const Row& row) { measure_row(sampler, motion, g.nodes(), row, step, work.layer.data(), packed); });
     for_rows([&](const Row& row) {

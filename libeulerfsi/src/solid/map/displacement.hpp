@@ -2,7 +2,7 @@
 // Paper: Alg. 1 lines 13 (velocity), 18 (extension), 19 (u += dt v), 20 (semi-Lagrangian advection of u); Sec. 4.3.
 //   u^{n+1}(x) = u^n(x_d) + (x - x_d), x_d the point from which the solid's velocity leads to x
 // Departs from the paper: the back-trace is third order, in a frame that moves with the solid, and the advection is
-// corrected (MacCormack) and takes v along (docs/deviations.md). The paper's own way (particles carry v,
+// corrected (MacCormack) and takes v along (docs/deviations.md). The paper's method (particles carry v,
 // solid/particles/particles.hpp; u + dt v, then linear semi-Lagrangian) is AdvectionScheme::kPaper.
 #pragma once
 

@@ -13,7 +13,7 @@ std::size_t lower_node(const Grid& g, const Vec3d& x, double f[3]);
 // cell of the band (grid::corner_offsets).
 bool sample_displacement(const SolidState& state, const std::array<std::size_t, 8>& corner, const Vec3d& x, Vec3d& u,
                          Mat3d& gradient);
-// Newton's method for x - u(x) = X from x on, which becomes the best x on the way; returns what is left there [m].
+// Newton's method for x - u(x) = X from x on, which becomes the best iterate; returns the residual there [m].
 double correct_point(const SolidState& state, const std::array<std::size_t, 8>& corner, const Vec3d& material,
                      Vec3d& best_x);
 

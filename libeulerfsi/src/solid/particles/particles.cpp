@@ -11,7 +11,7 @@
 namespace efsi::solid {
 namespace {
 
-constexpr double kLeastMass = 1.0 / 32.0;  // of a full node's, from which on particles say how fast a node is
+constexpr double kLeastMass = 1.0 / 32.0;  // of a full node's mass, above which particles set its velocity
 
 // Three numbers in [0, 1) that depend on the seed, a cell of the box and an eighth of it.
 Vec3d scatter(std::uint64_t seed, const Vec3i& cell, int octant) {
@@ -54,7 +54,7 @@ Bins sort_into_cells(const Grid& g, const std::vector<std::uint32_t>& cell) {
   return bins;
 }
 
-// What the particles around a node say.
+// Sums over the particles around a node.
 struct NodeSum {
   double mass = 0.0;
   Vec3d momentum = Vec3d::Zero();

@@ -2,7 +2,7 @@
 // Paper: Alg. 1 lines 13 (velocity), 18 (rasterisation); Sec. 4.6: 8 to 16 per cell, instantiated in every step. They
 // are no state: nothing of them is there when a step begins. FLIP gives a particle
 //   v_p = a (v_p^n + v^{n+1}(x_p) - v^n(x_p)) + (1 - a) v^{n+1}(x_p),
-// and one made in this step has no other v_p^n than v^n(x_p): whatever the ratio a, v_p = v^{n+1}(x_p).
+// and one made in this step has no other v_p^n than v^n(x_p): for any ratio a, v_p = v^{n+1}(x_p).
 //   grid to particles  v_p = sum_i w_ip v_i / sum_i w_ip over the nodes with data
 //   particles to grid  v_i = sum_p w_ip m_p v_p / sum_p w_ip m_p after x_p += dt v_p
 // w: the tent of a cell's width (Zhu and Bridson 2005). A constant velocity is kept, angular momentum is damped

@@ -94,7 +94,7 @@ void check_points(const SolidRest& rest, double h, const std::vector<Vec3d>& poi
   }
 }
 
-// On the way through the material.
+// State of the integration through the material.
 struct Walker {
   Vec3d x, velocity;
   Mat3d f = Mat3d::Identity(), velocity_gradient = Mat3d::Zero();

@@ -1,4 +1,4 @@
-// Purpose: points that ride along with a solid and are drawn only: eyes, hats, render meshes. They follow from the
+// Purpose: points that follow a solid without acting on it: eyes, hats, render meshes. They follow from the
 // solid's map and surface alone, and so have no state.
 //   A point at rest at X is reached from the vertex nearest to it at rest, Y: x(Y) + the integral of F over the line
 //   from Y to X, corrected by Newton's method where the map holds data and with the last F beyond it.

@@ -69,6 +69,7 @@ void cut(const geometry::TriangleMesh& surface, std::int32_t triangle, double sp
 
 std::vector<FoldPoint> make_fold_points(const geometry::TriangleMesh& surface, const geometry::SignedDistance& distance,
                                         double spacing) {
+  // Parts of the triangles by box and side.
   std::vector<Part> parts;
   for (std::size_t t = 0; t < surface.triangles.size(); ++t) cut(surface, static_cast<std::int32_t>(t), spacing, parts);
   std::sort(parts.begin(), parts.end(), [](const Part& a, const Part& b) {
@@ -79,6 +80,7 @@ std::vector<FoldPoint> make_fold_points(const geometry::TriangleMesh& surface, c
   for (std::size_t begin = 0, end = 0; begin < parts.size(); begin = end) {
     const auto box = [&](std::size_t i) { return Vec3i{parts[i].key[0], parts[i].key[1], parts[i].key[2]}; };
     if (begin == 0 || box(begin) != box(begin - 1)) taken.clear();
+    // Mean of the parts of one box and side; the nearest part becomes the point.
     Vec3d middle = Vec3d::Zero(), normal = Vec3d::Zero();
     double area = 0.0;
     for (end = begin; end < parts.size() && parts[end].key == parts[begin].key; ++end) {
@@ -94,6 +96,7 @@ std::vector<FoldPoint> make_fold_points(const geometry::TriangleMesh& surface, c
     const auto from = parts.begin() + static_cast<std::ptrdiff_t>(begin);
     const Part& chosen = *std::min_element(from, parts.begin() + static_cast<std::ptrdiff_t>(end), nearer);
     const Eigen::Vector3f out = normal.cast<float>();
+    // One point per side that differs, none inside the solid.
     const bool alike = std::any_of(taken.begin(), taken.end(), [&](const auto& n) { return n.dot(out) > kAlike; });
     if (alike || distance.sample(chosen.place) < -kBuried * spacing) continue;
     taken.push_back(out);

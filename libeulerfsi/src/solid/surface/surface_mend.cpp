@@ -103,8 +103,8 @@ class Mending {
   }
 
   // Marks the ends of torn edges and what only torn edges join to the largest part of the surface; the next time the
-  // clusters of the ends as well, then all that hangs together where the map is made up, then the clusters around too.
-  // Returns whether any point was not lost before.
+  // clusters of the ends as well, then all that hangs together where the map is extrapolated, then the clusters around
+  // too. Returns whether any point was not lost before.
   bool lose_torn(int time) {
     std::vector<std::uint8_t> apart = cut_off(), around(clusters_.size(), 0);
     for_sides([&](std::size_t a, std::size_t b) {
@@ -208,7 +208,7 @@ class Mending {
     return out;
   }
 
-  // Adds what edges between points where the map is made up connect with a marked one.
+  // Adds what edges between points with an extrapolated map connect with a marked one.
   void add_made_up(std::vector<std::uint8_t>& marked) const {
     DisjointSets blobs(now_.size());
     for_sides([&](std::size_t a, std::size_t b) {
