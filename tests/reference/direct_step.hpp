@@ -6,8 +6,8 @@
 
 #include <Eigen/Dense>
 
-#include "reference/assembled_constraint.hpp"
 #include "nodes/node_fields.hpp"
+#include "reference/assembled_constraint.hpp"
 #include "solve/velocity_equation.hpp"
 
 namespace efsi::reference {

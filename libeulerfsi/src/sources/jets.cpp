@@ -27,8 +27,7 @@ void add_jets(const StepContext& step, const Matter& matter, Jets& jets, std::ve
   }
   if (jets.empty()) return;
   source.resize(g.padded_count(), 0);
-  for (const fluid::SourceCell& cell : jets)
-    source[g.padded(cell.place[0], cell.place[1], cell.place[2])] += cell.rate;
+  for (const fluid::SourceCell& cell : jets) source[g.padded(cell.place[0], cell.place[1], cell.place[2])] += cell.rate;
 }
 
 }  // namespace efsi::sim
