@@ -10,7 +10,7 @@
 #include "solid/element/material_force.hpp"
 #include "solve/pressure.hpp"
 #include "solve/velocity_solve.hpp"
-#include "sources/force_field.hpp"
+#include "sources/external_forces.hpp"
 #include "unit/sim/scene.hpp"
 
 using namespace efsi;
