@@ -17,6 +17,7 @@ namespace {
 constexpr double kEstimate = 0.2;        // of the divergence that the estimate of a coupling step leaves
 constexpr double kWorthCoupling = 0.01;  // of density |div v|^2: the solids over the fluid
 constexpr double kStrains = 1e-3;        // of the solids' energy: what the projection may add to that of all
+constexpr double kGains = 1e-4;          // of that energy: a coupling step that takes less of its error is the last
 constexpr double kLeads = 0.01;          // cells in a step: largest motion of an active contact row by the projection
 
 // The first part of the preconditioner of Cahouet and Chabat (1988) is the inverse of J M^-1 J^T: a pressure that the
@@ -148,6 +149,7 @@ void couple_pressure(const StepContext& step, const SolidStates& states, const S
   give_way(step.parallel, matter.common.grid, way, pressure);
   const Real length =
       static_cast<Real>(pressure.system.step_length(step.parallel, velocity.field, pressure.source, way));
+  pressure.gain = 0.5 * length * pressure.slope;
   if (!pressure.takes) linalg::fill(step.parallel, pressure.taken, way.size(), Real(0));
   pressure.takes = true;
   linalg::add_scaled(step.parallel, pressure.taken, length, way);
@@ -179,6 +181,7 @@ bool strains_much(const StepContext& step, const SolidWorks& solids, const Grid&
   for (const WallRow& row : elasticity.walls)  // the pressure moves no node on a wall
     if (row.on_wall) change[3 * system.unknown_of(row.solid, row.node) + static_cast<std::size_t>(row.axis)] = 0;
   if (leads_astray(elasticity.contacts.rows, change, kLeads * g.h / step.dt)) return true;
+  if (pressure.coupled != 0 && pressure.gain < kGains * energy) return false;
   std::vector<Real> pushed;
   system.multiply(step.parallel, change, moved);
   system.multiply_mass(step.parallel, change, pushed);
