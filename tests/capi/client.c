@@ -130,8 +130,8 @@ static void check_refusals(void) {
   CHECK(count == 1);
   EfsiSolidDiagnostics diagnostics;
   CHECK(efsi_solid_get_diagnostics(sim, 7, &diagnostics) == EFSI_ERROR_ARGUMENT);
-  EfsiTransportChange change;
-  CHECK(efsi_solid_get_transport_change(sim, 7, &change) == EFSI_ERROR_ARGUMENT);
+  EfsiTransportError change;
+  CHECK(efsi_solid_get_transport_error(sim, 7, &change) == EFSI_ERROR_ARGUMENT);
   efsi_simulation_destroy(sim);
   EfsiEnergyLedger ledger;
   def = box_def();
@@ -191,11 +191,11 @@ static void check_mesh(const char* folder) {
     CHECK_OK(NULL, efsi_surface_create(&view, 0.04, 2, go_on, NULL, &surface, &error));
     CHECK_OK(NULL, efsi_surface_get_report(surface, &report));
     CHECK(report.closed == 1 && fabs(report.surface_volume - 0.008) < 1e-8);
-    CHECK(report.repaired == 0 && strcmp(efsi_surface_get_repairs(surface), "") == 0);
+    CHECK(report.repaired == 0 && strcmp(efsi_surface_get_repair_text(surface), "") == 0);
     CHECK_OK(NULL, efsi_surface_get_overlap(surface, surface, &depth, &volume, &error));
     CHECK(fabs(depth - 0.2) < 0.02 && fabs(volume - 0.008) < 0.0008);
     EfsiSurface* slab = NULL;
-    CHECK_OK(NULL, efsi_surface_lay_in_slab(surface, 2, 0.28, 0.32, &slab, &error));
+    CHECK_OK(NULL, efsi_surface_extrude_in_slab(surface, 2, 0.28, 0.32, &slab, &error));
     CHECK_OK(NULL, efsi_surface_get_report(slab, &report));
     CHECK(fabs(report.solid_volume - 0.2 * 0.2 * 0.04) < 1e-8);
     efsi_surface_destroy(slab);
@@ -297,9 +297,9 @@ static void check_fall(const char* folder) {
 
   EfsiRepairs repairs;
   CHECK_OK(sim, efsi_simulation_get_repairs(sim, &repairs));
-  CHECK(repairs.put_back == 0 && repairs.min_det_f_before > 0.9 && repairs.max_det_f_before < 1.1);
-  EfsiTransportChange change;
-  CHECK_OK(sim, efsi_solid_get_transport_change(sim, id, &change));
+  CHECK(repairs.repaired_cells == 0 && repairs.min_det_f_before > 0.9 && repairs.max_det_f_before < 1.1);
+  EfsiTransportError change;
+  CHECK_OK(sim, efsi_solid_get_transport_error(sim, id, &change));
   CHECK(fabs(change.volume_mesh) < 1e-3 && fabs(change.momentum.y) < 0.01 * fabs(solid.momentum.y));
   CHECK(fabs(change.mass) < 0.01);
   EfsiEnergyLedger ledger;
@@ -516,8 +516,8 @@ static void check_contacts(void) {
   EfsiSolidDiagnostics upper;
   CHECK_OK(sim, efsi_solid_get_diagnostics(sim, ids[1], &upper));
   CHECK(fabs(pairs[0].impulse.y / (upper.mass * 9.8 * 0.05) - 1.0) < 0.1);
-  CHECK(pairs[0].steps >= 10 && pairs[0].rows >= pairs[0].pushing_rows && pairs[0].pushing_rows >= pairs[0].steps);
-  CHECK(pairs[0].sticking_rows <= pairs[0].pushing_rows && pairs[0].normal_impulse > 0.9 * pairs[0].impulse.y);
+  CHECK(pairs[0].steps >= 10 && pairs[0].rows >= pairs[0].active_rows && pairs[0].active_rows >= pairs[0].steps);
+  CHECK(pairs[0].sticking_rows <= pairs[0].active_rows && pairs[0].normal_impulse > 0.9 * pairs[0].impulse.y);
   CHECK(fabs(pairs[0].row_overlap) < 0.5 && pairs[0].surface_overlap < 0.0);
   CHECK(efsi_simulation_get_contacts(sim, NULL, 1, &count) == EFSI_ERROR_ARGUMENT);
   CHECK(strstr(efsi_simulation_last_error(sim), "pairs"));

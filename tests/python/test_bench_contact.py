@@ -68,6 +68,6 @@ def test_boxes_at_rest_keep_the_laws_and_each_can_be_missed() -> None:
 def test_a_stack_is_recorded_solid_by_solid(library) -> None:
     run = dataclasses.replace(contact_laws.stack_runs("quick")[0], duration=0.05)
     result = from_child(run, simulate(run))
-    assert result.finished and result["pushing_rows"].max() > 50
+    assert result.finished and result["active_rows"].max() > 50
     assert result.start["mass@3"] == pytest.approx(result.start["mass"], rel=0.01)
     assert result["center@3"][-1, 1] > result["center@2"][-1, 1] > result["center"][-1, 1]

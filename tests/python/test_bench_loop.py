@@ -72,7 +72,7 @@ def energy_result(totals: list[float], outside: list[float]) -> measure.Result:
     at_start = np.zeros((len(totals), len(measure.FORMS)))
     at_start[:, 0] = totals
     change = np.zeros((len(totals), len(binding.ENERGY_STAGES), len(measure.FORMS)))
-    change[:, binding.ENERGY_STAGES.index("outside"), 0] = outside
+    change[:, binding.ENERGY_STAGES.index("external"), 0] = outside
     columns = {"energy_at_start": at_start, "energy_change": change}
     return measure.Result(Experiment("test"), "", {}, columns)
 
@@ -85,7 +85,7 @@ def test_energy_counts_less_outside_work() -> None:
 
 def survived(run: Experiment) -> measure.Result:
     """Made up: nothing happens in four steps."""
-    names = ("degenerate_cells", "retries", "false_edges", "clamped", "rejected", "broken", "put_back")
+    names = ("degenerate_cells", "retries", "false_edges", "clamped", "rejected", "broken", "repaired_cells")
     still = ("kinetic_energy", "elastic_energy", "fluid_energy", "mass", "volume_cells")
     columns = {name: np.zeros(4) for name in (*names, *still)}
     columns |= {name: np.ones((4, 2)) for name in ("det_f_interior", "det_f_before")}
@@ -185,7 +185,7 @@ def test_a_run_measures_what_happens_and_reports_what_goes_wrong(library) -> Non
     row = table.row(result)
     assert row["finished"] == "yes" and row["settings"] == "cfl_solid=0.5" and row["steps"] == "2"
     assert list(result["det_f_interior"][-1]) == pytest.approx([1, 1], abs=1e-3)
-    assert list(result["det_f_before"][-1]) == pytest.approx([1, 1], abs=1e-3) and result["put_back"].sum() == 0
+    assert list(result["det_f_before"][-1]) == pytest.approx([1, 1], abs=1e-3) and result["repaired_cells"].sum() == 0
     energy = measure.total_energy(result)
     assert energy.shape == (2,) and energy[1] == pytest.approx(energy[0], abs=2e-3)
     assert energy_laws.gap(result).max() < 1e-6

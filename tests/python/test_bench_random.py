@@ -240,7 +240,7 @@ def test_scenes_with_everything_have_all_of_it_and_are_accepted_by_the_library(l
             for mesh, values in scene.bodies():
                 simulation.add_solid(mesh, **values)
             seen = scene.company(simulation).observe()
-        assert seen.get("pin_gap", 0.0) < 1e-6 * scene.size and seen["given_work"] == 0.0
+        assert seen.get("pin_gap", 0.0) < 1e-6 * scene.size and seen["prescribed_work"] == 0.0
         for body, (mesh, _) in zip(scene.parts, scene.bodies(), strict=True):
             if body.plastic:
                 assert within("flow_rate", body.plastic.flow_rate)
@@ -316,7 +316,7 @@ BALL = Scene(
 )
 
 
-def made_up(scene: Scene, times: np.ndarray, height: np.ndarray, speed: np.ndarray) -> Result:
+def extrapolated(scene: Scene, times: np.ndarray, height: np.ndarray, speed: np.ndarray) -> Result:
     """The record of a ball whose centre has these heights and speeds [m, m/s], its energy kept by the elastic one."""
     count, mass = len(times), 4.0
     column = {
@@ -350,13 +350,13 @@ def bounce() -> Result:
     speed = np.where(since < 0, -G * times, np.where(pushed, land * (2 * since / PUSH - 1), land - G * risen))
     height = np.where(since < 0, RADIUS + FALL - G * times**2 / 2, RADIUS + land * risen - G * risen**2 / 2)
     height = np.where(pushed, RADIUS + land * (since**2 / PUSH - since), height)
-    return made_up(BALL, times, height, speed)
+    return extrapolated(BALL, times, height, speed)
 
 
 def lying() -> Result:
     """On the floor all the time."""
     times = np.arange(0, 0.6, DT)
-    return made_up(BALL, times, np.full(len(times), RADIUS), 0 * times)
+    return extrapolated(BALL, times, np.full(len(times), RADIUS), 0 * times)
 
 
 def verdicts(result: Result) -> dict[str, str]:
@@ -412,7 +412,7 @@ def two(first: Result, second: Result) -> Result:
     result.start |= {f"{name}@2": value for name, value in second.start.items()}
     result.columns |= {f"{name}@2": value.copy() for name, value in second.columns.items()}
     steps = len(first.columns["time"])
-    result.columns |= {"overlap": np.zeros(steps), "contact": np.zeros(steps), "pushing_rows": np.ones(steps, int)}
+    result.columns |= {"overlap": np.zeros(steps), "contact": np.zeros(steps), "active_rows": np.ones(steps, int)}
     return with_ledger(result)
 
 
@@ -448,7 +448,7 @@ def test_a_law_that_one_of_two_solids_breaks_is_missed(name: str, steps: object,
 def test_the_sum_of_momenta_counts_where_solids_push_each_other_in_vacuum() -> None:
     times = np.arange(0, 0.3, DT)
     speed = np.where(times < 0.15, 1.0, -1.0)
-    one, other = (made_up(BALL, times, 0.4 + 0 * times, sign * speed) for sign in (1, -1))
+    one, other = (extrapolated(BALL, times, 0.4 + 0 * times, sign * speed) for sign in (1, -1))
     result = two(one, other)
     result.run = dataclasses.replace(PAIR, pull=(0.0, 0.0, 0.0))
     assert verdicts(result)["momentum"] == "pass"
@@ -473,7 +473,7 @@ def with_everything(result: Result) -> Result:
     steps = len(result["time"])
     result.columns["energy_at_start"][:, 2] = 1.0  # of the fluid
     result.run = dataclasses.replace(EVERYTHING, density_ratio=50.0)
-    still = ("pin_gap", "collider_gap", "given_work", "jet_covered", "source_work")
+    still = ("pin_gap", "collider_gap", "prescribed_work", "jet_covered", "source_work")
     result.columns |= {name: np.zeros(steps) for name in still}
     result.columns["jet_on"] = np.where(result["time"] < 0.3, 1.0, 0.0)
     result.columns["jet_flux"] = EVERYTHING.jet.flux * result["jet_on"]
@@ -534,7 +534,7 @@ def test_an_elastic_solid_has_no_plastic_strain_and_a_covered_jet_is_not_judged(
 
 
 def test_work_of_what_is_given_and_of_jets_comes_from_outside() -> None:
-    for name in ("given_work", "source_work"):
+    for name in ("prescribed_work", "source_work"):
         result = with_everything(lying())
         result.columns["energy_at_start"][30:, 0] += 0.25  # the mean of the velocities around
         result.columns["energy_at_start"][31:, 0] += 0.25
@@ -545,7 +545,7 @@ def test_work_of_what_is_given_and_of_jets_comes_from_outside() -> None:
 
 def test_flight_ends_at_a_collider() -> None:
     times = np.arange(0, 0.6, DT)
-    result = with_ledger(made_up(BALL, times, np.full(len(times), 0.4), 0 * times))
+    result = with_ledger(extrapolated(BALL, times, np.full(len(times), 0.4), 0 * times))
     assert Record(result).flight.all()
     result.columns["collider_gap"] = np.linspace(5, 0, len(times) - 1) * BALL.spacing
     result.start["collider_gap"] = 5 * BALL.spacing
@@ -676,7 +676,7 @@ def test_the_ledger_judges_energy_in_fluid_less_what_came_from_outside() -> None
     change[binding.ENERGY_STAGES.index("repair"), 2] = 0.5
     energy = next(line for line in judge.judge(result) if line.law == "energy")
     assert energy.verdict == "MISSED" and energy.conditions.endswith("repair +0.5")
-    change[:] = np.roll(change, binding.ENERGY_STAGES.index("outside") - binding.ENERGY_STAGES.index("repair"), axis=0)
+    change[:] = np.roll(change, binding.ENERGY_STAGES.index("external") - binding.ENERGY_STAGES.index("repair"), axis=0)
     assert verdicts(result)["energy"] == "pass"
 
 

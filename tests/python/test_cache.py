@@ -168,9 +168,9 @@ def test_statistics_have_every_step_and_frame(cache):
     assert times == sorted(set(times)) and times[-1] == pytest.approx(2 / 24)
     assert frames[-1]["solids"]["/World/Ball"]["mass"] > 0 and frames[-1]["profile"]["total_seconds"] > 0
     for line in steps:
-        assert line["repairs"]["put_back"] == 0 and 0.9 < line["repairs"]["min_det_f_before"] <= 1.001
-        assert abs(line["transport"]["/World/Ball"]["volume_mesh"]) < 0.01 and "energy" not in line
-        assert abs(line["transport"]["/World/Ball"]["mass"]) < 0.01
+        assert line["repairs"]["repaired_cells"] == 0 and 0.9 < line["repairs"]["min_det_f_before"] <= 1.001
+        assert abs(line["transport_error"]["/World/Ball"]["volume_mesh"]) < 0.01 and "energy" not in line
+        assert abs(line["transport_error"]["/World/Ball"]["mass"]) < 0.01
 
 
 def test_the_energy_ledger_adds_columns_and_changes_nothing(cache, tmp_path):
@@ -212,7 +212,7 @@ def test_statistics_list_solids_that_push_each_other(tmp_path):
     for line in touched:
         (pair,) = line["contacts"]["pairs"]
         assert line["contacts"]["velocity_iterations"] > 0
-        assert pair["solids"] == ["/World/Ball", "/World/Under"] and pair["pushing_rows"] <= pair["rows"]
+        assert pair["solids"] == ["/World/Ball", "/World/Under"] and pair["active_rows"] <= pair["rows"]
         assert 0 <= pair["sticking_share"] <= 1 and max(pair["surface_overlap"], pair["row_overlap"]) < 1.2
     # The ball above is pushed up, the other one down, by about what the first one loses.
     down = sum(line["contacts"]["pairs"][0]["impulse"][1] for line in touched)

@@ -63,8 +63,8 @@ def test_points_that_rise_lift_a_ball(rising: Path, tmp_path: Path, library, cli
     assert (over[:, 1] - height).min() > -0.5 * VOXEL
     lines = [json.loads(line) for line in (result.folder / "stats.jsonl").read_text().splitlines()]
     steps = [line for line in lines if line["event"] == "step"]
-    assert sum(step["impulses"][ROCK][1] for step in steps) > 0.0
-    assert sum(step["given_work"][ROCK] for step in steps) > 0.0
+    assert sum(step["pin_impulses"][ROCK][1] for step in steps) > 0.0
+    assert sum(step["prescribed_work"][ROCK] for step in steps) > 0.0
 
 
 def test_a_run_that_is_resumed_is_the_same(rising: Path, tmp_path: Path, library) -> None:
@@ -130,7 +130,7 @@ def test_a_skinned_mesh_is_a_collider(tmp_path: Path, library) -> None:
     assert np.abs(third - second).max() < 1e-6
     result = simulate(tmp_path / "figure.usda", Options(output=tmp_path / "cache", progress="none", frames="1-2"))
     lines = [json.loads(line) for line in (result.folder / "stats.jsonl").read_text().splitlines()]
-    assert any(line["given_work"][BODY] != 0.0 for line in lines if line["event"] == "step")
+    assert any(line["prescribed_work"][BODY] != 0.0 for line in lines if line["event"] == "step")
 
 
 def test_points_that_repeat_pay_nothing(rising: Path, library) -> None:

@@ -80,7 +80,7 @@ def test_every_closed_shape_is_a_jet_with_its_flux(kind: str, room: Path, tmp_pa
     steps = [event for event in events if event["event"] == "step"]
     assert steps
     for step in steps:
-        assert step["jets"]["/World/Source"] == pytest.approx(1.5 * AREAS[kind], rel=0.01)
+        assert step["emitter_flux"]["/World/Source"] == pytest.approx(1.5 * AREAS[kind], rel=0.01)
     smoke = [event["fluid"]["smoke"] for event in events if event["event"] == "frame"]
     assert smoke[0] > 0.0  # the first frame shows it
     assert smoke[1] > smoke[0] + 0.9 * 0.7 * 1.5 * AREAS[kind] / 24
@@ -117,7 +117,7 @@ def test_a_puff_follows_its_samples(room: Path, tmp_path: Path, library) -> None
     _, events = run(room, tmp_path / "cache")
     steps = [event for event in events if event["event"] == "step"]
     brought = {
-        frame: sum(s["dt"] * s["jets"]["/World/Source"] for s in steps if s["frame"] == frame) for frame in range(2, 8)
+        frame: sum(s["dt"] * s["emitter_flux"]["/World/Source"] for s in steps if s["frame"] == frame) for frame in range(2, 8)
     }
     area = AREAS["Cylinder"]
     assert brought[2] == 0.0
@@ -154,7 +154,7 @@ def test_in_a_closed_box_a_jet_is_a_fan_and_the_user_is_told(room: Path, tmp_pat
     text = cli("validate", room).stdout
     assert "/World/Source.eulerfsi:emitVelocity = true" in text and "no open side" in text
     _, events = run(room, tmp_path / "cache")
-    assert all(event["jets"]["/World/Source"] == 0.0 for event in events if event["event"] == "step")
+    assert all(event["emitter_flux"]["/World/Source"] == 0.0 for event in events if event["event"] == "step")
     assert [event["fluid"]["kinetic_energy"] for event in events if event["event"] == "frame"][-1] > 0.0
 
 

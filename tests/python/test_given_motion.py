@@ -46,7 +46,7 @@ def test_a_held_ball_is_pushed_by_a_box_that_comes(held: Path, tmp_path: Path, l
     assert last[:, 0].min() > -0.11 - 0.5 * VOXEL
     assert last[:, 0].min() > first[:, 0].min() + 0.02
     steps = [json.loads(line) for line in (result.folder / "stats.jsonl").read_text().splitlines()]
-    impulses = [step["impulses"] for step in steps if step["event"] == "step"]
+    impulses = [step["pin_impulses"] for step in steps if step["event"] == "step"]
     pairs = [pair for line in steps for pair in line.get("contacts", {}).get("pairs", [])]
     assert {tuple(pair["solids"]) for pair in pairs} == {("/World/Ball", "/World/Ram")}
     assert impulses[-1]["/World/Ball"][1] > 0.0  # its weight

@@ -105,7 +105,7 @@ def test_jets_squeeze_a_disc_that_takes_its_shape_again_by_itself(tmp_path: Path
     scene = Usd.Stage.Open(str(SCENES / "jets_circle.usda"))
     rest = np.asarray(UsdGeom.Mesh(scene.GetPrimAtPath(squares)).GetPointsAttr().Get(), float)
     jets = Run("jets_circle.usda", tmp_path / "a")
-    for flux in jets.steps[-1]["jets"].values():
+    for flux in jets.steps[-1]["emitter_flux"].values():
         assert flux == pytest.approx(1.0 * 0.14 * 0.005, rel=1e-3)
     free = Run("jets_circle_free.usda", tmp_path / "b", start_from=str(tmp_path / "a"))
     squeezed, start = jets.points(disc, max(jets.frames)), free.points(disc, 1)
@@ -147,7 +147,7 @@ def test_light_bunny_is_lifted_to_the_ceiling(tmp_path: Path) -> None:
     voxel, ceiling = 0.015, 1.0
     run = Run("bunny_light.usda", tmp_path / "cache")
     for step in run.steps:
-        assert step["jets"]["/World/Jet"] == pytest.approx(2.5 * 0.3 * 0.3, rel=1e-3)
+        assert step["emitter_flux"]["/World/Jet"] == pytest.approx(2.5 * 0.3 * 0.3, rel=1e-3)
     heights = {frame: run.points("/World/Bunny/surface", frame)[:, 1] for frame in run.frames}
     tops = [height.max() for height in heights.values()]
     assert tops[0] < ceiling - 10 * voxel
@@ -174,8 +174,8 @@ def test_heavy_bunny_falls_as_in_vacuum_and_stays_on_the_ground(tmp_path: Path) 
     assert min(bottoms[9:]) > -voxel and max(bottoms[-6:]) < 1.5 * voxel
     touching = [(cloud < 0.5 * voxel).mean() for cloud in clouds]
     assert touching[5] == 0.0 and min(touching[-6:]) > 0.05, "it has not met the floor"
-    assert run.steps[0]["jets"]["/World/Jet"] == pytest.approx(2.5 * 0.3 * 0.3, rel=1e-3)
-    assert min(step["jets"]["/World/Jet"] for step in run.steps) < 0.15, "it does not lie in the jet"
+    assert run.steps[0]["emitter_flux"]["/World/Jet"] == pytest.approx(2.5 * 0.3 * 0.3, rel=1e-3)
+    assert min(step["emitter_flux"]["/World/Jet"] for step in run.steps) < 0.15, "it does not lie in the jet"
     assert run.volume_errors("/World/Bunny").max() < 0.01
 
 
@@ -193,7 +193,7 @@ def cheb(name: str, folder: Path, frames: str) -> tuple[np.ndarray, dict[int, np
         for eye in ("/World/Cheb/Eyes/EyeLeft", "/World/Cheb/Eyes/EyeRight"):
             gaps = [np.linalg.norm(points[f] - run.points(eye, f).mean(axis=0), axis=1).min() for f in (1, frame)]
             assert abs(gaps[1] - gaps[0]) < 0.25 * CHEB_VOXEL, f"{eye}, frame {frame}"
-    assert max(step["jets"]["/World/Puff"] for step in run.steps) == pytest.approx(6.0 * 0.1 * 0.1, rel=0.01)
+    assert max(step["emitter_flux"]["/World/Puff"] for step in run.steps) == pytest.approx(6.0 * 0.1 * 0.1, rel=0.01)
     moved = {frame: (now - points[1]) / CHEB_VOXEL for frame, now in points.items()}
     head = points[1][:, 1] > 0.22
     assert min(way[head, 2].mean() for way in moved.values()) < -2.0, "his head is not pushed back"

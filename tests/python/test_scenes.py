@@ -138,9 +138,9 @@ def test_the_tentacle_bats_the_ball(tmp_path: Path) -> None:
     before, after = run.solid("/World/Ball", 7), run.solid("/World/Ball", 10)
     assert abs(before["momentum"][0]) < 1e-3 * before["mass"]
     assert after["momentum"][0] > 1.5 * after["mass"]  # m/s
-    given = sum(np.array(step["impulses"]["/World/Tentacle/Skin"]) for step in run.steps)
+    given = sum(np.array(step["pin_impulses"]["/World/Tentacle/Skin"]) for step in run.steps)
     assert given[0] == pytest.approx(after["momentum"][0], rel=0.05), "something else has moved it"
-    assert sum(step["given_work"]["/World/Tentacle/Skin"] for step in run.steps) > 0.0
+    assert sum(step["prescribed_work"]["/World/Tentacle/Skin"] for step in run.steps) > 0.0
     skin = Pose(run.stage.GetPrimAtPath("/World/Tentacle/Skin"), own_points=True)
     away = []
     for frame in (1, 10):
@@ -176,7 +176,7 @@ def test_struck_pillar_holds_its_foot_gives_way_and_returns(tmp_path: Path) -> N
     assert abs(moved[-1]) < 0.2 * max(moved), "the pillar has not come back"
     assert min(deepest) < 1.0, "nothing has touched"
     assert min(deepest) > -0.5, "the ball has gone into the pillar"
-    given = sum(np.array(step["impulses"]["/World/Pendulum/Ball"]) for step in run.steps)
+    given = sum(np.array(step["pin_impulses"]["/World/Pendulum/Ball"]) for step in run.steps)
     assert given[0] > 0.1  # kg m/s
 
 
@@ -215,7 +215,7 @@ def test_meeting_balls_part_by_repulsion_and_stick_without_it(cli, tmp_path: Pat
 
     apart, pairs = distance()
     assert apart > 1.2
-    assert sum(pair["pushing_rows"] for pair in pairs) > 100
+    assert sum(pair["active_rows"] for pair in pairs) > 100
     none = [word for name in ("Left", "Right") for word in ("--set", f"/World/{name}.contactStiffness=0")]
     stuck, pairs = distance(*none)
     assert stuck < 1.05
@@ -262,7 +262,7 @@ def test_puff_blows_two_rings_of_its_volume(tmp_path: Path) -> None:
     run = Run("puff.usda", tmp_path / "cache", "/World/Domain.voxelSize=0.03")
     brought: Counter = Counter()
     for step in run.steps:
-        brought[step["frame"]] += step["dt"] * step["jets"]["/World/Pipe"]
+        brought[step["frame"]] += step["dt"] * step["emitter_flux"]["/World/Pipe"]
     puffs = [sum(brought[frame] for frame in frames) for frames in (range(2, 7), range(7, 26), range(26, 30))]
     area = math.pi * 0.07**2
     assert puffs[0] == pytest.approx(area * (2 * 0.75 + 3 * 1.5) / 24, rel=0.01)

@@ -101,7 +101,7 @@ inline grid::VectorField carried_velocity(const grid::Grid& g, const grid::Vecto
   return result;
 }
 
-// A cell field carried by v in the same way.
+// A cell field carried by v in the same direction.
 inline std::vector<Real> carried_scalar(const grid::Grid& g, const grid::VectorField& v, Real step,
                                         const std::vector<Real>& field) {
   const grid::NodeSampler nodes(g);

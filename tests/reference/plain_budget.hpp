@@ -1,4 +1,4 @@
-// Purpose: slow readable twin of fluid/keep_smoke where there is room for what is missing: every function
+// Purpose: slow readable twin of fluid/conserve_smoke where there is room for what is missing: every function
 // at every cell, in double precision.
 #pragma once
 

@@ -19,7 +19,7 @@ def find_passengers(solid: Usd.Prim) -> list[Usd.Prim]:
     return list(dict.fromkeys(_points_below(solid) + _named(solid)))
 
 
-def find_riders(collider: Usd.Prim) -> list[Usd.Prim]:
+def find_passengers(collider: Usd.Prim) -> list[Usd.Prim]:
     """Those that follow the surface of a collider: named by it or, where its points move, below it.
 
     What is below it moves with its transform in any case, and may deform on its own. Raises PoseError.
@@ -33,7 +33,7 @@ def _named(body: Usd.Prim) -> list[Usd.Prim]:
     for target in targets(body, CARRIED):
         prim = body.GetStage().GetPrimAtPath(target)
         if prim:
-            found += ([prim] if _can_ride(prim) else []) + _points_below(prim)
+            found += ([prim] if _can_follow(prim) else []) + _points_below(prim)
     return found
 
 
@@ -42,13 +42,13 @@ def _deforms_itself(prim: Usd.Prim) -> bool:
     return points.ValueMightBeTimeVarying() or (prim.IsA(UsdGeom.Mesh) and bool(Pose(prim, True).skeleton))
 
 
-def _can_ride(prim: Usd.Prim) -> bool:
+def _can_follow(prim: Usd.Prim) -> bool:
     has_points = prim.IsA(UsdGeom.PointBased) and bool(UsdGeom.PointBased(prim).GetPointsAttr().HasAuthoredValue())
     return has_points and not scopes_of(prim)
 
 
 def _points_below(prim: Usd.Prim) -> list[Usd.Prim]:
-    return [child for child in _below(prim) if _can_ride(child)]
+    return [child for child in _below(prim) if _can_follow(child)]
 
 
 def _below(prim: Usd.Prim) -> list[Usd.Prim]:
@@ -73,7 +73,7 @@ def check_passengers(solids: list[Usd.Prim], colliders: list[Usd.Prim]) -> list[
         for target in targets(body, CARRIED):
             issues += _check_target(body, target)
         try:
-            carried = find_passengers(body) if body in solids else find_riders(body)
+            carried = find_passengers(body) if body in solids else find_passengers(body)
         except PoseError:
             continue  # the checks of the collider say so
         issues += _check_left_behind(body, body in solids)
@@ -89,7 +89,7 @@ def check_passengers(solids: list[Usd.Prim], colliders: list[Usd.Prim]) -> list[
 def _check_left_behind(body: Usd.Prim, is_solid: bool) -> list[Issue]:
     """Warns of what is drawn below a body that deforms and has no points that could ride along."""
     pins = targets(body, PINS)  # they move as the scene says
-    left = [str(p.GetPath()) for p in _below(body) if _is_drawn(p) and not _can_ride(p) and p.GetPath() not in pins]
+    left = [str(p.GetPath()) for p in _below(body) if _is_drawn(p) and not _can_follow(p) and p.GetPath() not in pins]
     if not left or not (is_solid or points_move(body)):
         return []
     value = ", ".join(left[:3]) + (f" and {len(left) - 3} more" if len(left) > 3 else "")
@@ -111,7 +111,7 @@ def _check_target(solid: Usd.Prim, target: Sdf.Path) -> list[Issue]:
     scopes = scopes_of(prim)
     if scopes and is_enabled(prim):
         return [make_issue(solid, CARRIED, target, limit, "WrongTarget", f"that prim is a {scopes[0]} itself")]
-    if not _can_ride(prim) and not _points_below(prim):
+    if not _can_follow(prim) and not _points_below(prim):
         hint = f"a {prim.GetTypeName() or 'typeless prim'} without points"
         return [make_issue(solid, CARRIED, target, limit, "WrongTarget", hint)]
     return []

@@ -23,7 +23,7 @@ from .contacts import FrameContacts
 
 CHECKPOINT_EVERY = 10  # frames
 # What moves as given, in a step of stats.jsonl: fields of its EfsiPinReaction.
-_GIVEN_COLUMNS = {"impulses": "impulse", "angular_impulses": "angular_impulse", "given_work": "work"}
+_GIVEN_COLUMNS = {"pin_impulses": "impulse", "pin_angular_impulses": "angular_impulse", "prescribed_work": "work"}
 _RESUME = "continue with --resume"
 # Fields of EfsiStepInfo that count.
 _COUNTERS = ("steps", "velocity_iterations", "pressure_iterations", "degenerate_cells", "retries", "unconverged")
@@ -171,7 +171,7 @@ class Run:
         """What the last step did beside its counters: repairs, changes by the transport, energies if asked for."""
         columns: dict[str, Any] = {
             "repairs": self.simulation.repairs(),
-            "transport": {solid.part.path: self.simulation.transport_change(solid.id) for solid in self.build.solids},
+            "transport_error": {solid.part.path: self.simulation.transport_error(solid.id) for solid in self.build.solids},
         }
         if self.build.given:
             reactions = {given.part.path: self.simulation.pin_reaction(given.id) for given in self.build.given}
@@ -180,7 +180,7 @@ class Run:
         emitters = [emitter for emitter in self.build.emitters if emitter.part.is_jet]
         jets = {emitter.part.path: self.simulation.emitter_flux(emitter.id) for emitter in emitters}
         if jets:
-            columns["jets"] = jets
+            columns["emitter_flux"] = jets
             self.brought = {path: max(abs(flux), self.brought.get(path, 0.0)) for path, flux in jets.items()}
         if self.scene.domain["energy_ledger"]:
             columns["energy"] = self.simulation.energy_ledger()

@@ -152,7 +152,7 @@ def _surface_of(
         if axis is None or isinstance(solid, (Pin, Emitter)):
             return surface
         low = domain["domain_min"][axis]
-        return surface.lay_in_slab(axis, low, low + domain["voxel_size"])
+        return surface.extrude_in_slab(axis, low, low + domain["voxel_size"])
     except LibraryError as error:
         if error.status == binding.ERROR_CANCELLED:
             raise Cancelled(signals.number) from error

@@ -65,7 +65,7 @@ STAGES = (
 ENERGY_STAGES = (
     "weight",
     "mixing",
-    "outside",
+    "external",
     "walls",
     "velocity",
     "pressure",
@@ -233,7 +233,7 @@ class Repairs(Structure):
         ("clamped", c_uint64),
         ("rejected", c_uint64),
         ("broken", c_uint64),
-        ("put_back", c_uint64),
+        ("repaired_cells", c_uint64),
         ("min_det_f_before", c_double),
         ("max_det_f_before", c_double),
         ("min_det_f_after", c_double),
@@ -246,7 +246,7 @@ class ContactPair(Structure):
         ("solid", c_uint32 * 2),
         ("steps", c_uint64),
         ("rows", c_uint64),
-        ("pushing_rows", c_uint64),
+        ("active_rows", c_uint64),
         ("sticking_rows", c_uint64),
         ("row_overlap", c_double),
         ("surface_overlap", c_double),
@@ -264,7 +264,7 @@ class PinReaction(Structure):
     ]
 
 
-class TransportChange(Structure):
+class TransportError(Structure):
     _fields_ = [
         ("volume_mesh", c_double),
         ("volume_cells", c_double),
@@ -364,8 +364,8 @@ class MeshReport(Structure):
         ("thinnest_feature", c_double),
         ("closing_radius", c_double),
         ("pieces", c_uint32),
-        ("joined_points", c_uint32),
-        ("turned_triangles", c_uint32),
+        ("merged_points", c_uint32),
+        ("reversed_triangles", c_uint32),
         ("inner_triangles", c_uint32),
         ("separate_pieces", c_uint32),
     ]
@@ -414,7 +414,7 @@ STRUCTURES = {
     "EfsiRepairs": Repairs,
     "EfsiContactPair": ContactPair,
     "EfsiPinReaction": PinReaction,
-    "EfsiTransportChange": TransportChange,
+    "EfsiTransportError": TransportError,
     "EfsiEnergy": Energy,
     "EfsiEnergyLedger": EnergyLedger,
     "EfsiFluidDiagnostics": FluidDiagnostics,
@@ -456,16 +456,16 @@ PROTOTYPES: dict[str, list] = {
     "efsi_mesh_destroy": [_MESH],
     "efsi_surface_create": [_P(MeshView), c_double, c_int32, SurfaceProgress, c_void_p, _P(_SURFACE), _P(Error)],
     "efsi_surface_get_report": [_SURFACE, _P(MeshReport)],
-    "efsi_surface_get_repairs": [_SURFACE],
+    "efsi_surface_get_repair_text": [_SURFACE],
     "efsi_surface_get_overlap": [_SURFACE, _SURFACE, _P(c_double), _P(c_double), _P(Error)],
-    "efsi_surface_lay_in_slab": [_SURFACE, c_int32, c_double, c_double, _P(_SURFACE), _P(Error)],
+    "efsi_surface_extrude_in_slab": [_SURFACE, c_int32, c_double, c_double, _P(_SURFACE), _P(Error)],
     "efsi_surface_destroy": [_SURFACE],
     "efsi_solid_def_init": [_P(SolidDef)],
     "efsi_solid_add": [_SIM, _P(SolidDef), _P(c_uint32), _P(MeshReport)],
     "efsi_solid_get_count": [_SIM, _P(c_uint32)],
     "efsi_solid_get_surface": [_SIM, c_uint32, c_void_p, c_void_p, c_uint64],
     "efsi_solid_get_diagnostics": [_SIM, c_uint32, _P(SolidDiagnostics)],
-    "efsi_solid_get_transport_change": [_SIM, c_uint32, _P(TransportChange)],
+    "efsi_solid_get_transport_error": [_SIM, c_uint32, _P(TransportError)],
     "efsi_pin_add_volume": [_SIM, c_uint32, _SURFACE, _P(c_uint32)],
     "efsi_pin_add_vertices": [_SIM, c_uint32, c_void_p, c_uint64, _P(c_uint32)],
     "efsi_collider_add": [_SIM, _P(SolidDef), _P(c_uint32), _P(c_uint32), _P(MeshReport)],
@@ -492,7 +492,7 @@ _RESULTS = {
     "efsi_simulation_last_error": c_char_p,
     "efsi_simulation_destroy": None,
     "efsi_mesh_destroy": None,
-    "efsi_surface_get_repairs": c_char_p,
+    "efsi_surface_get_repair_text": c_char_p,
     "efsi_surface_destroy": None,
 }
 

@@ -137,9 +137,9 @@ class Surface:
         report = binding.MeshReport()
         self._lib.efsi_surface_get_report(self._handle, byref(report))
         self.report = to_dict(report)
-        self.repairs = self._lib.efsi_surface_get_repairs(self._handle).decode("utf-8", "replace")
+        self.repairs = self._lib.efsi_surface_get_repair_text(self._handle).decode("utf-8", "replace")
 
-    def lay_in_slab(self, axis: int, low: float, high: float) -> Surface:
+    def extrude_in_slab(self, axis: int, low: float, high: float) -> Surface:
         """Extrudes the section of the surface for a slab, a domain one cell thick along the axis, from low to high [m].
 
         Raises LibraryError for a mesh that does not extend through the slab.
@@ -147,7 +147,7 @@ class Surface:
         slab, error = Surface.__new__(Surface), binding.Error()
         slab.mesh, slab._lib, slab._handle = self.mesh, self._lib, c_void_p()
         check_error(
-            self._lib.efsi_surface_lay_in_slab(self.handle, axis, low, high, byref(slab._handle), byref(error)), error
+            self._lib.efsi_surface_extrude_in_slab(self.handle, axis, low, high, byref(slab._handle), byref(error)), error
         )
         slab._describe()
         return slab
@@ -439,10 +439,10 @@ class Simulation:
         self._check(self._lib.efsi_simulation_get_contacts(self._handle, pairs, count.value, byref(count)))
         return [to_dict(pair) for pair in pairs]
 
-    def transport_change(self, solid: int) -> dict[str, Any]:
-        """Returns the fields of EfsiTransportChange, of the last step."""
-        out = binding.TransportChange()
-        self._check(self._lib.efsi_solid_get_transport_change(self._handle, solid, byref(out)))
+    def transport_error(self, solid: int) -> dict[str, Any]:
+        """Returns the fields of EfsiTransportError, of the last step."""
+        out = binding.TransportError()
+        self._check(self._lib.efsi_solid_get_transport_error(self._handle, solid, byref(out)))
         return to_dict(out)
 
     def energy_ledger(self) -> dict[str, Any]:

@@ -82,10 +82,10 @@ typedef struct EfsiSolidDiagnostics {
 /* Cells of the last step with an invalid map, and det F of full cells after the transport and after the repair (1
  * without such cells; limited to 0.1 to 10, inverted cells count as 10). */
 typedef struct EfsiRepairs {
-  uint64_t clamped;  /* cells whose F was clamped in the forces */
-  uint64_t rejected; /* cells whose map was rejected after the transport */
-  uint64_t broken;   /* cells of incompressible solids with det F out of bounds after the transport */
-  uint64_t put_back; /* cells that the repair moved, including those that it put out of bounds itself */
+  uint64_t clamped;        /* cells whose F was clamped in the forces */
+  uint64_t rejected;       /* cells whose map was rejected after the transport */
+  uint64_t broken;         /* cells of incompressible solids with det F out of bounds after the transport */
+  uint64_t repaired_cells; /* cells that the repair moved, including those that it put out of bounds itself */
   double min_det_f_before, max_det_f_before;
   double min_det_f_after, max_det_f_after;
 } EfsiRepairs;
@@ -100,8 +100,8 @@ typedef struct EfsiContactPair {
   uint32_t solid[2];      /* ids, the smaller one first; equal: folds of one solid */
   uint64_t steps;         /* number of steps with a contact impulse */
   uint64_t rows;          /* rows, summed over these steps */
-  uint64_t pushing_rows;  /* rows with a non-zero normal impulse, summed over these steps */
-  uint64_t sticking_rows; /* of pushing_rows, those that stick */
+  uint64_t active_rows;   /* rows with a non-zero normal impulse, summed over these steps */
+  uint64_t sticking_rows; /* of active_rows, those that stick */
   double row_overlap;     /* largest overlap of a row relative to the contact distance [cells] */
   double surface_overlap; /* largest depth of a row or vertex of one solid in the other [cells] */
   double normal_impulse;  /* magnitude of the normal impulses, summed over rows and steps [N s] */
@@ -111,17 +111,17 @@ typedef struct EfsiContactPair {
 /* Errors of the transport of the last step in a solid, before any correction. Volumes: change relative to the rest
  * volume, minus the change that the volume source asked for, of an incompressible solid inside the box; 0 otherwise and
  * in preset paper2016. */
-typedef struct EfsiTransportChange {
+typedef struct EfsiTransportError {
   double volume_mesh, volume_cells;
   EfsiVec3 momentum;         /* [kg m/s] */
   EfsiVec3 angular_momentum; /* about the centre of mass [kg m^2/s] */
   double mass;               /* by cell fractions, before it is scaled, relative to the first step's, minus 1 */
-} EfsiTransportChange;
+} EfsiTransportError;
 
 /* Stages of the energy ledger. */
 #define EFSI_ENERGY_WEIGHT 0          /* weight minus buoyancy acts on the velocities */
 #define EFSI_ENERGY_MIXING 1          /* velocities of solids and fluid are averaged at shared nodes */
-#define EFSI_ENERGY_OUTSIDE 2         /* forces, emitters, buoyancy of smoke and heat, vorticity confinement */
+#define EFSI_ENERGY_EXTERNAL 2        /* forces, emitters, buoyancy of smoke and heat, vorticity confinement */
 #define EFSI_ENERGY_WALLS 3           /* wall conditions; one normal velocity where the fluid slips along solids */
 #define EFSI_ENERGY_VELOCITY 4        /* velocity solve */
 #define EFSI_ENERGY_PRESSURE 5        /* coupling step, pressure, projection */

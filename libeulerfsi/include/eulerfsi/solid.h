@@ -28,19 +28,19 @@ typedef struct EfsiMeshReport {
   double solid_volume;             /* volume of the closed solid [m^3] */
   EfsiVec3 extent_min, extent_max; /* [m] */
   uint64_t triangles;
-  uint64_t open_edges;        /* edges with one face */
-  uint64_t holes;             /* closed loops of open edges */
-  double largest_hole;        /* length of the longest such loop [m] */
-  uint64_t nonmanifold_edges; /* edges with three or more faces */
-  int32_t closed;             /* 1: no open edge */
-  int32_t repaired;           /* 1: the mesh was repaired; efsi_surface_get_repairs describes it */
-  double thinnest_feature;    /* estimate of the smallest thickness of the solid [m] */
-  double closing_radius;      /* offset used to close the mesh [m]; 0: none */
-  uint32_t pieces;            /* parts that no edge connects */
-  uint32_t joined_points;     /* coincident points that were merged */
-  uint32_t turned_triangles;  /* triangles whose orientation was reversed, alone or with their piece or the mesh */
-  uint32_t inner_triangles;   /* triangles inside the solid, removed in whole or in part */
-  uint32_t separate_pieces;   /* groups of pieces that do not touch; a solid should have one */
+  uint64_t open_edges;         /* edges with one face */
+  uint64_t holes;              /* closed loops of open edges */
+  double largest_hole;         /* length of the longest such loop [m] */
+  uint64_t nonmanifold_edges;  /* edges with three or more faces */
+  int32_t closed;              /* 1: no open edge */
+  int32_t repaired;            /* 1: the mesh was repaired; efsi_surface_get_repair_text describes it */
+  double thinnest_feature;     /* estimate of the smallest thickness of the solid [m] */
+  double closing_radius;       /* offset used to close the mesh [m]; 0: none */
+  uint32_t pieces;             /* parts that no edge connects */
+  uint32_t merged_points;      /* coincident points that were merged */
+  uint32_t reversed_triangles; /* triangles whose orientation was reversed, alone or with their piece or the mesh */
+  uint32_t inner_triangles;    /* triangles inside the solid, removed in whole or in part */
+  uint32_t separate_pieces;    /* groups of pieces that do not touch; a solid should have one */
 } EfsiMeshReport;
 
 /* A mesh that was read from a file. */
@@ -72,7 +72,7 @@ EFSI_API EfsiStatus efsi_surface_create(const EfsiMeshView* mesh, double voxel_s
 EFSI_API EfsiStatus efsi_surface_get_report(const EfsiSurface* surface, EfsiMeshReport* report);
 /* Returns the description of the repairs that efsi_solid_add logs as a warning; "" where there is none. Valid as long
  * as the surface. */
-EFSI_API const char* efsi_surface_get_repairs(const EfsiSurface* surface);
+EFSI_API const char* efsi_surface_get_repair_text(const EfsiSurface* surface);
 /* Measures the overlap of two surfaces. depth: out, diameter of the largest ball inside both [m], 0 without overlap;
  * volume: out, of their intersection [m^3]; depth, volume and error may be NULL. efsi_solid_add refuses solids that
  * overlap by more than half a voxel. */
@@ -82,8 +82,8 @@ EFSI_API EfsiStatus efsi_surface_get_overlap(const EfsiSurface* a, const EfsiSur
  * an axis (0 to 2); the section halfway is taken. slab: out, a surface of its own with the report of the slab, to be
  * destroyed separately; error may be NULL. EFSI_ERROR_MESH for a mesh that does not extend through the slab. In such a
  * domain efsi_solid_add does this itself with any other surface. */
-EFSI_API EfsiStatus efsi_surface_lay_in_slab(const EfsiSurface* surface, int32_t axis, double low, double high,
-                                             EfsiSurface** slab, EfsiError* error);
+EFSI_API EfsiStatus efsi_surface_extrude_in_slab(const EfsiSurface* surface, int32_t axis, double low, double high,
+                                                 EfsiSurface** slab, EfsiError* error);
 /* Destroys a surface; NULL is allowed. Simulations that use it are not affected. */
 EFSI_API void efsi_surface_destroy(EfsiSurface* surface);
 
@@ -130,7 +130,7 @@ EFSI_API EfsiStatus efsi_solid_get_surface(struct EfsiSim* sim, uint32_t id, flo
 /* Returns integrals and extrema of a solid. */
 EFSI_API EfsiStatus efsi_solid_get_diagnostics(struct EfsiSim* sim, uint32_t id, EfsiSolidDiagnostics* out);
 /* Returns the transport errors of a solid in the last step. */
-EFSI_API EfsiStatus efsi_solid_get_transport_change(const struct EfsiSim* sim, uint32_t id, EfsiTransportChange* out);
+EFSI_API EfsiStatus efsi_solid_get_transport_error(const struct EfsiSim* sim, uint32_t id, EfsiTransportError* out);
 
 #ifdef __cplusplus
 }

@@ -145,8 +145,8 @@ inline EfsiMeshReport to_c(const geometry::MeshReport& r) {
   c.thinnest_feature = r.thinnest_feature;
   c.closing_radius = r.closing_radius;
   c.pieces = r.pieces;
-  c.joined_points = r.joined_points;
-  c.turned_triangles = r.turned_triangles;
+  c.merged_points = r.merged_points;
+  c.reversed_triangles = r.reversed_triangles;
   c.inner_triangles = r.inner_triangles;
   c.separate_pieces = r.separate_pieces;
   return c;
@@ -217,7 +217,7 @@ inline EfsiRepairs to_c(const sim::Repairs& r) {
   c.clamped = r.clamped;
   c.rejected = r.rejected;
   c.broken = r.broken;
-  c.put_back = r.put_back;
+  c.repaired_cells = r.repaired_cells;
   c.min_det_f_before = r.min_det_f_before;
   c.max_det_f_before = r.max_det_f_before;
   c.min_det_f_after = r.min_det_f_after;
@@ -225,8 +225,8 @@ inline EfsiRepairs to_c(const sim::Repairs& r) {
   return c;
 }
 
-inline EfsiTransportChange to_c(const sim::TransportChange& t) {
-  EfsiTransportChange c{};
+inline EfsiTransportError to_c(const sim::TransportError& t) {
+  EfsiTransportError c{};
   c.volume_mesh = t.volume_mesh;
   c.volume_cells = t.volume_cells;
   c.momentum = to_c(t.momentum);
@@ -241,11 +241,11 @@ inline EfsiContactPair to_c(const sim::ContactPair& p) {
   c.solid[1] = static_cast<std::uint32_t>(p.other + 1);
   c.steps = p.steps;
   c.rows = p.rows;
-  c.pushing_rows = p.pushing;
+  c.active_rows = p.pushing;
   c.sticking_rows = p.sticking;
   c.row_overlap = p.row_overlap;
   c.surface_overlap = p.surface_overlap;
-  c.normal_impulse = p.push;
+  c.normal_impulse = p.normal_impulse;
   c.impulse = to_c(p.impulse);
   return c;
 }

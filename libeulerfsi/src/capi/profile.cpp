@@ -61,11 +61,11 @@ EfsiStatus efsi_simulation_get_energy_ledger(const EfsiSim* sim, EfsiEnergyLedge
   });
 }
 
-EfsiStatus efsi_solid_get_transport_change(const EfsiSim* sim, uint32_t id, EfsiTransportChange* out) {
+EfsiStatus efsi_solid_get_transport_error(const EfsiSim* sim, uint32_t id, EfsiTransportError* out) {
   return guarded(sim, [&] {
-    demand(out, "efsi_solid_get_transport_change: out");
-    const std::size_t index = solid_index(*sim, id, "efsi_solid_get_transport_change");
+    demand(out, "efsi_solid_get_transport_error: out");
+    const std::size_t index = solid_index(*sim, id, "efsi_solid_get_transport_error");
     const auto& transport = sim->simulation.last_step().transport;
-    *out = index < transport.size() ? to_c(transport[index]) : EfsiTransportChange{};
+    *out = index < transport.size() ? to_c(transport[index]) : EfsiTransportError{};
   });
 }

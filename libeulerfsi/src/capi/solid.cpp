@@ -60,7 +60,7 @@ EfsiStatus efsi_surface_get_report(const EfsiSurface* surface, EfsiMeshReport* r
   return EFSI_OK;
 }
 
-const char* efsi_surface_get_repairs(const EfsiSurface* surface) {
+const char* efsi_surface_get_repair_text(const EfsiSurface* surface) {
   return surface ? surface->surface->report.repairs.c_str() : "";
 }
 
@@ -75,19 +75,19 @@ EfsiStatus efsi_surface_get_overlap(const EfsiSurface* a, const EfsiSurface* b, 
   });
 }
 
-EfsiStatus efsi_surface_lay_in_slab(const EfsiSurface* surface, int32_t axis, double low, double high,
-                                    EfsiSurface** slab, EfsiError* error) {
+EfsiStatus efsi_surface_extrude_in_slab(const EfsiSurface* surface, int32_t axis, double low, double high,
+                                        EfsiSurface** slab, EfsiError* error) {
   if (slab) *slab = nullptr;
   return guarded(error, [&] {
-    demand(surface, "efsi_surface_lay_in_slab: surface");
-    demand(slab, "efsi_surface_lay_in_slab: slab");
+    demand(surface, "efsi_surface_extrude_in_slab: surface");
+    demand(slab, "efsi_surface_extrude_in_slab: slab");
     if (axis < 0 || axis > 2)
       throw Error(ErrorCode::kArgument,
-                  "efsi_surface_lay_in_slab: axis = " + std::to_string(axis) + ": must be 0 to 2");
+                  "efsi_surface_extrude_in_slab: axis = " + std::to_string(axis) + ": must be 0 to 2");
     if (!(low < high) || !std::isfinite(high - low))
-      throw Error(ErrorCode::kArgument, "efsi_surface_lay_in_slab: low = " + std::to_string(low) +
+      throw Error(ErrorCode::kArgument, "efsi_surface_extrude_in_slab: low = " + std::to_string(low) +
                                             ": must be below high = " + std::to_string(high));
-    *slab = new EfsiSurface{efsi::geometry::lay_in_slab(*surface->surface, {axis, low, high})};
+    *slab = new EfsiSurface{efsi::geometry::extrude_in_slab(*surface->surface, {axis, low, high})};
   });
 }
 

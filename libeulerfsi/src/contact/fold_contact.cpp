@@ -22,15 +22,15 @@ using solid::NearPair;
 
 namespace {
 
-constexpr double kStandOff = 3.0;      // cells: distance of folds, so that one map can represent both
-constexpr double kOfRest = 0.5;        // or this part of what is between them at rest
-constexpr double kNearer = 1.5;        // times: a pair of points has come nearer than at rest
-constexpr double kReach = 0.5;         // cells: rows below this gap, or where it would close in the step
-constexpr double kRowReach = 5.0;      // cells: points farther apart have no row
-constexpr double kSeen = 6.0;          // cells: from here on points limit the step
-constexpr double kAgainst = -0.3;      // cosine of the normals, at most
-constexpr double kMostBeside = 1.0;    // cells: points farther beside each other do not face each other
-constexpr double kSameMaterial = 2.0;  // cells: material as near to a point's as this is the point's own
+constexpr double kStandOff = 3.0;       // cells: distance of folds, so that one map can represent both
+constexpr double kOfRest = 0.5;         // or this part of what is between them at rest
+constexpr double kLeastApproach = 1.5;  // times: a pair of points has come nearer than at rest
+constexpr double kReach = 0.5;          // cells: rows below this gap, or where it would close in the step
+constexpr double kRowReach = 5.0;       // cells: points farther apart have no row
+constexpr double kSeen = 6.0;           // cells: from here on points limit the step
+constexpr double kMostCosine = -0.3;    // cosine of the normals, at most
+constexpr double kMostBeside = 1.0;     // cells: points farther beside each other do not face each other
+constexpr double kSameMaterial = 2.0;   // cells: material as near to a point's as this is the point's own
 
 // A point where it is, with its element.
 struct Side {
@@ -64,7 +64,7 @@ Side find_side(const FoldPoint& point, const Vec3d& x, double alike, const solid
 
 // Whether two points face each other along the mean of their normals, which is out of the first.
 bool face(const Side& a, const Side& b, double h, Vec3d& normal) {
-  if (!(a.normal.dot(b.normal) < kAgainst)) return false;
+  if (!(a.normal.dot(b.normal) < kMostCosine)) return false;
   const Vec3d way = b.place - a.place;
   if (!(way.dot(a.normal) > 0.0 && way.dot(b.normal) < 0.0)) return false;
   normal = (a.normal - b.normal).normalized();
@@ -104,16 +104,16 @@ std::set<std::pair<std::int32_t, std::int32_t>> choose(const std::vector<NearPai
 // Impulses of the last step are the initial guess of the points' rows in this one, with any partner.
 void recall(const solid::SolidState& state, std::int32_t l, double dt, std::vector<FoundRow>& rows) {
   for (FoundRow& row : rows) {
-    const solid::SolidPress* best = nullptr;
+    const solid::ContactImpulse* best = nullptr;
     int alike = 0;
-    for (const solid::SolidPress& press : state.contacts) {
+    for (const solid::ContactImpulse& press : state.contacts) {
       if (press.other != l) continue;
       const int same = 2 * (press.cell[0] == row.place.cell[0]) + (press.cell[1] == row.place.cell[1]);
       if (same <= alike) continue;
       alike = same;
       best = &press;
     }
-    if (best) row.contact.push = dt * static_cast<double>(best->force);
+    if (best) row.contact.normal_impulse = dt * static_cast<double>(best->force);
   }
 }
 
@@ -123,7 +123,7 @@ void find_near_folds(const Parallel& parallel, const solid::SolidRest& rest, con
                      solid::SolidWork& work) {
   work.fold_places = solid::place_fold_points(parallel, rest, state);
   work.near_folds =
-      solid::find_near_pairs(parallel, rest.fold_points, work.fold_places, kSeen * state.band.grid.h, kNearer);
+      solid::find_near_pairs(parallel, rest.fold_points, work.fold_places, kSeen * state.band.grid.h, kLeastApproach);
   if (work.near_folds.empty()) work.fold_places = {};
 }
 

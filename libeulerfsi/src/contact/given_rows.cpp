@@ -14,17 +14,17 @@ constexpr double kFreePart =
 
 }  // namespace
 
-void keep_given(const std::vector<GivenNode>& given, std::vector<WallRow>& walls, NodeVelocity& velocity) {
+void keep_prescribed(const std::vector<PrescribedNode>& given, std::vector<WallRow>& walls, NodeVelocity& velocity) {
   if (given.empty()) return;
   std::set<std::pair<std::size_t, std::size_t>> nodes;
-  for (const GivenNode& g : given) nodes.insert({g.solid, g.node});
+  for (const PrescribedNode& g : given) nodes.insert({g.solid, g.node});
   std::erase_if(walls, [&](const WallRow& row) {
     return nodes.contains({row.solid, row.node}) || nodes.contains({row.solid, row.above});
   });
   restore_given(given, velocity);
 }
 
-void drop_blocked_rows(const std::vector<GivenNode>& given, const system::VelocitySystem& system,
+void drop_blocked_rows(const std::vector<PrescribedNode>& given, const system::VelocitySystem& system,
                        SolidContacts& contacts) {
   if (given.empty()) return;
   const auto blocked = [&](const system::ContactRow& row) {

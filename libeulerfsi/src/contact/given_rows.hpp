@@ -13,9 +13,9 @@
 namespace efsi::sim {
 
 // After meet_walls: walls do nothing at given nodes, which get back what is given.
-void keep_given(const std::vector<GivenNode>& given, std::vector<WallRow>& walls, NodeVelocity& velocity);
+void keep_prescribed(const std::vector<PrescribedNode>& given, std::vector<WallRow>& walls, NodeVelocity& velocity);
 // Contact between what is given on both sides, or nearly: nothing can make up for it. Such rows go.
-void drop_blocked_rows(const std::vector<GivenNode>& given, const system::VelocitySystem& system,
+void drop_blocked_rows(const std::vector<PrescribedNode>& given, const system::VelocitySystem& system,
                        SolidContacts& contacts);
 
 }  // namespace efsi::sim

@@ -11,7 +11,7 @@ constexpr unsigned kAllAxes = 7;
 
 }  // namespace
 
-Holds find_holds(std::size_t solids, const system::VelocitySystem& system, const SolidPairs& contacts) {
+Holds find_constraints(std::size_t solids, const system::VelocitySystem& system, const SolidPairs& contacts) {
   std::vector<std::size_t> first(solids);  // of each solid's cluster
   std::iota(first.begin(), first.end(), std::size_t{0});
   const auto join = [&](const SolidPairs& pairs) {
@@ -33,8 +33,8 @@ Holds find_holds(std::size_t solids, const system::VelocitySystem& system, const
     holds.cluster_of[l] = holds.cluster_of[first[l]];
     Cluster& cluster = holds.clusters[holds.cluster_of[l]];
     cluster.solids.push_back(l);
-    cluster.hold.axes |= system.held_axes(l);
-    cluster.walls |= system.held_axes(l);
+    cluster.hold.axes |= system.fixed_axes(l);
+    cluster.walls |= system.fixed_axes(l);
     if (cluster.solids.size() > 1) cluster.hold.axes = kAllAxes;
   }
   return holds;
@@ -46,7 +46,7 @@ system::StiffnessShares shares_while(bool touches, double pace, double strain, d
 
 solid::RigidStep transport_frame(const Hold& hold, const solid::Momenta& before, const solid::Momenta& after,
                                  double dt) {
-  return hold.touches() ? solid::held_step(before, after, hold.axes, dt) : solid::free_step(before, after, dt);
+  return hold.touches() ? solid::constrained_step(before, after, hold.axes, dt) : solid::free_step(before, after, dt);
 }
 
 std::vector<solid::RigidStep> transport_frames(const Holds& holds, const std::vector<solid::Momenta>& before,
@@ -69,7 +69,7 @@ std::vector<solid::RigidStep> transport_frames(const Holds& holds, const std::ve
   return frames;
 }
 
-bool choice_lags(const Hold& hold, double cells) { return cells < kSlow || !hold.touches(); }
+bool has_element_hysteresis(const Hold& hold, double cells) { return cells < kSlow || !hold.touches(); }
 
 double lost_beyond_film(const Hold& hold, const solid::SolidRest& rest, double h, double lost) {
   if (hold.touches()) return lost;

@@ -36,7 +36,7 @@ struct Holds {
   const Hold& of(std::size_t solid) const { return clusters[cluster_of[solid]].hold; }
 };
 // solids: how many there are in the system; contacts: pairs with active rows.
-Holds find_holds(std::size_t solids, const system::VelocitySystem& system, const SolidPairs& contacts);
+Holds find_constraints(std::size_t solids, const system::VelocitySystem& system, const SolidPairs& contacts);
 
 // What pace and growth of a step leave of the stiffness: where something touches a solid, as if it were strained much.
 system::StiffnessShares shares_while(bool touches, double pace, double strain, double growth);
@@ -54,7 +54,7 @@ std::vector<solid::RigidStep> transport_frames(const Holds& holds, const std::ve
 // Whether the cells that carry stiffness are remembered for the next step's choice. In an impact cells fill and empty
 // faster than the choice may lag. cells: that the solid moves in the step.
 inline constexpr double kSlow = 0.3;  // cells per step: a solid at rest, or sliding, at a wall
-bool choice_lags(const Hold& hold, double cells);
+bool has_element_hysteresis(const Hold& hold, double cells);
 
 // The part of what a solid has lost, over its volume at rest, that counts: while nothing touches it a film does not.
 inline constexpr double kFilm = 0.005;  // cells: thickness over a free surface; its loss under a load stays below that

@@ -17,16 +17,16 @@ constexpr std::int64_t kChunk = 1024;  // particles whose impulses are added up 
 
 // What a solid has done to the particles of another one.
 struct Sums {
-  std::uint64_t near = 0, pushed = 0, stuck = 0;
+  std::uint64_t near = 0, active = 0, stuck = 0;
   double deepest = -std::numeric_limits<double>::infinity();  // of a particle below the surface [m]
-  double push = 0.0;
+  double normal_impulse = 0.0;
   Vec3d impulse = Vec3d::Zero();
   void add(const Sums& more) {
     near += more.near;
-    pushed += more.pushed;
+    active += more.active;
     stuck += more.stuck;
     deepest = std::max(deepest, more.deepest);
-    push += more.push;
+    normal_impulse += more.normal_impulse;
     impulse += more.impulse;
   }
 };
@@ -74,18 +74,18 @@ std::optional<Meeting> meet(const solid::SolidRest& rest, const solid::SolidStat
 }
 
 // Applies Eqs. 14 and 15 to a particle, relative to the velocity `other`.
-void push(const Meeting& m, double reach, double stiffness, double friction, double dt, double mass, Vec3& v,
-          Sums& sums) {
+void repel_particle(const Meeting& m, double reach, double stiffness, double friction, double dt, double mass, Vec3& v,
+                    Sums& sums) {
   const solid::Repulsion r =
       solid::repel((v - m.velocity).cast<double>(), m.normal, reach - m.distance, mass, stiffness, friction, dt);
   ++sums.near;
   sums.deepest = std::max(sums.deepest, -m.distance);
-  if (!(r.push > 0.0)) return;
-  const Vec3d impulse = r.push * m.normal + r.pull;
+  if (!(r.normal_impulse > 0.0)) return;
+  const Vec3d impulse = r.normal_impulse * m.normal + r.friction_impulse;
   v += (impulse / mass).cast<Real>();
-  ++sums.pushed;
+  ++sums.active;
   sums.stuck += r.sticks;
-  sums.push += r.push;
+  sums.normal_impulse += r.normal_impulse;
   sums.impulse += impulse;
 }
 
@@ -114,8 +114,8 @@ void repel_at_walls(const StepContext& step, const solid::SolidRest& rest, doubl
         Meeting m{upper ? top[a] - particles.x[p][a] : particles.x[p][a] - g.origin[a], Vec3d::Zero(), Vec3::Zero()};
         if (!(m.distance < reach)) continue;
         m.normal[a] = upper ? -1.0 : 1.0;
-        push(m, reach, rest.contact_stiffness, rest.friction, step.dt, static_cast<double>(particles.mass[p]),
-             particles.v[p], sums);
+        repel_particle(m, reach, rest.contact_stiffness, rest.friction, step.dt, static_cast<double>(particles.mass[p]),
+                       particles.v[p], sums);
       }
   });
 }
@@ -130,11 +130,11 @@ ContactPair report(const StepContext& step, const SolidStates& states, std::size
   Sums both = on_one;
   both.add(on_other);
   pair.rows = both.near;
-  pair.pushing = both.pushed;
+  pair.pushing = both.active;
   pair.sticking = both.stuck;
   pair.row_overlap = both.deepest / step.scene.grid.h;
   const bool given = is_collider(step.scene.pins, other);
-  pair.push = given ? on_one.push : on_other.push;
+  pair.normal_impulse = given ? on_one.normal_impulse : on_other.normal_impulse;
   pair.impulse = given ? Vec3d(-on_one.impulse) : on_other.impulse;
   const double gap = measure_gap(step.scene, states, one, other).gap / step.scene.grid.h + kContactSkin;
   pair.surface_overlap = std::max(pair.row_overlap, -gap);
@@ -159,7 +159,7 @@ ContactPairs repel_particles(const StepContext& step, const SolidStates& states,
                    friction = 0.5 * (rest.friction + there.friction);
       sums[l * count + other] = for_particles(step.parallel, own.size(), [&](std::size_t p, Sums& s) {
         if (const auto m = meet(there, states[other], solids[other].layer, own.x[p], reach))
-          push(*m, reach, stiffness, friction, step.dt, static_cast<double>(own.mass[p]), own.v[p], s);
+          repel_particle(*m, reach, stiffness, friction, step.dt, static_cast<double>(own.mass[p]), own.v[p], s);
       });
     }
     repel_at_walls(step, rest, reach, own);
@@ -169,7 +169,7 @@ ContactPairs repel_particles(const StepContext& step, const SolidStates& states,
   for (std::size_t one = 0; one < count; ++one)
     for (std::size_t other = one + 1; other < count; ++other) {
       const Sums &on_one = sums[one * count + other], &on_other = sums[other * count + one];
-      if (on_one.pushed + on_other.pushed > 0) pairs.push_back(report(step, states, one, other, on_one, on_other));
+      if (on_one.active + on_other.active > 0) pairs.push_back(report(step, states, one, other, on_one, on_other));
     }
   return pairs;
 }

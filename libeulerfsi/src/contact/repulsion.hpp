@@ -13,9 +13,9 @@
 namespace efsi::solid {
 
 struct Repulsion {
-  double push = 0.0;           // along the normal [N s]
-  Vec3d pull = Vec3d::Zero();  // of friction [N s]
-  bool sticks = false;         // friction has taken all of v_T
+  double normal_impulse = 0.0;             // along the normal [N s]
+  Vec3d friction_impulse = Vec3d::Zero();  // of friction [N s]
+  bool sticks = false;                     // friction has taken all of v_T
 };
 
 // relative: velocity of the particle against the other solid [m/s]; normal: out of it, unit; overlap: d > 0 [m];
@@ -25,13 +25,13 @@ inline Repulsion repel(const Vec3d& relative, const Vec3d& normal, double overla
   Repulsion r;
   const double v_n = relative.dot(normal), parting = 0.1 * overlap / dt;
   if (!(overlap > 0.0) || !(v_n < parting)) return r;
-  r.push = std::min(dt * k * overlap, mass * (parting - v_n));
+  r.normal_impulse = std::min(dt * k * overlap, mass * (parting - v_n));
   const Vec3d v_t = relative - v_n * normal;
   const double speed = v_t.norm();
   if (speed > 0.0 && friction > 0.0) {
-    const double left = std::max(1.0 - friction * r.push / mass / speed, 0.0);
+    const double left = std::max(1.0 - friction * r.normal_impulse / mass / speed, 0.0);
     r.sticks = left == 0.0;
-    r.pull = -mass * (1.0 - left) * v_t;
+    r.friction_impulse = -mass * (1.0 - left) * v_t;
   }
   return r;
 }

@@ -3,15 +3,15 @@
 namespace efsi::sim {
 namespace {
 
-constexpr double kOutside = 0.5;  // cells: rows act at most that far outside the cells that carry stiffness
+constexpr double kExternal = 0.5;  // cells: rows act at most that far outside the cells that carry stiffness
 
 }  // namespace
 
 void add_parts(const grid::Grid& band, const Vec3i& element, const grid::Grid& common, const Vec3d& x, double sign,
                std::vector<system::RowPart>& parts) {
   const Vec3d local = ((x - band.origin) / band.h - Vec3d(element[0], element[1], element[2]))
-                          .cwiseMax(Vec3d::Constant(-kOutside))
-                          .cwiseMin(Vec3d::Constant(1.0 + kOutside));
+                          .cwiseMax(Vec3d::Constant(-kExternal))
+                          .cwiseMin(Vec3d::Constant(1.0 + kExternal));
   const Weights w = trilinear(local);
   const Vec3i lo = grid::offset(band, common);
   for (std::size_t a = 0; a < 8; ++a) {

@@ -220,8 +220,8 @@ std::vector<FoundRow> find_pair_rows(const StepContext& step, const SolidStates&
 
 // The impulses of the last step stand for those of this one.
 void recall(const solid::SolidState& solid, double dt, std::vector<FoundRow>& rows) {
-  std::map<std::array<std::int32_t, 4>, const solid::SolidPress*> last;
-  for (const solid::SolidPress& p : solid.contacts) last[{p.cell[0], p.cell[1], p.cell[2], p.other}] = &p;
+  std::map<std::array<std::int32_t, 4>, const solid::ContactImpulse*> last;
+  for (const solid::ContactImpulse& p : solid.contacts) last[{p.cell[0], p.cell[1], p.cell[2], p.other}] = &p;
   for (FoundRow& row : rows) {
     Vec3i cell = row.place.cell;
     Eigen::Index axis = 0;
@@ -233,9 +233,9 @@ void recall(const solid::SolidState& solid, double dt, std::vector<FoundRow>& ro
       if (found != last.end()) break;
     }
     if (found == last.end()) continue;
-    const solid::SolidPress& press = *found->second;
-    row.contact.push = dt * static_cast<double>(press.force);
-    for (int a = 0; a < 3; ++a) row.contact.pull[a] = dt * static_cast<double>(press.pull[a]);
+    const solid::ContactImpulse& press = *found->second;
+    row.contact.normal_impulse = dt * static_cast<double>(press.force);
+    for (int a = 0; a < 3; ++a) row.contact.friction_impulse[a] = dt * static_cast<double>(press.friction_force[a]);
   }
 }
 
@@ -244,7 +244,7 @@ void recall(const solid::SolidState& solid, double dt, std::vector<FoundRow>& ro
 SolidContacts find_solid_contacts(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
                                   const CommonGrid& common, const NodeVelocity& velocity) {
   SolidContacts contacts;
-  if (!step.scene.params.numerics.walls_push_only) return contacts;
+  if (!step.scene.params.numerics.unilateral_walls) return contacts;
   for (std::size_t one = 0; one < states.size(); ++one) {
     std::vector<FoundRow> folds = find_folds(step, one, states[one], solids[one], common.grid, velocity), rows;
     for (std::size_t other = one + 1; other < states.size(); ++other) {
@@ -263,7 +263,7 @@ SolidContacts find_solid_contacts(const StepContext& step, const SolidStates& st
   for (std::size_t r = 0; r < contacts.rows.size(); ++r) {
     const system::ContactRow& row = contacts.rows[r];
     contacts.places[r].meets =
-        row.push > 0.0 || row.normal.dot(velocity_of(contacts.places[r], row, velocity)) < row.least;
+        row.normal_impulse > 0.0 || row.normal.dot(velocity_of(contacts.places[r], row, velocity)) < row.least;
   }
   return contacts;
 }
@@ -289,10 +289,11 @@ SolidPairs meeting_pairs(const SolidContacts& contacts) {
   return pairs;
 }
 
-SolidPairs pushing_pairs(const SolidContacts& contacts) {
+SolidPairs active_pairs(const SolidContacts& contacts) {
   SolidPairs pairs;
   for (std::size_t r = 0; r < contacts.rows.size(); ++r)
-    if (contacts.rows[r].push > 0.0) pairs.insert({contacts.places[r].solids[0], contacts.places[r].solids[1]});
+    if (contacts.rows[r].normal_impulse > 0.0)
+      pairs.insert({contacts.places[r].solids[0], contacts.places[r].solids[1]});
   return pairs;
 }
 
@@ -301,12 +302,12 @@ void remember_contacts(double dt, const SolidContacts& contacts, SolidStates& st
   for (std::size_t r = 0; r < contacts.rows.size(); ++r) {
     const system::ContactRow& row = contacts.rows[r];
     const RowPlace& place = contacts.places[r];
-    if (!(row.push > 0.0)) continue;
-    const Vec3 pull = (row.pull / dt).cast<Real>();
+    if (!(row.normal_impulse > 0.0)) continue;
+    const Vec3 friction = (row.friction_impulse / dt).cast<Real>();
     states[place.solids[0]].contacts.push_back({{place.cell[0], place.cell[1], place.cell[2]},
                                                 static_cast<std::int32_t>(place.solids[1]),
-                                                static_cast<Real>(row.push / dt),
-                                                {pull[0], pull[1], pull[2]}});
+                                                static_cast<Real>(row.normal_impulse / dt),
+                                                {friction[0], friction[1], friction[2]}});
   }
 }
 

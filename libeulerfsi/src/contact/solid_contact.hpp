@@ -22,7 +22,7 @@ std::vector<std::uint8_t> pressed_solids(std::size_t solids, const SolidContacts
 void number_rows(const system::VelocitySystem& system, SolidContacts& contacts);
 // Pairs of solids with active rows, or before the solve those that are about to touch.
 SolidPairs meeting_pairs(const SolidContacts& contacts);
-SolidPairs pushing_pairs(const SolidContacts& contacts);
+SolidPairs active_pairs(const SolidContacts& contacts);
 // What the next step wants to know.
 void remember_contacts(double dt, const SolidContacts& contacts, SolidStates& states);
 

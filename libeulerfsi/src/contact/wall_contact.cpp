@@ -141,46 +141,47 @@ void find_vertices(const CommonGrid& common, const solid::SolidState& solid, std
   std::erase_if(print.rows, [](const WallRow& row) { return !row.on_wall && row.vertex >= kNoGap; });
 }
 
-using LastPresses = std::map<std::array<std::int32_t, 4>, const solid::WallPress*>;
+using LastPresses = std::map<std::array<std::int32_t, 4>, const solid::WallImpulse*>;
 
 LastPresses last_presses(const solid::SolidState& solid) {
   LastPresses last;
-  for (const solid::WallPress& p : solid.presses) last[{p.node[0], p.node[1], p.node[2], p.axis}] = &p;
+  for (const solid::WallImpulse& p : solid.presses) last[{p.node[0], p.node[1], p.node[2], p.axis}] = &p;
   return last;
 }
 
 // Whether a row is active, and its friction. before: along `out`, at the start of the step; v: without the
 // solid's own forces; fast: the solid is not at rest.
-void decide(const solid::WallPress* last, double h, double dt, bool fast, double friction, Real before, const Vec3& v,
+void decide(const solid::WallImpulse* last, double h, double dt, bool fast, double friction, Real before, const Vec3& v,
             WallRow& row) {
   // Vertices a little deeper than the columns do not activate a row, and those of a solid at rest come and go at the
   // edge of a footprint.
   const double seen = row.vertex > 0.0 ? row.vertex : std::min(0.0, row.vertex + kBetween * h);
   if (fast || seen < 0.0) row.gap = std::min(row.gap, seen);
   row.least = static_cast<Real>(least_velocity(row.gap, h, dt));
-  const bool pushed = last && last->force > 0;
+  const bool was_active = last && last->force > 0;
   if (last && row.gap < kTouches * h) {
-    row.holds = pushed;
+    row.holds = was_active;
     row.least = std::max(row.least, Real(0));
   } else {
     row.holds = before < row.least;
   }
-  if (!row.holds || !pushed) return;
+  if (!row.holds || !was_active) return;
   row.limit = static_cast<Real>(friction * static_cast<double>(last->force) * dt);
   if (!(row.limit > 0)) return;
-  row.rub = last->slides ? Rub::kSlides : Rub::kSticks;
-  if (row.rub == Rub::kSticks) return;
+  row.friction_state = last->slides ? FrictionState::kSlides : FrictionState::kSticks;
+  if (row.friction_state == FrictionState::kSticks) return;
   Vec3 along = v;
   along[row.axis] = 0;
-  row.way = along.stableNormalized();
-  const Vec3 pull(last->pull[0], last->pull[1], last->pull[2]);
-  if (row.way.dot(pull) > 0) row.way = -pull.stableNormalized();  // a node that has just stuck has no sliding direction
+  row.sliding_direction = along.stableNormalized();
+  const Vec3 friction(last->friction_force[0], last->friction_force[1], last->friction_force[2]);
+  if (row.sliding_direction.dot(friction) > 0)
+    row.sliding_direction = -friction.stableNormalized();  // a node that has just stuck has no sliding direction
 }
 
 // Normal force of a face on a solid in the last step [N].
 double pushed_at(const solid::SolidState& solid, std::size_t face) {
   double sum = 0.0;
-  for (const solid::WallPress& p : solid.presses)
+  for (const solid::WallImpulse& p : solid.presses)
     if (p.axis == static_cast<std::int32_t>(face / 2) && (p.node[p.axis] != 0) == (face % 2 != 0) && p.force > 0)
       sum += static_cast<double>(p.force);
   return sum;
@@ -232,14 +233,14 @@ std::vector<WallRow> find_rows(const StepContext& step, const SolidStates& state
 // What a row prescribes of v, and what impulse that takes.
 Vec3 prescribe(Real mass, Vec3 v, WallRow& row) {
   if (row.holds) {
-    row.push = mass * (row.least - row.out * v[row.axis]);
+    row.normal_impulse = mass * (row.least - row.out * v[row.axis]);
     v[row.axis] = row.out * row.least;
   }
   for (int a = 0; a < 3; ++a) {
     if (!(row.tangents & bit(a))) {
-      row.way[a] = 0;
-    } else if (row.rub == Rub::kSticks) {
-      row.pull[a] = -mass * v[a];
+      row.sliding_direction[a] = 0;
+    } else if (row.friction_state == FrictionState::kSticks) {
+      row.friction_impulse[a] = -mass * v[a];
       v[a] = 0;
     }
   }
@@ -250,7 +251,7 @@ Vec3 prescribe(Real mass, Vec3 v, WallRow& row) {
 void prescribe_shared(std::size_t t, const WallRow& row, system::SlipNodes& slip) {
   std::uint8_t fixed = slip.nodes()[t].fixed, held = slip.nodes()[t].held;
   held = static_cast<std::uint8_t>(row.holds ? held | bit(row.axis) : held & ~bit(row.axis));
-  if (row.rub == Rub::kSticks) {
+  if (row.friction_state == FrictionState::kSticks) {
     held = static_cast<std::uint8_t>(held | row.tangents);
     if (row.on_wall) fixed = static_cast<std::uint8_t>(fixed | row.tangents);
   }
@@ -265,7 +266,7 @@ void meet_walls(const StepContext& step, const SolidStates& states, const SolidW
   system::SlipNodes& slip = velocity.slip;
   slip.share_normal(step.parallel, velocity.field);
   rows.clear();
-  if (step.scene.params.numerics.walls_push_only) rows = find_rows(step, states, solids, matter.common, velocity);
+  if (step.scene.params.numerics.unilateral_walls) rows = find_rows(step, states, solids, matter.common, velocity);
   std::vector<Vec3> prescribed;
   for (WallRow& row : rows) {
     const std::size_t t = slip.find_shared(row.solid, row.node);
@@ -274,7 +275,7 @@ void meet_walls(const StepContext& step, const SolidStates& states, const SolidW
                                    slip.velocity_of(row.solid, row.node, velocity.field), row));
     if (shared)
       prescribe_shared(t, row, slip);
-    else if (row.rub == Rub::kSticks && row.on_wall)
+    else if (row.friction_state == FrictionState::kSticks && row.on_wall)
       matter.fixed[row.node] = static_cast<std::uint8_t>(matter.fixed[row.node] | row.tangents);
   }
   enforce_walls(step.parallel, matter.common, matter.fixed, velocity.field);
@@ -293,7 +294,7 @@ std::vector<std::uint8_t> held_components(const std::vector<std::uint8_t>& fixed
   for (const WallRow& row : rows) {
     std::uint8_t& components = held[row.node];
     components = static_cast<std::uint8_t>(row.holds ? components | bit(row.axis) : components & ~bit(row.axis));
-    if (row.rub == Rub::kSticks) components = static_cast<std::uint8_t>(components | row.tangents);
+    if (row.friction_state == FrictionState::kSticks) components = static_cast<std::uint8_t>(components | row.tangents);
   }
   return held;
 }
@@ -319,7 +320,7 @@ void brake(const WallRow& row, Real part, const system::VelocitySystem& system, 
   const std::size_t u = 3 * unknown_of(row, system);
   for (std::size_t a = 0; a < 3; ++a) {
     if (!(row.tangents & bit(static_cast<int>(a)))) continue;
-    const Real impulse = -row.limit * row.way[static_cast<Eigen::Index>(a)];
+    const Real impulse = -row.limit * row.sliding_direction[static_cast<Eigen::Index>(a)];
     right.f_star[u + a] += part * impulse;
     right.momentum[u + a] += part * impulse;
   }
@@ -329,7 +330,7 @@ void brake(const WallRow& row, Real part, const system::VelocitySystem& system, 
 
 void add_friction(const std::vector<WallRow>& rows, const system::VelocitySystem& system, RightSides right) {
   for (const WallRow& row : rows)
-    if (row.rub == Rub::kSlides) brake(row, 1, system, right);
+    if (row.friction_state == FrictionState::kSlides) brake(row, 1, system, right);
 }
 
 bool hold_more(std::vector<WallRow>& rows, system::VelocitySystem& system, RightSides right,
@@ -343,8 +344,8 @@ bool hold_more(std::vector<WallRow>& rows, system::VelocitySystem& system, Right
       v_star[u + static_cast<std::size_t>(row.axis)] = row.out * row.least;
       system.fix(unknown, row.axis);
     }
-    if (row.rub != Rub::kSlides || !(v.dot(row.way) < 0)) continue;
-    row.rub = Rub::kSticks;
+    if (row.friction_state != FrictionState::kSlides || !(v.dot(row.sliding_direction) < 0)) continue;
+    row.friction_state = FrictionState::kSticks;
     any = true;
     brake(row, -1, system, right);
     for (std::size_t a = 0; a < 3; ++a) {
@@ -360,10 +361,10 @@ namespace {
 
 // Of an active row: its part along the normal, and along the tangents where it sticks.
 void add(const Vec3& impulse, WallRow& row) {
-  if (row.holds) row.push += row.out * impulse[row.axis];
-  if (row.rub != Rub::kSticks) return;
+  if (row.holds) row.normal_impulse += row.out * impulse[row.axis];
+  if (row.friction_state != FrictionState::kSticks) return;
   for (int a = 0; a < 3; ++a)
-    if (row.tangents & bit(a)) row.pull[a] += impulse[a];
+    if (row.tangents & bit(a)) row.friction_impulse[a] += impulse[a];
 }
 
 }  // namespace
@@ -377,7 +378,7 @@ void add_pressure_reactions(const Reaction& reaction, std::vector<WallRow>& rows
     if (row.on_wall) add(reaction(row.solid, row.node), row);
 }
 
-void keep_off(const std::vector<Real>& mass, NodeVelocity& velocity, std::vector<WallRow>& rows) {
+void reset_above_walls(const std::vector<Real>& mass, NodeVelocity& velocity, std::vector<WallRow>& rows) {
   for (WallRow& row : rows) {
     if (row.on_wall || !row.holds) continue;
     const std::size_t t = velocity.slip.find_shared(row.solid, row.node);
@@ -386,7 +387,7 @@ void keep_off(const std::vector<Real>& mass, NodeVelocity& velocity, std::vector
     const Real missing = std::max(Real(0), row.least - row.out * v[row.axis]);
     v[row.axis] += row.out * missing;
     velocity.slip.set_velocity_of(row.solid, row.node, v, velocity.field);
-    row.push += (shared ? velocity.slip.nodes()[t].solid_mass : mass[row.node]) * missing;
+    row.normal_impulse += (shared ? velocity.slip.nodes()[t].solid_mass : mass[row.node]) * missing;
   }
 }
 
@@ -395,14 +396,17 @@ void remember_rows(double dt, const std::vector<WallRow>& rows, SolidStates& sta
   const Real rate = static_cast<Real>(1.0 / dt);
   for (const WallRow& row : rows) {
     if (!row.holds) continue;
-    const Vec3 pull = rate * (row.rub == Rub::kSlides ? Vec3(-row.limit * row.way) : row.pull);
+    const Vec3 friction =
+        rate * (row.friction_state == FrictionState::kSlides ? Vec3(-row.limit * row.sliding_direction)
+                                                             : row.friction_impulse);
     // A sticking node slides once its friction has exceeded the limit.
-    const bool slides = row.rub == Rub::kSlides || (row.rub == Rub::kSticks && row.pull.norm() > row.limit);
+    const bool slides = row.friction_state == FrictionState::kSlides ||
+                        (row.friction_state == FrictionState::kSticks && row.friction_impulse.norm() > row.limit);
     states[row.solid].presses.push_back({{row.place[0], row.place[1], row.place[2]},
                                          row.axis,
-                                         rate * row.push,
-                                         {pull[0], pull[1], pull[2]},
-                                         slides || row.rub == Rub::kNone});
+                                         rate * row.normal_impulse,
+                                         {friction[0], friction[1], friction[2]},
+                                         slides || row.friction_state == FrictionState::kNone});
   }
 }
 

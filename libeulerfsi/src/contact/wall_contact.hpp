@@ -35,7 +35,7 @@ bool hold_more(std::vector<WallRow>& rows, system::VelocitySystem& system, Right
 void add_velocity_reactions(const Reaction& reaction, std::vector<WallRow>& rows);
 void add_pressure_reactions(const Reaction& reaction, std::vector<WallRow>& rows);
 // The pressure moves nodes above walls: those of active rows are reset to what these prescribe. mass: of all matter.
-void keep_off(const std::vector<Real>& mass, NodeVelocity& velocity, std::vector<WallRow>& rows);
+void reset_above_walls(const std::vector<Real>& mass, NodeVelocity& velocity, std::vector<WallRow>& rows);
 // What the next step wants to know.
 void remember_rows(double dt, const std::vector<WallRow>& rows, SolidStates& states);
 // The fluid's own velocity at the nodes of rows, fixed by walls.

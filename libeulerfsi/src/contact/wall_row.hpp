@@ -6,7 +6,7 @@
 namespace efsi::sim {
 
 // Friction at a row: none, sliding, or sticking.
-enum class Rub : std::uint8_t { kNone, kSlides, kSticks };
+enum class FrictionState : std::uint8_t { kNone, kSlides, kSticks };
 
 // A node of a solid on a wall.
 struct WallRow {
@@ -19,12 +19,12 @@ struct WallRow {
   double vertex = 1e30;                        // the same of the lowest vertex that is nearest to the node [m]
   Real least = 0;                              // velocity along that [m/s]
   bool holds = false;                          // prescribes it
-  Rub rub = Rub::kNone;
-  std::uint8_t tangents = 0;  // bit a: friction acts along axis a
-  Real limit = 0;             // impulse of friction at most [kg m/s]
-  Vec3 way = Vec3::Zero();    // unit vector along which it slides
-  Real push = 0;              // impulse of the wall along `out` in this step [kg m/s]
-  Vec3 pull = Vec3::Zero();   // along the tangents, where it sticks [kg m/s]
+  FrictionState friction_state = FrictionState::kNone;
+  std::uint8_t tangents = 0;              // bit a: friction acts along axis a
+  Real limit = 0;                         // impulse of friction at most [kg m/s]
+  Vec3 sliding_direction = Vec3::Zero();  // unit vector along which it slides
+  Real normal_impulse = 0;                // impulse of the wall along `out` in this step [kg m/s]
+  Vec3 friction_impulse = Vec3::Zero();   // along the tangents, where it sticks [kg m/s]
 };
 
 }  // namespace efsi::sim

@@ -7,8 +7,8 @@
 #include <array>
 
 #include "base/parallel.hpp"
+#include "fluid/conserve_smoke.hpp"
 #include "fluid/emitter.hpp"
-#include "fluid/keep_smoke.hpp"
 #include "grid/tiles.hpp"
 
 namespace efsi::fluid {
@@ -43,7 +43,7 @@ std::uint64_t advect_smoke(const Parallel& parallel, const Grid& g, bool correct
                            std::span<const SourceCell> sources = {});
 
 // The rest of it, once the solids have moved, too: their cells are emptied and, where the transport was corrected, the
-// amount that it has lost or gained is compensated nearby (keep_smoke.hpp).
+// amount that it has lost or gained is compensated nearby (conserve_smoke.hpp).
 void settle_smoke(const Parallel& parallel, const Grid& g, const Walls& walls, const std::vector<Real>& cell_fraction,
                   FluidState& state, AdvectWorkspace& work);
 

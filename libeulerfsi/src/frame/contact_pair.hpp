@@ -1,5 +1,5 @@
-// Purpose: what a step, or several, report of solids that push each other (EfsiContactPair); record/contact_record.hpp
-// fills it.
+// Purpose: what a step, or several, report of solids that normal_impulse each other (EfsiContactPair);
+// record/contact_record.hpp fills it.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,7 @@ struct ContactPair {
   std::uint64_t rows = 0, pushing = 0, sticking = 0;  // within reach of each other; of these, and of these
   double row_overlap = 0.0;                           // deepest of a row beyond the skin [cells]; < 0: apart
   double surface_overlap = 0.0;                       // the same of vertices and rows, without the skin
-  double push = 0.0;                                  // sum of all impulses along their normals [N s]
+  double normal_impulse = 0.0;                        // sum of all impulses along their normals [N s]
   Vec3d impulse = Vec3d::Zero();                      // of `one` on `other`, 0 of folds [N s]
 };
 using ContactPairs = std::vector<ContactPair>;  // in the order of (one, other)

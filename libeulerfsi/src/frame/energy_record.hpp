@@ -11,7 +11,7 @@ namespace efsi::sim {
 enum class EnergyStage : std::int32_t {
   kWeight = 0,      // weight less buoyancy acts on the velocities
   kMixing,          // one velocity at nodes that solids and fluid share
-  kOutside,         // emitters, smoke and heat, vorticity confinement
+  kExternal,        // emitters, smoke and heat, vorticity confinement
   kWalls,           // components that walls fix; one normal velocity where the fluid slips
   kVelocity,        // Eq. 8
   kPressure,        // Eqs. 12, 13 with the coupling step

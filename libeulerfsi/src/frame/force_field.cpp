@@ -60,7 +60,7 @@ Vec3d noise_velocity(const Vec3d& x, double time) {
   return kNoiseScale * Vec3d(slope[2][1] - slope[1][2], slope[0][2] - slope[2][0], slope[1][0] - slope[0][1]);
 }
 
-Vec3d ForceField::push(const Vec3d& x, const Vec3d& v, double time, double duration) const {
+Vec3d ForceField::velocity_change(const Vec3d& x, const Vec3d& v, double time, double duration) const {
   switch (kind) {
     case Kind::kRadial: {
       const Vec3d away = x - middle();

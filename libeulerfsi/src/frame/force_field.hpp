@@ -21,7 +21,7 @@ struct ForceField : fluid::Region {
   double start_time = 0.0, end_time = 0.0;
 
   // What it adds to the velocity v at x, in the region, from `time` on for `duration` [s].
-  Vec3d push(const Vec3d& x, const Vec3d& v, double time, double duration) const;
+  Vec3d velocity_change(const Vec3d& x, const Vec3d& v, double time, double duration) const;
 };
 
 // A velocity field without divergence: root of the mean square 1, features of size 1. time: it changes by about its own

@@ -18,7 +18,7 @@ Vec3d turn_between(const Mat3d& from, const Mat3d& to) {
 
 }  // namespace
 
-Pose GivenMotion::pose(double time) const {
+Pose PrescribedMotion::pose(double time) const {
   if (from == to || !(end > start)) return to;
   const double s = (time - start) / (end - start);
   if (s <= kAtEnd) return from;
@@ -29,7 +29,7 @@ Pose GivenMotion::pose(double time) const {
   return pose;
 }
 
-solid::RigidMotion GivenMotion::velocity(double time, double t, double dt) const {
+solid::RigidMotion PrescribedMotion::velocity(double time, double t, double dt) const {
   solid::RigidMotion motion;
   const double middle = t + 0.5 * dt;
   if (from == to || !(end > start) || middle <= start || middle >= end) return motion;

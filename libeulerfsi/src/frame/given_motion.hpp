@@ -22,7 +22,7 @@ struct Pose {
 
 // From one pose to the next: `center` goes straight ahead at one speed while the body turns about it at one rate, by
 // the smaller angle. Before `start` and after `end` it rests. At first it rests where it is.
-struct GivenMotion {
+struct PrescribedMotion {
   double start = 0.0, end = 0.0;  // [s]
   Pose from, to;
   Vec3d center = Vec3d::Zero();  // at rest [m]
@@ -52,7 +52,7 @@ struct Pin {
   std::shared_ptr<const geometry::SignedDistance> region = std::make_shared<const geometry::SignedDistance>();
   std::vector<std::uint8_t> vertices;               // of the solid's surface: 1: in the region
   Vec3d low = Vec3d::Zero(), high = Vec3d::Zero();  // box around what moves [m]
-  GivenMotion motion;
+  PrescribedMotion motion;
   PointMotion points;  // of a collider; `motion` is applied to them
 
   bool holds(const Vec3d& X) const { return whole || region->sample(X) <= 0.0; }

@@ -20,12 +20,12 @@ Numerics numerics_of(Preset preset) {
     n.corrected_fluid_advection = false;
     n.stiff_correction = true;
     n.coupling_step = false;
-    n.stiffness_by_pace = false;
+    n.damping_by_pace = false;
     n.stiffness_by_part = false;
     n.resolve_impacts = false;
     n.repair_map = false;
     n.volume_by_pressure = false;
-    n.walls_push_only = false;
+    n.unilateral_walls = false;
     n.volume_source = false;
     n.conserve_momentum = false;
     n.fluid_slips = false;

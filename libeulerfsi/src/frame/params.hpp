@@ -31,12 +31,12 @@ struct Numerics {
   // Coupling steps, in which elasticity responds to the pressure, before the projection.
   bool coupling_step = true;
   // How much of the stiffness is implicit follows what a step does to the solid; false: all of it (Eq. 8).
-  bool stiffness_by_pace = true;
+  bool damping_by_pace = true;
   bool stiffness_by_part = true;   // a cell that is solid in part is as stiff; false: as a whole one
   bool resolve_impacts = true;     // at walls, steps that shear waves cross in less than a cell
   bool repair_map = true;          // broken cells are repaired
   bool volume_by_pressure = true;  // alone: an incompressible solid's lambda is bounded
-  bool walls_push_only = true;     // solids leave them freely, and slide; false: they fix what they fix of the fluid
+  bool unilateral_walls = true;    // solids leave them freely, and slide; false: they fix what they fix of the fluid
   bool volume_source = true;       // b of Eq. 11 restores det F = 1
   bool fluid_slips = true;         // beside a solid the fluid has a velocity of its own
   bool conserve_momentum = true;   // transport keeps linear and angular momentum

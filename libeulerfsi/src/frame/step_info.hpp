@@ -21,12 +21,12 @@ struct StepInfo {
   double max_speed_solid = 0.0, max_speed_fluid = 0.0;
   double min_det_f = 1.0, max_det_f = 1.0;
   std::uint64_t degenerate_cells = 0, retries = 0, unconverged = 0;
-  Repairs repairs;                         // of the last step
-  std::vector<TransportChange> transport;  // per solid, of the last step; empty where nothing restores momenta
-  std::vector<PinReaction> pins;           // of the last step
-  std::vector<double> jets;                // what each emitter brings in, in the last step [m^3/s]
-  std::optional<EnergyRecord> energy;      // of the last step, where the ledger is on
-  ContactPairs contacts;                   // of the last step
+  Repairs repairs;                        // of the last step
+  std::vector<TransportError> transport;  // per solid, of the last step; empty where nothing restores momenta
+  std::vector<PinReaction> pins;          // of the last step
+  std::vector<double> jets;               // what each emitter brings in, in the last step [m^3/s]
+  std::optional<EnergyRecord> energy;     // of the last step, where the ledger is on
+  ContactPairs contacts;                  // of the last step
 };
 
 }  // namespace efsi::sim

@@ -77,11 +77,11 @@ std::string describe_repairs(const MeshReport& report, const OrientationRepair& 
              caps > 0 ? "closed by the winding number" : "below the resolution of the grid"));
   if (report.nonmanifold_edges > 0)
     add(counted(report.nonmanifold_edges, "edge with three faces and more", "edges with three faces and more"));
-  if (report.joined_points > 0) add(counted(report.joined_points, "doubled point: joined", "doubled points: joined"));
+  if (report.merged_points > 0) add(counted(report.merged_points, "doubled point: joined", "doubled points: joined"));
   if (turned.turned_mesh) add("inside out: all faces turned");
   if (turned.turned_parts > 0) add(text(turned.turned_parts, " of ", report.pieces, " pieces inside out: turned"));
-  if (turned.turned_triangles > 0)
-    add(counted(turned.turned_triangles, "triangle against its neighbours: turned",
+  if (turned.reversed_triangles > 0)
+    add(counted(turned.reversed_triangles, "triangle against its neighbours: turned",
                 "triangles against their neighbours: turned"));
   if (report.inner_triangles > 0)
     add(counted(report.inner_triangles, "triangle inside the solid: left out",
@@ -123,7 +123,7 @@ SignedDistance build(TriangleMesh& mesh, double spacing, double margin, Effort e
   if (effort == Effort::kThorough)
     report.thinnest_feature = thinnest_feature(surface, tree, parallel, progress.part(0.05, 0.1));
   report.pieces = static_cast<std::uint32_t>(topology.parts);
-  report.turned_triangles = static_cast<std::uint32_t>(turned.changed.size());
+  report.reversed_triangles = static_cast<std::uint32_t>(turned.changed.size());
 
   // Distances to the mesh, winding numbers, and the boundary of the solid.
   SignedDistance grid = make_grid(extents(surface), spacing, margin);

@@ -286,7 +286,7 @@ namespace {
 
 OrientationRepair turn_outwards(TriangleMesh& welded) {
   OrientationRepair repair;
-  repair.turned_triangles = agree_with_neighbours(welded);
+  repair.reversed_triangles = agree_with_neighbours(welded);
   if (signed_volume(welded) < 0.0) {
     for (Triangle& t : welded.triangles) std::swap(t[1], t[2]);
     repair.turned_mesh = true;
@@ -388,7 +388,7 @@ MeshReport inspect(const TriangleMesh& mesh) {
   const Extents box = extents(mesh);
   const TriangleMesh welded = weld(mesh);
   const Topology topology = analyse_topology(welded);
-  report.joined_points = static_cast<std::uint32_t>(count_used(mesh) - count_used(welded));
+  report.merged_points = static_cast<std::uint32_t>(count_used(mesh) - count_used(welded));
   report.surface_volume = signed_volume(mesh);
   report.extent_min = box.min;
   report.extent_max = box.max;

@@ -40,10 +40,10 @@ Topology analyse_topology(const TriangleMesh& welded);
 std::vector<Triangle> closing_triangles(const TriangleMesh& welded);
 
 struct OrientationRepair {
-  std::uint64_t turned_triangles = 0;  // turned to agree with their neighbours
-  std::int32_t turned_parts = 0;       // parts that were inside out
-  bool turned_mesh = false;            // the mesh as a whole was inside out
-  std::vector<std::size_t> changed;    // triangles that run the other way now than before, by all of these together
+  std::uint64_t reversed_triangles = 0;  // turned to agree with their neighbours
+  std::int32_t turned_parts = 0;         // parts that were inside out
+  bool turned_mesh = false;              // the mesh as a whole was inside out
+  std::vector<std::size_t> changed;      // triangles that run the other way now than before, by all of these together
 };
 
 // Turns triangles of a welded mesh so that neighbours agree and the normals point out of the solid: the whole mesh when

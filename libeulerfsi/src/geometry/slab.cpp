@@ -189,7 +189,7 @@ Section cut(const TriangleMesh& mesh, int axis, double place) {
   return section;
 }
 
-std::shared_ptr<const Surface> lay_in_slab(const Surface& surface, const Slab& slab, const Parallel& parallel) {
+std::shared_ptr<const Surface> extrude_in_slab(const Surface& surface, const Slab& slab, const Parallel& parallel) {
   demand_through(surface.report, slab);
   auto out = std::make_shared<Surface>();
   out->report = surface.report;

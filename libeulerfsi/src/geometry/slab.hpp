@@ -32,8 +32,8 @@ Section cut(const TriangleMesh& mesh, int axis, double place);
 // and thinnest feature are those of the slab.
 // Throws Error(kMesh) for a mesh that does not reach through the slab, and for a section that is open or encloses no
 // node of the grid.
-std::shared_ptr<const Surface> lay_in_slab(const Surface& surface, const Slab& slab,
-                                           const Parallel& parallel = Parallel());
+std::shared_ptr<const Surface> extrude_in_slab(const Surface& surface, const Slab& slab,
+                                               const Parallel& parallel = Parallel());
 
 // A distance field in a slab: that halfway, all along the axis.
 SignedDistance flattened(const SignedDistance& field, const Slab& slab);

@@ -28,20 +28,20 @@ struct MeshReport {
   double solid_volume = 0.0;                                     // volume of the closed solid [m^3]
   Vec3d extent_min = Vec3d::Zero(), extent_max = Vec3d::Zero();  // [m]
   std::uint64_t triangles = 0;
-  std::uint64_t open_edges = 0;         // edges with one face
-  std::uint64_t holes = 0;              // closed loops of open edges
-  double largest_hole = 0.0;            // length of the longest such loop [m]
-  std::uint64_t nonmanifold_edges = 0;  // edges with three faces and more
-  bool closed = false;                  // no open edge
-  bool repaired = false;                // something was repaired
-  double thinnest_feature = 0.0;        // estimate of the smallest thickness of the solid [m]
-  double closing_radius = 0.0;          // offset used to close the mesh [m]; 0: none
-  std::uint32_t pieces = 0;             // that no edge connects
-  std::uint32_t separate_pieces = 0;    // of these, groups that do not touch each other
-  std::uint32_t joined_points = 0;      // points of triangles that lay on another one
-  std::uint32_t turned_triangles = 0;   // that were inside out, alone or with their piece or the mesh
-  std::uint32_t inner_triangles = 0;    // left out, whole or in part: they lie inside the solid
-  std::string repairs;                  // what was repaired in words; "": nothing
+  std::uint64_t open_edges = 0;          // edges with one face
+  std::uint64_t holes = 0;               // closed loops of open edges
+  double largest_hole = 0.0;             // length of the longest such loop [m]
+  std::uint64_t nonmanifold_edges = 0;   // edges with three faces and more
+  bool closed = false;                   // no open edge
+  bool repaired = false;                 // something was repaired
+  double thinnest_feature = 0.0;         // estimate of the smallest thickness of the solid [m]
+  double closing_radius = 0.0;           // offset used to close the mesh [m]; 0: none
+  std::uint32_t pieces = 0;              // that no edge connects
+  std::uint32_t separate_pieces = 0;     // of these, groups that do not touch each other
+  std::uint32_t merged_points = 0;       // points of triangles that lay on another one
+  std::uint32_t reversed_triangles = 0;  // that were inside out, alone or with their piece or the mesh
+  std::uint32_t inner_triangles = 0;     // left out, whole or in part: they lie inside the solid
+  std::string repairs;                   // what was repaired in words; "": nothing
 };
 
 // Triangles of a polygon mesh; concave polygons are cut by ear clipping in the plane of their mean normal.

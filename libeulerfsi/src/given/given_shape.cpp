@@ -15,9 +15,9 @@ namespace {
 
 constexpr double kFlat = 1e-12;  // square of the sine of an angle of a triangle that has no normal
 constexpr double kWholeInSlab = 0.05;
-constexpr double kWhole = 1e-3;    // relative difference between a mesh's volume and that of the solid that it bounds
-constexpr double kReach = 8.0;     // spacings of the distance, half a cell each: farther out w is 0
-constexpr double kMostPush = 0.5;  // by which a normal velocity is changed, over itself
+constexpr double kWhole = 1e-3;  // relative difference between a mesh's volume and that of the solid that it bounds
+constexpr double kReach = 8.0;   // spacings of the distance, half a cell each: farther out w is 0
+constexpr double kMostCorrection = 0.5;  // by which a normal velocity is changed, over itself
 
 // Grad w of a shell on the triangle a b c whose corners move so.
 Mat3d shell_gradient(const std::array<Vec3d, 3>& x, const std::array<Vec3d, 3>& w) {
@@ -55,7 +55,7 @@ std::vector<Vec3d> element_areas(const Grid& g, const solid::SolidWork& work) {
 
 }  // namespace
 
-ShapeVelocity::ShapeVelocity(std::shared_ptr<const solid::GivenShape> shape, std::vector<Vec3d> velocities)
+ShapeVelocity::ShapeVelocity(std::shared_ptr<const solid::PrescribedShape> shape, std::vector<Vec3d> velocities)
     : shape_(std::move(shape)), velocities_(std::move(velocities)) {
   Eigen::AlignedBox3d box;
   for (const Vec3d& w : velocities_) box.extend(w);
@@ -95,10 +95,10 @@ void update_shape(const Parallel& parallel, const Scene& scene, const Pin& pin, 
   const std::optional<geometry::Slab> slab = slab_of(scene.params, scene.grid);
   geometry::TriangleMesh mesh{pin.points.at(time), rest.surface.triangles};
   if (state.shape && same_points(state.shape->surface->mesh.points, mesh.points, slab ? slab->axis : -1)) return;
-  auto shape = std::make_shared<solid::GivenShape>();
+  auto shape = std::make_shared<solid::PrescribedShape>();
   try {
     shape->surface = geometry::examine_moved(std::move(mesh), rest.distance.spacing, parallel);
-    if (slab) shape->surface = geometry::lay_in_slab(*shape->surface, *slab, parallel);
+    if (slab) shape->surface = geometry::extrude_in_slab(*shape->surface, *slab, parallel);
   } catch (const Error& error) {
     throw Error(error.code(), "collider " + std::to_string(pin.solid + 1) + ": its points at " + std::to_string(time) +
                                   " s: " + error.what());
@@ -108,7 +108,7 @@ void update_shape(const Parallel& parallel, const Scene& scene, const Pin& pin, 
 }
 
 void keep_volume(const Scene& scene, const PinVelocity& velocity, double dt, const solid::SolidState& state,
-                 const solid::SolidWork& work, const Grid& common, std::span<GivenNode> given) {
+                 const solid::SolidWork& work, const Grid& common, std::span<PrescribedNode> given) {
   const Grid& box = scene.grid;
   const geometry::Surface& surface = *state.shape->surface;
   const double mesh = geometry::signed_volume(surface.mesh), volume = surface.report.solid_volume;
@@ -136,7 +136,8 @@ void keep_volume(const Scene& scene, const PinVelocity& velocity, double dt, con
     more += area.dot(push[i]);
   }
   if (!(more > 0.0)) return;
-  const double missing = std::clamp((std::copysign(1.0, mesh) * growth - flux) / more, -kMostPush, kMostPush);
+  const double missing =
+      std::clamp((std::copysign(1.0, mesh) * growth - flux) / more, -kMostCorrection, kMostCorrection);
   for (std::size_t i = 0; i < given.size(); ++i) given[i].velocity += (missing * push[i]).cast<Real>();
 }
 

@@ -17,7 +17,7 @@ namespace efsi::sim {
 class ShapeVelocity {
  public:
   ShapeVelocity() = default;  // all rest
-  ShapeVelocity(std::shared_ptr<const solid::GivenShape> shape, std::vector<Vec3d> velocities);
+  ShapeVelocity(std::shared_ptr<const solid::PrescribedShape> shape, std::vector<Vec3d> velocities);
 
   bool moves() const { return !velocities_.empty(); }
   const std::vector<Vec3d>& points() const { return shape_->surface->mesh.points; }  // [m]
@@ -25,7 +25,7 @@ class ShapeVelocity {
   Vec3d at(const Vec3d& X) const;                                                    // [m/s]
 
  private:
-  std::shared_ptr<const solid::GivenShape> shape_;
+  std::shared_ptr<const solid::PrescribedShape> shape_;
   std::vector<Vec3d> velocities_;
   double range_ = 0.0;  // diagonal of the box around them [m/s]
 };
@@ -50,6 +50,6 @@ void update_shape(const Parallel& parallel, const Scene& scene, const Pin& pin, 
 // Changes their normal velocities, in proportion to those that the points give them, so that the flux out of its
 // elements is dV/dt of the surface. Does nothing where it reaches out of the box, or crosses itself.
 void keep_volume(const Scene& scene, const PinVelocity& velocity, double dt, const solid::SolidState& state,
-                 const solid::SolidWork& work, const grid::Grid& common, std::span<GivenNode> given);
+                 const solid::SolidWork& work, const grid::Grid& common, std::span<PrescribedNode> given);
 
 }  // namespace efsi::sim

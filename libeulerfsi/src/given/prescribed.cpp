@@ -74,9 +74,9 @@ solid::Band band_around(const Grid& box, const std::vector<Vec3d>& surface) {
 }
 
 // Returns per node the fluid's velocity before, or that of all there, and the solid's.
-std::vector<Vec3> set_velocities(const std::vector<GivenNode>& given, NodeVelocity& velocity) {
+std::vector<Vec3> set_velocities(const std::vector<PrescribedNode>& given, NodeVelocity& velocity) {
   std::vector<Vec3> before;
-  for (const GivenNode& g : given) {
+  for (const PrescribedNode& g : given) {
     const Vec3 fluid = velocity.field.at(g.node);
     before.push_back(fluid);
     const std::size_t t = velocity.slip.find(g.solid, g.node);
@@ -96,7 +96,8 @@ std::vector<Vec3> set_velocities(const std::vector<GivenNode>& given, NodeVeloci
 
 }  // namespace
 
-void begin_given(const Parallel& parallel, const Scene& scene, double time, double remaining, SolidStates& states) {
+void begin_prescribed(const Parallel& parallel, const Scene& scene, double time, double remaining,
+                      SolidStates& states) {
   for (const Pin& pin : scene.pins) {
     solid::SolidState& state = states[pin.solid];
     update_shape(parallel, scene, pin, time, state);
@@ -107,9 +108,9 @@ void begin_given(const Parallel& parallel, const Scene& scene, double time, doub
   }
 }
 
-std::vector<GivenNode> find_given(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
-                                  Matter& matter, system::SlipNodes& slip) {
-  std::vector<GivenNode> given;
+std::vector<PrescribedNode> find_prescribed(const StepContext& step, const SolidStates& states,
+                                            const SolidWorks& solids, Matter& matter, system::SlipNodes& slip) {
+  std::vector<PrescribedNode> given;
   if (step.scene.pins.empty()) return given;
   const Grid& g = matter.common.grid;
   std::set<std::pair<std::size_t, std::size_t>> known;  // (solid, node): the first pin counts
@@ -133,22 +134,22 @@ std::vector<GivenNode> find_given(const StepContext& step, const SolidStates& st
       keep_volume(step.scene, velocity, step.dt, states[pin.solid], solids[pin.solid], g,
                   {&given[first], given.size() - first});
   }
-  for (const GivenNode& node : given) matter.specific_volume[node.node] = 0;
+  for (const PrescribedNode& node : given) matter.specific_volume[node.node] = 0;
   slip.hold(step.parallel, matter.specific_volume);
-  for (const GivenNode& node : given) {
+  for (const PrescribedNode& node : given) {
     const std::size_t t = slip.find_shared(node.solid, node.node);
     if (t != system::SlipNodes::kNone) slip.prescribe(t, kAllAxes, kAllAxes);
   }
   return given;
 }
 
-void give_velocity(const StepContext& step, const SolidWorks& solids, const Matter& matter,
-                   std::vector<GivenNode>& given, NodeVelocity& velocity) {
+void prescribe_velocity(const StepContext& step, const SolidWorks& solids, const Matter& matter,
+                        std::vector<PrescribedNode>& given, NodeVelocity& velocity) {
   if (given.empty()) return;
   const StepWeight weight = weight_in_step(step.scene, step.dt, solids);
   const std::vector<Vec3> before = set_velocities(given, velocity);
   for (std::size_t i = 0; i < given.size(); ++i) {
-    GivenNode& g = given[i];
+    PrescribedNode& g = given[i];
     const std::size_t t = velocity.slip.find(g.solid, g.node);
     const bool slips = t != system::SlipNodes::kNone, shared = slips && velocity.slip.nodes()[t].shared();
     const Real fluid_mass = matter.fluid_mass[g.node],
@@ -167,15 +168,17 @@ void give_velocity(const StepContext& step, const SolidWorks& solids, const Matt
   }
 }
 
-void restore_given(const std::vector<GivenNode>& given, NodeVelocity& velocity) { set_velocities(given, velocity); }
+void restore_given(const std::vector<PrescribedNode>& given, NodeVelocity& velocity) {
+  set_velocities(given, velocity);
+}
 
-void fix_given(const std::vector<GivenNode>& given, system::VelocitySystem& system) {
-  for (const GivenNode& g : given)
+void fix_prescribed(const std::vector<PrescribedNode>& given, system::VelocitySystem& system) {
+  for (const PrescribedNode& g : given)
     for (int axis = 0; axis < 3; ++axis) system.fix(system.unknown_of(g.solid, g.node), axis);
 }
 
-void close_given_cells(const StepContext& step, const SolidStates& states, const Matter& matter,
-                       const system::SlipNodes& slip, std::vector<std::uint8_t>& active) {
+void close_prescribed_cells(const StepContext& step, const SolidStates& states, const Matter& matter,
+                            const system::SlipNodes& slip, std::vector<std::uint8_t>& active) {
   if (step.scene.pins.empty()) return;
   const Grid& g = matter.common.grid;
   if (active.empty()) active.assign(g.padded_count(), 1);
@@ -196,17 +199,18 @@ void close_given_cells(const StepContext& step, const SolidStates& states, const
     });
 }
 
-void add_given_reactions(const Reaction& reaction, std::vector<GivenNode>& given) {
-  for (GivenNode& g : given) g.impulse += reaction(g.solid, g.node).cast<double>();
+void add_pin_reactions(const Reaction& reaction, std::vector<PrescribedNode>& given) {
+  for (PrescribedNode& g : given) g.impulse += reaction(g.solid, g.node).cast<double>();
 }
 
-std::vector<PinReaction> sum_reactions(const StepContext& step, const Grid& grid, const std::vector<GivenNode>& given) {
+std::vector<PinReaction> sum_reactions(const StepContext& step, const Grid& grid,
+                                       const std::vector<PrescribedNode>& given) {
   std::vector<PinReaction> sums;
   for (const Pin& pin : step.scene.pins) {
     sums.emplace_back();
     sums.back().center = pin.motion.pose(step.time).place(pin.motion.center);
   }
-  for (const GivenNode& g : given) {
+  for (const PrescribedNode& g : given) {
     const auto [i, j, k] = grid.node_place(g.node);
     PinReaction& sum = sums[g.pin];
     sum.impulse += g.impulse;
@@ -216,13 +220,13 @@ std::vector<PinReaction> sum_reactions(const StepContext& step, const Grid& grid
   return sums;
 }
 
-void give_map(const StepContext& step, std::size_t l, solid::SolidState& state) {
+void prescribe_map(const StepContext& step, std::size_t l, solid::SolidState& state) {
   for_pins(step.scene, l, [&](const Pin& pin) {
     give(step.parallel, pin, velocity_of(pin, state, step.time + step.dt, step.time, step.dt), true, state);
   });
 }
 
-void give_surface(const StepContext& step, std::size_t l, solid::SolidState& state) {
+void prescribe_surface(const StepContext& step, std::size_t l, solid::SolidState& state) {
   for_pins(step.scene, l, [&](const Pin& pin) {
     const Pose pose = pin.motion.pose(step.time + step.dt);
     const std::vector<Vec3d>& points = solid::points_of(step.scene.solids[l], state);
@@ -237,11 +241,11 @@ void place_collider(const StepContext& step, std::size_t l, solid::SolidState& s
     work.max_speed = fastest(pin, velocity_of(pin, state, step.time, step.time, step.dt));
     update_shape(step.parallel, step.scene, pin, step.time + step.dt, state);
   });
-  give_surface(step, l, state);
+  prescribe_surface(step, l, state);
   const solid::Band band = band_around(step.scene.grid, state.surface);
   if (band.grid.lo != old.grid.lo || band.grid.cells != old.grid.cells) solid::move_band(state, band);
   state.valid.assign(state.band.grid.node_count(), solid::kKnown);
-  give_map(step, l, state);
+  prescribe_map(step, l, state);
   state.stiff.clear();
 }
 

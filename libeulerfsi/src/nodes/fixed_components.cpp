@@ -14,7 +14,7 @@ void find_fixed_components(const Parallel& parallel, const Scene& scene, const S
   for_face_nodes(parallel, g, [&](std::size_t n, int i, int j, int k) {
     matter.fixed[n] = static_cast<std::uint8_t>(grid::fixed_components(g, walls, i, j, k));
   });
-  if (!scene.params.numerics.walls_push_only) return;  // walls fix solids as they fix the fluid
+  if (!scene.params.numerics.unilateral_walls) return;  // walls fix solids as they fix the fluid
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     const Grid& band = states[l].band.grid;
     const Vec3i lo = grid::offset(band, g);

@@ -176,7 +176,7 @@ void combine_masses(const StepContext& step, const SolidStates& states, const So
     const double density = fluid.present ? fluid.density : 0.0;
     add_fractions(step.parallel, states, solids, matter);
     weigh(step.parallel, density, states, solids, matter);
-    if (step.scene.params.numerics.walls_push_only) leave_film(step.parallel, density, states, solids, matter);
+    if (step.scene.params.numerics.unilateral_walls) leave_film(step.parallel, density, states, solids, matter);
     timer.visited(matter.mass.size(), 2 * sizeof(Real));
   }
   find_specific_volume(step.parallel, fluid, states, matter);

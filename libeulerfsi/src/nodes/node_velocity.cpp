@@ -31,9 +31,9 @@ Real mass_before(const SolidStates& states, const SolidWorks& solids, const Matt
 
 // Solid l joins what is at the nodes of its band.
 void mix_in(const Parallel& parallel, const SolidStates& states, const SolidWorks& solids, std::size_t l,
-            const Vec3& push, const Matter& matter, grid::VectorField& velocity) {
+            const Vec3& velocity_change, const Matter& matter, grid::VectorField& velocity) {
   const Grid& g = matter.common.grid;
-  const Real* kick = push.data();
+  const Real* kick = velocity_change.data();
   const grid::VectorField& own = states[l].v;
   for_band_nodes(parallel, g, states[l].band, [&](std::size_t local, int i, int j, int k) {
     const Real m = solids[l].mass[local];

@@ -104,7 +104,7 @@ system::SlipNodes find_slip_nodes(const Parallel& parallel, const Scene& scene, 
   const Numerics& numerics = scene.params.numerics;
   const fluid::FluidParams& fluid = scene.params.fluid;
   const bool slips = numerics.fluid_slips && fluid.present && !fluid.is_viscous();  // what is viscous sticks
-  const bool shares = numerics.walls_push_only && states.size() > 1;
+  const bool shares = numerics.unilateral_walls && states.size() > 1;
   if (states.empty() || (!slips && !shares)) return {};
   const Grid& g = matter.common.grid;
   const std::vector<std::uint32_t> carrier = find_carriers(parallel, g, states, solids);

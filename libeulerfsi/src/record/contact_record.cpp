@@ -61,10 +61,10 @@ ContactPairs record_contacts(const Scene& scene, const SolidStates& states, cons
     pair.row_overlap = std::max(pair.row_overlap, -place.gap / scene.grid.h);
     if (place.is_fold())
       pair.surface_overlap = std::max(pair.surface_overlap, -(place.gap + place.skin) / scene.grid.h);
-    if (!(row.push > 0.0)) continue;
+    if (!(row.normal_impulse > 0.0)) continue;
     ++pair.pushing;
     pair.sticking += row.sticks;
-    pair.push += row.push + row.normal.dot(coupling[r]);
+    pair.normal_impulse += row.normal_impulse + row.normal.dot(coupling[r]);
     if (!place.is_fold()) pair.impulse += row.impulse() + coupling[r];
   }
   std::erase_if(pairs, [](const ContactPair& pair) { return pair.pushing == 0; });
@@ -86,7 +86,7 @@ void add_contacts(const ContactPairs& later, ContactPairs& sums) {
     pair.sticking += more.sticking;
     pair.row_overlap = std::max(pair.row_overlap, more.row_overlap);
     pair.surface_overlap = std::max(pair.surface_overlap, more.surface_overlap);
-    pair.push += more.push;
+    pair.normal_impulse += more.normal_impulse;
     pair.impulse += more.impulse;
   }
 }

@@ -23,8 +23,8 @@ std::vector<Real> uniform_mass(const Grid& g, double density) {
 }
 
 // What a velocity change p adds to the kinetic energy of a mass M with the momentum P: p.P + M p^2 / 2.
-double push_work(const Vec3& push, double mass, const Vec3d& momentum) {
-  const Vec3d p = push.cast<double>();
+double work_of_change(const Vec3& velocity_change, double mass, const Vec3d& momentum) {
+  const Vec3d p = velocity_change.cast<double>();
   return p.dot(momentum) + 0.5 * mass * p.squaredNorm();
 }
 
@@ -51,8 +51,8 @@ double mean_energy(const Parallel& parallel, const Grid& common, const solid::So
 }  // namespace
 
 double kinetic_energy(const Parallel& parallel, const Grid& g, const std::vector<Real>& mass,
-                      const grid::VectorField& velocity, const Vec3& push) {
-  const Vec3d shift = push.cast<double>();
+                      const grid::VectorField& velocity, const Vec3& velocity_change) {
+  const Vec3d shift = velocity_change.cast<double>();
   return parallel.sum(node_end(g, 2), [&](std::int64_t k) {
     double sum = 0.0;
     for (int j = 0; j < node_end(g, 1); ++j)
@@ -138,8 +138,8 @@ Energy EnergyLedger::with_solids(Energy now) const {
 
 void EnergyLedger::book_forces(const Matter& matter, const grid::VectorField& fluid_velocity) {
   if (!on()) return;
-  book_solids(EnergyStage::kOutside);
-  if (scene_.params.fluid.present) book_fluid(EnergyStage::kOutside, matter, fluid_velocity);
+  book_solids(EnergyStage::kExternal);
+  if (scene_.params.fluid.present) book_fluid(EnergyStage::kExternal, matter, fluid_velocity);
   for (std::size_t l = 0; l < states_.size(); ++l)
     first_[l] = solid::measure_momenta(parallel_, states_[l].band, solids_[l], states_[l].band.grid, states_[l].v);
 }
@@ -148,7 +148,7 @@ void EnergyLedger::book_weight(const StepWeight& weight, const grid::VectorField
   if (!on()) return;
   Energy now = record_->end;
   for (std::size_t l = 0; l < weight.solids.size(); ++l)
-    if (counts(l)) now.solid_kinetic += push_work(weight.solids[l], first_[l].mass, first_[l].linear);
+    if (counts(l)) now.solid_kinetic += work_of_change(weight.solids[l], first_[l].mass, first_[l].linear);
   if (!weight.fluid.isZero(0))
     now.fluid_kinetic = kinetic_energy(parallel_, common_, fluid_mass_, fluid_velocity, weight.fluid);
   book(EnergyStage::kWeight, now);
@@ -214,7 +214,7 @@ void EnergyLedger::book_inflow(const Jets& jets, const grid::VectorField& flow) 
     for (const std::size_t o : corner) square += flow.at(n + o).cast<double>().squaredNorm() / 8.0;
     brought += 0.5 * mass_of_cell * dt_ * static_cast<double>(source.rate) * square;
   }
-  record_->change[static_cast<std::size_t>(EnergyStage::kOutside)].fluid_kinetic += brought;
+  record_->change[static_cast<std::size_t>(EnergyStage::kExternal)].fluid_kinetic += brought;
   record_->change[static_cast<std::size_t>(EnergyStage::kFluidTransport)].fluid_kinetic -= brought;
 }
 

@@ -15,9 +15,9 @@
 
 namespace efsi::sim {
 
-// sum of 1/2 m (v + push)^2 over the nodes of a grid; those of a periodic axis once [J].
+// sum of 1/2 m (v + velocity_change)^2 over the nodes of a grid; those of a periodic axis once [J].
 double kinetic_energy(const Parallel& parallel, const grid::Grid& g, const std::vector<Real>& mass,
-                      const grid::VectorField& velocity, const Vec3& push = Vec3::Zero());
+                      const grid::VectorField& velocity, const Vec3& velocity_change = Vec3::Zero());
 // dt sum of p b h^3 [J]; pressure [Pa] and source [1/s], padded cells, source may be empty.
 double source_work(const Parallel& parallel, const grid::Grid& g, const std::vector<Real>& pressure,
                    const std::vector<Real>& source, double dt);

@@ -52,10 +52,9 @@ std::vector<VolumeTarget> volume_targets(const std::vector<solid::SolidRest>& re
   return targets;
 }
 
-TransportChange transport_change(const Parallel& parallel, const solid::SolidRest& rest, const solid::SolidState& state,
-                                 const solid::SolidWork& work, const VolumeTarget& target,
-                                 const solid::Momenta& before) {
-  TransportChange change;
+TransportError transport_error(const Parallel& parallel, const solid::SolidRest& rest, const solid::SolidState& state,
+                               const solid::SolidWork& work, const VolumeTarget& target, const solid::Momenta& before) {
+  TransportError change;
   if (!rest.compressible && state.whole) {
     change.volume_mesh = solid::volume_ratio(rest, state) - target.mesh;
     change.volume_cells = work.volume / state.rest_volume_cells - target.cells;
@@ -63,18 +62,18 @@ TransportChange transport_change(const Parallel& parallel, const solid::SolidRes
   const solid::Momenta now = solid::measure_momenta(parallel, state.band, work, state.band.grid, state.v);
   change.momentum = now.linear - before.linear;
   change.angular_momentum = now.angular - before.angular;
-  if (state.whole && work.counted_mass > 0.0)
-    change.mass = work.counted_mass / (rest.density * state.rest_volume_cells) - 1.0;
+  if (state.whole && work.cell_mass > 0.0)
+    change.mass = work.cell_mass / (rest.density * state.rest_volume_cells) - 1.0;
   return change;
 }
 
-std::vector<TransportChange> transport_changes(const Parallel& parallel, const std::vector<solid::SolidRest>& rest,
-                                               const SolidStates& states, const SolidWorks& work,
-                                               const std::vector<VolumeTarget>& targets,
-                                               const std::vector<solid::Momenta>& before) {
-  std::vector<TransportChange> changes;
+std::vector<TransportError> transport_errors(const Parallel& parallel, const std::vector<solid::SolidRest>& rest,
+                                             const SolidStates& states, const SolidWorks& work,
+                                             const std::vector<VolumeTarget>& targets,
+                                             const std::vector<solid::Momenta>& before) {
+  std::vector<TransportError> changes;
   for (std::size_t l = 0; l < before.size(); ++l)
-    changes.push_back(transport_change(parallel, rest[l], states[l], work[l], targets[l], before[l]));
+    changes.push_back(transport_error(parallel, rest[l], states[l], work[l], targets[l], before[l]));
   return changes;
 }
 

@@ -26,12 +26,11 @@ std::vector<VolumeTarget> volume_targets(const std::vector<solid::SolidRest>& re
                                          const SolidWorks& work);
 // After it, with the masses of the new state. before: the momenta at the start of the transport; without them no
 // changes.
-TransportChange transport_change(const Parallel& parallel, const solid::SolidRest& rest, const solid::SolidState& state,
-                                 const solid::SolidWork& work, const VolumeTarget& target,
-                                 const solid::Momenta& before);
-std::vector<TransportChange> transport_changes(const Parallel& parallel, const std::vector<solid::SolidRest>& rest,
-                                               const SolidStates& states, const SolidWorks& work,
-                                               const std::vector<VolumeTarget>& targets,
-                                               const std::vector<solid::Momenta>& before);
+TransportError transport_error(const Parallel& parallel, const solid::SolidRest& rest, const solid::SolidState& state,
+                               const solid::SolidWork& work, const VolumeTarget& target, const solid::Momenta& before);
+std::vector<TransportError> transport_errors(const Parallel& parallel, const std::vector<solid::SolidRest>& rest,
+                                             const SolidStates& states, const SolidWorks& work,
+                                             const std::vector<VolumeTarget>& targets,
+                                             const std::vector<solid::Momenta>& before);
 
 }  // namespace efsi::sim

@@ -61,7 +61,7 @@ std::shared_ptr<const geometry::Surface> stretched(const SolidDesc& desc, const 
     for (std::size_t v = 0; v < mesh.points.size(); ++v) mesh.points[v][slab->axis] = rest->along[v];
   for (Vec3d& x : mesh.points) x = center + desc.stretch.cwiseProduct(x - center);
   auto surface = geometry::examine(std::move(mesh), spacing, parallel);
-  return slab ? geometry::lay_in_slab(*surface, *slab, parallel) : surface;
+  return slab ? geometry::extrude_in_slab(*surface, *slab, parallel) : surface;
 }
 
 constexpr std::size_t kMostSolids = 255;  // a cell names its owner by a byte (Matter::owned)
@@ -113,7 +113,7 @@ std::shared_ptr<const geometry::Surface> surface_of(const SolidDesc& desc, doubl
            "the simulation's, " + number(h));
   if (slab) {
     demand_flat(desc, slab->axis);
-    if (surface->distance.flat != slab->axis) surface = geometry::lay_in_slab(*surface, *slab, parallel);
+    if (surface->distance.flat != slab->axis) surface = geometry::extrude_in_slab(*surface, *slab, parallel);
   } else if (surface->distance.flat >= 0) {
     throw Error(ErrorCode::kArgument, "EfsiSolidDef.surface: laid in a slab: must not be, where the domain is none");
   }
@@ -128,7 +128,8 @@ void set_surface(const geometry::Surface& surface, const Numerics& numerics, boo
   if (numerics.uses_particles()) rest.nearest = geometry::NearestTriangle(rest.surface);
   rest.along = surface.along;
   rest.clusters = solid::make_surface_clusters(rest.surface, rest.distance, h);
-  if (numerics.walls_push_only && !collider) rest.fold_points = solid::make_fold_points(rest.surface, rest.distance, h);
+  if (numerics.unilateral_walls && !collider)
+    rest.fold_points = solid::make_fold_points(rest.surface, rest.distance, h);
   rest.volume = surface.report.solid_volume;
   rest.area = geometry::surface_area(rest.surface);
   if (!(rest.volume > 0.0)) throw Error(ErrorCode::kMesh, "EfsiSolidDef.mesh: encloses no volume");
@@ -265,7 +266,7 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
   solid::compute_mass(parallel_, rest, state, work);
   if (work.element_cell.empty() && !collider) throw Error(ErrorCode::kMesh, no_cell_inside(thinnest, grid_.h));
   state.rest_volume_cells = start == surface ? work.volume : rest.volume;  // few cells measure what is pressed
-  rest.weighed_volume = collider ? state.rest_volume_cells : rest.volume;  // a collider may reach out of the box
+  rest.mass_volume = collider ? state.rest_volume_cells : rest.volume;     // a collider may reach out of the box
 
   starts_.push_back(start == surface ? nullptr : std::move(start));
   solids_.push_back(std::move(rest));
@@ -345,7 +346,7 @@ std::size_t Simulation::add_pin(Pin pin) {
 }
 
 void Simulation::set_motion(std::size_t pin, double start, double end, const Pose& from, const Pose& to) {
-  GivenMotion motion{start, end, from, to, pins_[pin].motion.center};
+  PrescribedMotion motion{start, end, from, to, pins_[pin].motion.center};
   if (const int slab = grid::slab_axis(grid_, params_.walls); slab >= 0)
     for (Pose* pose : {&motion.from, &motion.to}) {
       if (pose->turn(slab, slab) < 1.0 - kTurning)

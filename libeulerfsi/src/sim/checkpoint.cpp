@@ -27,7 +27,7 @@ struct HashArchive {
     hash.add_array(v);
   }
   // Where solids are apart, or cannot yield, the hash is that of the other fields.
-  void array(const std::vector<solid::SolidPress>& v) {
+  void array(const std::vector<solid::ContactImpulse>& v) {
     if (!v.empty()) hash.add_array(v);
   }
   void array(const std::vector<solid::PlasticNode>& v) {
@@ -223,9 +223,9 @@ void add(const Params& params, Hash& hash) {
   if (params.walls.any_moves())
     for (const Vec3d& v : params.walls.velocity) add(v, hash);
   add_tokens(hash, n.velocity_solver, n.pressure_solver, n.points_per_element, n.solid_advection,
-             n.corrected_fluid_advection, n.stiff_correction, n.volume_source, n.conserve_momentum, n.stiffness_by_pace,
+             n.corrected_fluid_advection, n.stiff_correction, n.volume_source, n.conserve_momentum, n.damping_by_pace,
              n.stiffness_by_part, n.resolve_impacts, n.repair_map, n.fluid_slips, n.coupling_step, n.volume_by_pressure,
-             n.walls_push_only, sizeof(Real));
+             n.unilateral_walls, sizeof(Real));
 }
 
 void add(const solid::SolidRest& s, bool uses_particles, Hash& hash) {

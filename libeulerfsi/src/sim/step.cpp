@@ -37,8 +37,8 @@ namespace efsi::sim {
 namespace {
 
 // The forces of the scene.
-void push(const StepContext& step, const Matter& matter, SolidWorks& solids, SolidStates& states,
-          grid::VectorField& fluid_velocity, EnergyLedger& ledger) {
+void apply_scene_forces(const StepContext& step, const Matter& matter, SolidWorks& solids, SolidStates& states,
+                        grid::VectorField& fluid_velocity, EnergyLedger& ledger) {
   if (step.scene.forces.empty()) return;
   ScopedTimer timer(step.profile, Stage::kFluidForces);
   apply_forces(step, matter.common.grid, solids, states, fluid_velocity);
@@ -76,7 +76,7 @@ void compute_materials(const StepContext& step, SolidWorks& solids, SolidStates&
 // Which cells carry stiffness, for the next step's choice.
 void remember_elements(const StepContext& step, const Hold& hold, const solid::SolidWork& work,
                        solid::SolidState& state) {
-  if (choice_lags(hold, work.max_speed * step.dt / step.scene.grid.h))
+  if (has_element_hysteresis(hold, work.max_speed * step.dt / step.scene.grid.h))
     solid::remember_elements(work, state);
   else
     state.stiff.clear();
@@ -119,7 +119,7 @@ void transport_solid(const StepContext& step, std::size_t l, const solid::RigidS
     return;
   }
   if (solid::has_left(state)) {
-    fly_on(step.dt, state);
+    continue_motion(step.dt, state);
     return;
   }
   {
@@ -133,11 +133,11 @@ void transport_solid(const StepContext& step, std::size_t l, const solid::RigidS
     const solid::AdvectionScheme scheme = step.scene.params.numerics.solid_advection;
     solid::advect(step.parallel, scheme, step.dt, frame, work, state, packed);  // Alg. 1 lines 19, 20
     timer.visited(work.layer.size(), 12 * sizeof(Real));
-    give_map(step, l, state);
+    prescribe_map(step, l, state);
   }
   carry_surface(step, l, frame, packed, work, state);
   ScopedTimer timer(step.profile, Stage::kSolidAdvection);
-  give_surface(step, l, state);
+  prescribe_surface(step, l, state);
   if (slab >= 0) flatten(step.parallel, step.scene.solids[l], slab, state);
   remember_elements(step, hold, work, state);
   solid::follow_solid(step.scene.grid, step.scene.solids[l], state);
@@ -154,14 +154,14 @@ void settle(const StepContext& step, const std::vector<VolumeTarget>& targets, S
   work.masses_ready = numerics.repair_map || numerics.conserve_momentum;
   if (work.masses_ready) {
     compute_masses(step, states, solids);
-    let_leave(step, states, solids);
+    remove_departed(step, states, solids);
     ledger.arrive();
   }
   inspect_maps(step.scene.solids, solids, step.info.repairs);
   step.info.transport =
-      transport_changes(step.parallel, step.scene.solids, states, solids, targets, work.momenta.solids);
+      transport_errors(step.parallel, step.scene.solids, states, solids, targets, work.momenta.solids);
   if (numerics.repair_map) repair_maps(step, states, solids);
-  if (step.info.repairs.put_back > 0) ledger.book_solids(EnergyStage::kRepair);
+  if (step.info.repairs.repaired_cells > 0) ledger.book_solids(EnergyStage::kRepair);
   if (work.masses_ready) {
     combine_masses(step, states, solids, state.window, fluid.pressure, work.matter, work.velocity.slip);
     ledger.book_fluid(EnergyStage::kRemap, work.matter, fluid.velocity);
@@ -204,7 +204,7 @@ void finish(const StepContext& step, const SolidWorks& solids, State& state) {
 // Line 1, with what is given in the step: its motion limits the step, as folds and emitters do.
 double choose_time_step(const Parallel& parallel, const Scene& scene, double remaining, double shrink, State& state,
                         SolidWorks& solids) {
-  begin_given(parallel, scene, state.time, remaining, state.solids);
+  begin_prescribed(parallel, scene, state.time, remaining, state.solids);
   for (std::size_t l = 0; l < scene.solids.size(); ++l)
     if (!solid::has_left(state.solids[l])) find_near_folds(parallel, scene.solids[l], state.solids[l], solids[l]);
   const double fluid_speed = std::max(state.fluid_speed, fastest_jet(scene, state.time, remaining));
@@ -217,11 +217,11 @@ double choose_time_step(const Parallel& parallel, const Scene& scene, double rem
 void find_matter(const StepContext& step, State& state, Workspace& work) {
   if (!work.masses_ready) {
     compute_masses(step, state.solids, work.solids);  // Alg. 1 line 3
-    let_leave(step, state.solids, work.solids);
+    remove_departed(step, state.solids, work.solids);
     combine_masses(step, state.solids, work.solids, state.window, state.fluid.pressure, work.matter,  // Alg. 1 line 7
                    work.velocity.slip);
   }
-  work.elasticity.given = find_given(step, state.solids, work.solids, work.matter, work.velocity.slip);
+  work.elasticity.given = find_prescribed(step, state.solids, work.solids, work.matter, work.velocity.slip);
 }
 
 // Between lines 6 and 8: all forces but the solids' own, one velocity at the nodes, and what walls make of it.
@@ -229,15 +229,15 @@ void mix_velocities(const StepContext& step, State& state, Workspace& work, Ener
   grid::VectorField& fluid_velocity = state.fluid.velocity;
   NodeVelocity& velocity = work.velocity;
   VelocityEquation& elasticity = work.elasticity;
-  push(step, work.matter, work.solids, state.solids, fluid_velocity, ledger);
+  apply_scene_forces(step, work.matter, work.solids, state.solids, fluid_velocity, ledger);
   ledger.book_weight(weight_in_step(step.scene, step.dt, work.solids), fluid_velocity);
   combine_velocities(step, state.solids, work.solids, work.matter, fluid_velocity, velocity);
   ledger.book_nodes(EnergyStage::kMixing, velocity);
   add_external_forces(step, work.matter, state.fluid, velocity);
-  ledger.book_nodes(EnergyStage::kOutside, velocity);
-  give_velocity(step, work.solids, work.matter, elasticity.given, velocity);
+  ledger.book_nodes(EnergyStage::kExternal, velocity);
+  prescribe_velocity(step, work.solids, work.matter, elasticity.given, velocity);
   meet_walls(step, state.solids, work.solids, work.matter, velocity, elasticity.walls);
-  keep_given(elasticity.given, elasticity.walls, velocity);
+  keep_prescribed(elasticity.given, elasticity.walls, velocity);
   ledger.book_nodes(EnergyStage::kWalls, velocity);
   diffuse(step, work.matter, velocity, work.viscous, ledger);
 }
@@ -263,7 +263,7 @@ void solve(const StepContext& step, State& state, Workspace& work, EnergyLedger&
 // What contact and given motion have done: for the next step, and what is reported of it.
 void remember_contact(const StepContext& step, SolidStates& states, Workspace& work) {
   VelocityEquation& elasticity = work.elasticity;
-  keep_off(work.matter.mass, work.velocity, elasticity.walls);
+  reset_above_walls(work.matter.mass, work.velocity, elasticity.walls);
   remember_rows(step.dt, elasticity.walls, states);
   remember_contacts(step.dt, elasticity.contacts, states);
   step.info.pins = sum_reactions(step, work.matter.common.grid, elasticity.given);

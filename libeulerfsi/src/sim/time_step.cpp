@@ -120,7 +120,7 @@ double pair_limit(const Parallel& parallel, const Scene& scene, const SolidState
     return seen.gap + kContactSkin * h < kContactReach * h
                ? time_to_move(std::max(states[one].speed, states[other].speed), params.gravity.norm(), kPaperCfl * h)
                : limit;
-  if (!params.numerics.walls_push_only) return limit;
+  if (!params.numerics.unilateral_walls) return limit;
   if (!(seen.gap < limit)) {
     const double speed = relative_speed(states, one, other);
     return time_to_move(speed, params.gravity.norm(), std::max(kUnseen, apart - 2.0 * kUnseen) * h);

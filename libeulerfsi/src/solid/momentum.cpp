@@ -71,14 +71,14 @@ RigidMotion rigid_motion(const Momenta& momenta) {
   return motion;
 }
 
-RigidMotion rigid_motion(const Momenta& momenta, unsigned held_axes) {
-  if (held_axes == 0) return rigid_motion(momenta);
+RigidMotion rigid_motion(const Momenta& momenta, unsigned fixed_axes) {
+  if (fixed_axes == 0) return rigid_motion(momenta);
   RigidMotion motion;
   if (!(momenta.mass > 0.0)) return motion;
   motion.center = momenta.center;
   for (int a = 0; a < 3; ++a) {
-    if (!(held_axes & (1u << a))) motion.linear[a] = momenta.linear[a] / momenta.mass;
-    if (held_axes == (1u << a) && momenta.inertia(a, a) > 0.0)
+    if (!(fixed_axes & (1u << a))) motion.linear[a] = momenta.linear[a] / momenta.mass;
+    if (fixed_axes == (1u << a) && momenta.inertia(a, a) > 0.0)
       motion.angular[a] = momenta.angular[a] / momenta.inertia(a, a);
   }
   return motion;
@@ -103,9 +103,9 @@ RigidStep free_step(const Momenta& before, const Momenta& after, double dt) {
   return step;
 }
 
-RigidStep held_step(const Momenta& before, const Momenta& after, unsigned held_axes, double dt) {
+RigidStep constrained_step(const Momenta& before, const Momenta& after, unsigned fixed_axes, double dt) {
   RigidStep step;
-  step.shift = 0.5 * dt * (rigid_motion(before, held_axes).linear - rigid_motion(after, held_axes).linear);
+  step.shift = 0.5 * dt * (rigid_motion(before, fixed_axes).linear - rigid_motion(after, fixed_axes).linear);
   return step;
 }
 

@@ -48,7 +48,7 @@ struct RigidMotion {
 RigidMotion rigid_motion(const Momenta& momenta);
 // The same for a body constrained by plane walls along some axes (bit a: axis a): it slides along the others, and turns
 // about the axis of the only wall.
-RigidMotion rigid_motion(const Momenta& momenta, unsigned held_axes);
+RigidMotion rigid_motion(const Momenta& momenta, unsigned fixed_axes);
 // By an axis times an angle [rad].
 Mat3d rotation(const Vec3d& turn);
 // Where a step takes a body, and the velocity that it has then: a point at y goes to center + shift + R (y - center), R
@@ -65,7 +65,7 @@ RigidStep steady_step(const RigidMotion& velocity, double dt);
 RigidStep free_step(const Momenta& before, const Momenta& after, double dt);
 // Of a body constrained by walls along some axes, its velocity field not seen from a frame: what the mean of both
 // velocities moves it further along the others than the last one does.
-RigidStep held_step(const Momenta& before, const Momenta& after, unsigned held_axes, double dt);
+RigidStep constrained_step(const Momenta& before, const Momenta& after, unsigned fixed_axes, double dt);
 // What `now` lacks to have the momenta of `target`, whose centre is the same but for what the body has moved.
 RigidMotion missing_motion(const Momenta& target, const Momenta& now);
 

@@ -8,7 +8,7 @@
 namespace efsi::solid {
 
 std::size_t SolidWork::bytes() const {
-  const std::size_t reals = fraction.size() + volume_ratio.size() + mass.size() + 3 * pushed.size();
+  const std::size_t reals = fraction.size() + volume_ratio.size() + mass.size() + 3 * force_velocity.size();
   return reals * sizeof(Real) + (element.size() + element_cell.size() + element_corner.size()) * sizeof(std::int32_t) +
          point.size() * sizeof(PointBlock) + hourglass_force.size() * sizeof(hourglass_force[0]) + carries.size() +
          layer.size() + element_factor.size() * sizeof(double) + element_middle.size() * sizeof(Vec3) +
@@ -16,7 +16,7 @@ std::size_t SolidWork::bytes() const {
          fold_places.place.size() * (sizeof(fold_places.place[0]) + sizeof(fold_places.normal[0]));
 }
 
-std::size_t GivenShape::bytes() const {
+std::size_t PrescribedShape::bytes() const {
   return surface->mesh.points.size() * sizeof(Vec3d) + surface->mesh.triangles.size() * sizeof(geometry::Triangle) +
          surface->distance.values.size() * sizeof(float) + nearest.bytes();
 }

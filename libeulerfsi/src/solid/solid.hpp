@@ -50,7 +50,7 @@ struct SolidRest {
   bool wet = false;                    // a fluid fills its cut cells
   bool stiff_by_part = false;          // an element is as stiff as it is solid
   double volume = 0.0;                 // of the closed rest shape [m^3]
-  double weighed_volume = 0.0;         // what it weighs, over its density; 0: as its cells count it [m^3]
+  double mass_volume = 0.0;            // what it weighs, over its density; 0: as its cells count it [m^3]
   double area = 0.0;                   // of the surface at rest [m^2]
   std::vector<std::shared_ptr<const geometry::SignedDistance>> held;  // regions of pins, material space; < 0 inside
 };
@@ -65,22 +65,22 @@ struct Band {
 
 // What a node of the band holds: nothing; u and v as given, or that came from among the nodes that carried the solid;
 // that came from between these and the extension; that the extension made up.
-inline constexpr std::uint8_t kNoData = 0, kKnown = 1, kEdge = 2, kExtended = 3;
+inline constexpr std::uint8_t kNoData = 0, kKnown = 1, kEdge = 2, kExtrapolated = 3;
 
 // Impulses of a wall at a node with an active row in the last step.
-struct WallPress {
+struct WallImpulse {
   std::int32_t node[3], axis;  // of the box; the wall's normal
   Real force;                  // away from the wall [N]
-  Real pull[3];                // of friction [N]
+  Real friction_force[3];      // of friction [N]
   std::int32_t slides;         // or would have
 };
 
 // What another solid did in a cell of the box in the last step, or another part of the same one: then in place of the
 // cell both fold points, and 0.
-struct SolidPress {
+struct ContactImpulse {
   std::int32_t cell[3], other;
-  Real force;    // on the other, along the normal [N]
-  Real pull[3];  // of friction on the other [N]
+  Real force;              // on the other, along the normal [N]
+  Real friction_force[3];  // of friction on the other [N]
 };
 
 // Plastic strain at a node of the lattice: H = 1/2 log(F_p^T F_p), whose trace is 0.
@@ -90,7 +90,7 @@ struct PlasticNode {
 };
 
 // The surface of a collider whose points are given, where they are: material space.
-struct GivenShape {
+struct PrescribedShape {
   std::shared_ptr<const geometry::Surface> surface;
   geometry::NearestTriangle nearest;  // of it
   std::size_t bytes() const;
@@ -99,21 +99,21 @@ struct GivenShape {
 // State: survives a step.
 struct SolidState {
   Band band;
-  VectorField u;                     // displacement, band nodes [m]
-  VectorField v;                     // velocity, band nodes [m/s]
-  std::vector<std::uint8_t> valid;   // band nodes: kNoData, or where u and v came from in the last step
-  std::vector<std::uint8_t> stiff;   // band cells: carried stiffness in the last step; empty: not known
-  std::vector<WallPress> presses;    // rows at walls in the last step
-  std::vector<SolidPress> contacts;  // active contact rows with itself and later solids in the last step
-  std::vector<PlasticNode> plastic;  // nodes of rest.plastic_lattice; empty: it cannot yield
-  double flow_due = 0.0;             // half of the last step, in which that has yet to flow; 0: no step yet [s]
-  std::vector<Vec3d> surface;        // positions of the embedded surface [m]
-  double rest_volume_cells = 0.0;    // by cell fractions, at the first step [m^3]
-  std::uint8_t whole = 1;            // no part of it has left through an open face
-  double speed = 0.0;                // largest component of the velocity in the last step [m/s]
-  double leak = 0.0;                 // volume that the last step lost by the mesh, over that at rest
+  VectorField u;                         // displacement, band nodes [m]
+  VectorField v;                         // velocity, band nodes [m/s]
+  std::vector<std::uint8_t> valid;       // band nodes: kNoData, or where u and v came from in the last step
+  std::vector<std::uint8_t> stiff;       // band cells: carried stiffness in the last step; empty: not known
+  std::vector<WallImpulse> presses;      // rows at walls in the last step
+  std::vector<ContactImpulse> contacts;  // active contact rows with itself and later solids in the last step
+  std::vector<PlasticNode> plastic;      // nodes of rest.plastic_lattice; empty: it cannot yield
+  double flow_due = 0.0;                 // half of the last step, in which that has yet to flow; 0: no step yet [s]
+  std::vector<Vec3d> surface;            // positions of the embedded surface [m]
+  double rest_volume_cells = 0.0;        // by cell fractions, at the first step [m^3]
+  std::uint8_t whole = 1;                // no part of it has left through an open face
+  double speed = 0.0;                    // largest component of the velocity in the last step [m/s]
+  double leak = 0.0;                     // volume that the last step lost by the mesh, over that at rest
   // In place of that at rest, of a collider whose points are given. It follows from those: no part of a checkpoint.
-  std::shared_ptr<const GivenShape> shape;
+  std::shared_ptr<const PrescribedShape> shape;
 };
 
 // Whether all of it has left the box through open faces: then its band is one cell, whose nodes hold its velocity only
@@ -191,7 +191,7 @@ struct SolidWork {
   int points_per_element = 1;
   std::vector<std::uint8_t> carries;  // band nodes: corner of an element; here the solid owns u and v
   std::vector<Real> mass;             // of the solid per band node [kg]
-  grid::VectorField pushed;           // velocity that forces of the scene add in the step, band nodes; empty: none
+  grid::VectorField force_velocity;   // velocity that forces of the scene add in the step, band nodes; empty: none
   std::vector<std::uint8_t> layer;    // band nodes: 0 data, k: k-th layer of the extension, 255: none
   FoldPlaces fold_places;             // of the fold points at the start of the step, where some are near each other
   std::vector<NearPair> near_folds;   // those
@@ -202,7 +202,7 @@ struct SolidWork {
   double volume = 0.0;          // by cell fractions [m^3]
   double next_volume = 0.0;     // that a step without loss ends with, by the mesh, over that at rest; 0: not known
   double total_mass = 0.0;      // [kg]
-  double counted_mass = 0.0;    // the same as the cells count it, before it is scaled to what the solid weighs [kg]
+  double cell_mass = 0.0;       // the same as the cells count it, before it is scaled to what the solid weighs [kg]
   double element_weight = 1.0;  // mass of the solid over that of its elements, each as far as it is stiff
   double whole_weight = 1.0;    // over that of as many whole cells
   double elastic_energy = 0.0;  // [J]

@@ -49,7 +49,8 @@ void add_bulk_source(const StepContext& step, const SolidStates& states, const S
   });
 }
 
-void give_way(const Parallel& parallel, const grid::Grid& g, const std::vector<Real>& q, PressureEquation& pressure) {
+void deform_by_pressure(const Parallel& parallel, const grid::Grid& g, const std::vector<Real>& q,
+                        PressureEquation& pressure) {
   if (pressure.compliance.empty()) return;
   const Real scale = static_cast<Real>(1.0 / (g.h * g.h * g.h));
   std::vector<Real>& source = pressure.source;

@@ -14,7 +14,8 @@ void compute_compliance(const StepContext& step, const SolidStates& states, cons
 // Adds the divergence that would give them their volume at rest in the step.
 void add_bulk_source(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Matter& matter,
                      std::vector<Real>& source);
-// The cells give way to q, which acts from now on: what that is goes into the wanted divergence.
-void give_way(const Parallel& parallel, const grid::Grid& g, const std::vector<Real>& q, PressureEquation& pressure);
+// The cells give direction to q, which acts from now on: what that is goes into the wanted divergence.
+void deform_by_pressure(const Parallel& parallel, const grid::Grid& g, const std::vector<Real>& q,
+                        PressureEquation& pressure);
 
 }  // namespace efsi::sim

@@ -57,7 +57,7 @@ void assemble_pressure_system(const StepContext& step, const SolidStates& states
   if (!pressure.lasts) {
     std::vector<std::uint8_t> active;
     if (!step.scene.solids.empty()) active = pressure_cells(step.parallel, step.scene, states, matter);
-    close_given_cells(step, states, matter, slip, active);
+    close_prescribed_cells(step, states, matter, slip, active);
     compute_compliance(step, states, solids, matter, pressure.compliance);
     pressure.system.assemble(step.parallel, matter.common.grid, matter.common.walls, matter.fixed,
                              matter.specific_volume, std::move(active), matter.owned, &slip, !step.scene.pins.empty(),
@@ -122,14 +122,14 @@ std::vector<std::uint8_t> find_held(const StepContext& step, const VelocityEquat
                                     const std::vector<Real>& impulse) {
   const system::VelocitySystem& system = elasticity.system;
   std::vector<std::uint8_t> held = pressed_solids(step.scene.solids.size(), elasticity.contacts);
-  std::vector<Real> pushed = elasticity.f_star;
-  system::add_impulses(elasticity.contacts.rows, pushed);
-  std::vector<Real> left = pushed;
+  std::vector<Real> loaded = elasticity.f_star;
+  system::add_impulses(elasticity.contacts.rows, loaded);
+  std::vector<Real> left = loaded;
   linalg::add_scaled(step.parallel, left, -1.0, impulse);
   system.fold(step.parallel, left);
-  system.fold(step.parallel, pushed);
+  system.fold(step.parallel, loaded);
   for (std::size_t l = 0; l < held.size(); ++l)
-    held[l] = solid::has_pressure(step.scene.solids[l]) && (held[l] || left_over(system, l, pushed, left) < kLastHolds);
+    held[l] = solid::has_pressure(step.scene.solids[l]) && (held[l] || left_over(system, l, loaded, left) < kLastHolds);
   return held;
 }
 
@@ -183,7 +183,7 @@ void prepare_pressure(const StepContext& step, const SolidStates& states, SolidW
       if (system.free()[i] > 0) elasticity.v_star[i] = 0;
   pressure.system.project(step.parallel, q, velocity.field);
   linalg::copy(step.parallel, pressure.taken, q);
-  give_way(step.parallel, g, q, pressure);
+  deform_by_pressure(step.parallel, g, q, pressure);
 }
 
 void solve_pressure(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Matter& matter,
@@ -204,12 +204,12 @@ void solve_pressure(const StepContext& step, const SolidStates& states, const So
   pressure.coupled = 0;
   pressure.largest = 0.0;
   // A body at rest that the step now serves and now does not would never come to rest.
-  std::vector<Real> way;  // of the next coupling step
-  if (pressure.takes || needs_coupling(step.scene, before)) estimate_way(step, pressure, way);
+  std::vector<Real> direction;  // of the next coupling step
+  if (pressure.takes || needs_coupling(step.scene, before)) estimate_direction(step, pressure, direction);
   for (int steps = 0;; ++steps) {
     const bool first = steps == 0;
-    if (!way.empty()) {
-      couple_pressure(step, states, solids, matter, way, elasticity, pressure, velocity);
+    if (!direction.empty()) {
+      couple_pressure(step, states, solids, matter, direction, elasticity, pressure, velocity);
       ScopedTimer timer(step.profile, Stage::kPressureSolve);
       balance_inflow(step, solids, matter, velocity, elasticity.walls, inflow, pressure.source);
       pressure.system.set_right_side(step.parallel, velocity.field, pressure.source);
@@ -221,7 +221,7 @@ void solve_pressure(const StepContext& step, const SolidStates& states, const So
       linalg::scale(step.parallel, pressure.q, -step.dt);
       if (pressure.takes) linalg::add_scaled(step.parallel, pressure.q, -1.0, pressure.taken);
     } else {
-      linalg::add_scaled(step.parallel, pressure.q, -1.0, way);
+      linalg::add_scaled(step.parallel, pressure.q, -1.0, direction);
     }
     const linalg::SolveStats stats =
         pressure.system.solve(step.parallel, numerics.pressure_solver, numerics.pressure_tolerance, before, pressure.q);
@@ -230,7 +230,7 @@ void solve_pressure(const StepContext& step, const SolidStates& states, const So
     step.info.unconverged += first && !stats.converged;
     timer.visited(g.cell_count(), 12 * sizeof(Real));
     if (steps == kMostCoupling || !strains_much(step, solids, g, velocity.slip, elasticity, pressure)) return;
-    linalg::copy(step.parallel, way, pressure.q);
+    linalg::copy(step.parallel, direction, pressure.q);
   }
 }
 
@@ -244,14 +244,14 @@ void project_velocity(const StepContext& step, const Grid& g, VelocityEquation& 
     ScopedTimer timer(step.profile, Stage::kPressureSolve);
     pressure.system.project(step.parallel, pressure.q, velocity.field);
   }
-  give_way(step.parallel, g, pressure.q, pressure);
+  deform_by_pressure(step.parallel, g, pressure.q, pressure);
   ScopedTimer timer(step.profile, Stage::kPressureSolve);
   if (pressure.takes) linalg::add_scaled(step.parallel, pressure.q, 1.0, pressure.taken);  // the q of all the step
   if (!elasticity.walls.empty() || !elasticity.given.empty()) {
     grid::fill_ghosts(g, pressure.q, Real(0));
     const Reaction reaction = pressure_reaction(step.parallel, g, pressure, velocity.slip, elasticity);
     add_pressure_reactions(reaction, elasticity.walls);
-    add_given_reactions(reaction, elasticity.given);
+    add_pin_reactions(reaction, elasticity.given);
   }
   std::swap(pressure.q, next);
   linalg::scale(step.parallel, next, -1.0 / step.dt);

@@ -25,7 +25,7 @@ constexpr double kLeads = 0.01;          // cells in a step: largest motion of a
 // J M^-1 J^T), so that its inverse also has d2 (2 mu + lambda) / h^3 in the solids' cells; d2 K: the stiffness in G.
 void add_stiffness(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Matter& matter,
                    const system::VelocitySystem& elasticity, const std::vector<Real>& compliance,
-                   const std::vector<Real>& divergence, std::vector<Real>& way) {
+                   const std::vector<Real>& divergence, std::vector<Real>& direction) {
   const double volume = step.scene.grid.h * step.scene.grid.h * step.scene.grid.h;
   for (std::size_t l = 0; l < step.scene.solids.size(); ++l) {
     const solid::SolidRest& solid = step.scene.solids[l];
@@ -35,7 +35,7 @@ void add_stiffness(const StepContext& step, const SolidStates& states, const Sol
     for_owned_cells(step.parallel, matter.common.grid, matter.owned, l, states[l].band,
                     [&](std::size_t c, std::size_t) {
                       const Real given = compliance.empty() ? Real(0) : compliance[c];
-                      way[c] += share / (1 + share * given) * divergence[c];
+                      direction[c] += share / (1 + share * given) * divergence[c];
                     });
   }
 }
@@ -43,7 +43,7 @@ void add_stiffness(const StepContext& step, const SolidStates& states, const Sol
 // Whether subtracting `change` from the velocities closes active contact rows faster than `most`.
 bool leads_astray(const std::vector<system::ContactRow>& rows, const std::vector<Real>& change, double most) {
   return std::any_of(rows.begin(), rows.end(), [&](const system::ContactRow& row) {
-    return row.push > 0.0 && row.normal.dot(system::row_velocity(row, change)) > most;
+    return row.normal_impulse > 0.0 && row.normal.dot(system::row_velocity(row, change)) > most;
   });
 }
 
@@ -112,57 +112,59 @@ bool needs_coupling(const Scene& scene, const system::DivergenceNorms& divergenc
   return density * square(divergence.solid) > kWorthCoupling * fluid * square(divergence.all);
 }
 
-void estimate_way(const StepContext& step, PressureEquation& pressure, std::vector<Real>& way) {
+void estimate_direction(const StepContext& step, PressureEquation& pressure, std::vector<Real>& direction) {
   ScopedTimer timer(step.profile, Stage::kPressureSolve);
-  const linalg::SolveStats stats = pressure.system.estimate(step.parallel, kEstimate, way);
+  const linalg::SolveStats stats = pressure.system.estimate(step.parallel, kEstimate, direction);
   step.info.pressure_iterations += static_cast<std::uint64_t>(stats.iterations);
 }
 
 // Conjugate gradients for J A^-1 J^T q = J v* - b, A = G on the nodes that carry solids and M elsewhere. Search
 // directions are conjugate by the rule of Polak and Ribiere, since the preconditioner is not the same in each.
 void couple_pressure(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Matter& matter,
-                     std::vector<Real>& way, VelocityEquation& elasticity, PressureEquation& pressure,
+                     std::vector<Real>& direction, VelocityEquation& elasticity, PressureEquation& pressure,
                      NodeVelocity& velocity) {
   const bool goes_on = pressure.coupled != 0;
   std::vector<Real> answered;  // by elasticity so far
-  std::vector<Vec3> pushed;    // by contact
+  std::vector<Vec3> impulses;  // of contact
   {
     ScopedTimer timer(step.profile, Stage::kPressureSolve);
     const std::vector<Real>& divergence = pressure.system.right_side();
-    add_stiffness(step, states, solids, matter, elasticity.system, pressure.compliance, divergence, way);
-    const auto [slope, along_last] = linalg::dots(step.parallel, way, divergence, goes_on ? pressure.left : divergence);
+    add_stiffness(step, states, solids, matter, elasticity.system, pressure.compliance, divergence, direction);
+    const auto [slope, along_last] =
+        linalg::dots(step.parallel, direction, divergence, goes_on ? pressure.left : divergence);
     if (goes_on) {
       if (pressure.slope > 0.0)
-        linalg::add_scaled(step.parallel, way, std::max(0.0, (slope - along_last) / pressure.slope), pressure.way);
+        linalg::add_scaled(step.parallel, direction, std::max(0.0, (slope - along_last) / pressure.slope),
+                           pressure.direction);
       elasticity.v_star = pressure.corrected;
       answered = std::move(pressure.correction);
       linalg::scale(step.parallel, answered, static_cast<double>(pressure.coupled));
-      pushed = std::move(pressure.answers);
-      for (Vec3& push : pushed) push *= pressure.coupled;
+      impulses = std::move(pressure.answers);
+      for (Vec3& impulse : impulses) impulse *= pressure.coupled;
     }
     pressure.slope = slope;
     linalg::copy(step.parallel, pressure.left, divergence);
-    linalg::copy(step.parallel, pressure.way, way);
+    linalg::copy(step.parallel, pressure.direction, direction);
   }
-  solve_correction(step, matter.common.grid, velocity.slip, way, elasticity.system, pressure);
-  correct_velocity(step, way, 1, elasticity, pressure, velocity);
-  give_way(step.parallel, matter.common.grid, way, pressure);
+  solve_correction(step, matter.common.grid, velocity.slip, direction, elasticity.system, pressure);
+  correct_velocity(step, direction, 1, elasticity, pressure, velocity);
+  deform_by_pressure(step.parallel, matter.common.grid, direction, pressure);
   const Real length =
-      static_cast<Real>(pressure.system.step_length(step.parallel, velocity.field, pressure.source, way));
+      static_cast<Real>(pressure.system.step_length(step.parallel, velocity.field, pressure.source, direction));
   pressure.gain = 0.5 * length * pressure.slope;
-  if (!pressure.takes) linalg::fill(step.parallel, pressure.taken, way.size(), Real(0));
+  if (!pressure.takes) linalg::fill(step.parallel, pressure.taken, direction.size(), Real(0));
   pressure.takes = true;
-  linalg::add_scaled(step.parallel, pressure.taken, length, way);
-  linalg::scale(step.parallel, way, length - 1);
-  give_way(step.parallel, matter.common.grid, way, pressure);
-  correct_velocity(step, way, length, elasticity, pressure, velocity);
-  linalg::add_scaled(step.parallel, way, 1.0, pressure.way);
+  linalg::add_scaled(step.parallel, pressure.taken, length, direction);
+  linalg::scale(step.parallel, direction, length - 1);
+  deform_by_pressure(step.parallel, matter.common.grid, direction, pressure);
+  correct_velocity(step, direction, length, elasticity, pressure, velocity);
+  linalg::add_scaled(step.parallel, direction, 1.0, pressure.direction);
   pressure.coupled = length;
   if (!goes_on) return;
   linalg::add_scaled(step.parallel, answered, length, pressure.correction);
-  for (std::size_t p = 0; p < pushed.size(); ++p) pushed[p] += length * pressure.answers[p];
+  for (std::size_t p = 0; p < impulses.size(); ++p) impulses[p] += length * pressure.answers[p];
   pressure.correction = std::move(answered);
-  pressure.answers = std::move(pushed);
+  pressure.answers = std::move(impulses);
   pressure.coupled = 1;
 }
 
@@ -182,10 +184,10 @@ bool strains_much(const StepContext& step, const SolidWorks& solids, const Grid&
     if (row.on_wall) change[3 * system.unknown_of(row.solid, row.node) + static_cast<std::size_t>(row.axis)] = 0;
   if (leads_astray(elasticity.contacts.rows, change, kLeads * g.h / step.dt)) return true;
   if (pressure.coupled != 0 && pressure.gain < kGains * energy) return false;
-  std::vector<Real> pushed;
+  std::vector<Real> inertia;
   system.multiply(step.parallel, change, moved);
-  system.multiply_mass(step.parallel, change, pushed);
-  linalg::add_scaled(step.parallel, moved, -1.0, pushed);  // dt^2 K of the change
+  system.multiply_mass(step.parallel, change, inertia);
+  linalg::add_scaled(step.parallel, moved, -1.0, inertia);  // dt^2 K of the change
   return 0.5 * linalg::dot(step.parallel, change, moved) > taken + kStrains * energy;
 }
 

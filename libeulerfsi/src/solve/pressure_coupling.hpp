@@ -24,11 +24,11 @@ void correct_velocity(const StepContext& step, std::vector<Real>& q, Real share,
 // Whether elasticity has to respond to the pressure, by the divergence that this is to take.
 bool needs_coupling(const Scene& scene, const system::DivergenceNorms& divergence);
 // A pressure that leaves little of the divergence: where the first coupling step goes.
-void estimate_way(const StepContext& step, PressureEquation& pressure, std::vector<Real>& way);
-// A coupling step, from the velocity of the right-hand side of Eq. 12. way: search direction, a pressure that the
+void estimate_direction(const StepContext& step, PressureEquation& pressure, std::vector<Real>& direction);
+// A coupling step, from the velocity of the right-hand side of Eq. 12. direction: of the search, a pressure that the
 // projection would take; becomes what the step has taken.
 void couple_pressure(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Matter& matter,
-                     std::vector<Real>& way, VelocityEquation& elasticity, PressureEquation& pressure,
+                     std::vector<Real>& direction, VelocityEquation& elasticity, PressureEquation& pressure,
                      NodeVelocity& velocity);
 // Whether to project by pressure.q would strain the solids by more energy than it takes, and more than a part of
 // theirs, or close active contact rows.

@@ -24,7 +24,7 @@ struct PressureEquation {
   std::vector<Vec3> answers;     // of contact to the correction, per penalty in G [kg m/s]
   Real coupled = 0;              // how much of it coupling steps have taken off; 0: there was none
   std::vector<Real> corrected;   // v* less a share of the correction on them [m/s]
-  std::vector<Real> way;         // of q that the last coupling step went, padded cells
+  std::vector<Real> direction;   // of q that the last coupling step went, padded cells
   std::vector<Real> left;        // the right-hand side of Eq. 12 before it [m^3/s]
   double slope = 0.0;            // that times the estimate from which the search direction was made
   double gain = 0.0;             // error that the last coupling step removed, in the norm of J A^-1 J^T [J]

@@ -14,14 +14,14 @@ namespace efsi::sim {
 // Eq. 8 on its unknowns.
 struct VelocityEquation {
   system::VelocitySystem system;
-  Holds holds;                   // constraints of the solids during and after the solve
-  std::vector<WallRow> walls;    // what walls do
-  SolidContacts contacts;        // what solids do to each other
-  std::vector<GivenNode> given;  // what pins and colliders prescribe
-  std::vector<Real> f_star;      // the right-hand side [kg m/s]
-  std::vector<Real> v_star;      // start of the solve, then v* [m/s]
-  std::vector<Real> v_old;       // at the start of the step, where there are contacts or pins [m/s]
-  std::vector<Real> momentum;    // M v + dt f, which v* has to have [kg m/s]
+  Holds holds;                        // constraints of the solids during and after the solve
+  std::vector<WallRow> walls;         // what walls do
+  SolidContacts contacts;             // what solids do to each other
+  std::vector<PrescribedNode> given;  // what pins and colliders prescribe
+  std::vector<Real> f_star;           // the right-hand side [kg m/s]
+  std::vector<Real> v_star;           // start of the solve, then v* [m/s]
+  std::vector<Real> v_old;            // at the start of the step, where there are contacts or pins [m/s]
+  std::vector<Real> momentum;         // M v + dt f, which v* has to have [kg m/s]
 };
 
 }  // namespace efsi::sim

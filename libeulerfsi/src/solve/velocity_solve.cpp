@@ -52,12 +52,12 @@ void add_past_stiffness(const StepContext& step, const SolidStates& states, cons
   system::VelocitySystem& system = elasticity.system;
   std::vector<Real> old;
   for (std::size_t l = 0; l < states.size(); ++l) {
-    const grid::VectorField& pushed = solids[l].pushed;
-    if (pushed.size() == 0) continue;
+    const grid::VectorField& force_velocity = solids[l].force_velocity;
+    if (force_velocity.size() == 0) continue;
     if (old.empty()) old = elasticity.v_star;
     for_unknowns(states, solids, l, common, system, [&](std::size_t u, std::size_t n) {
       for (std::size_t a = 0; a < 3; ++a)
-        if (system.free()[u + a] > 0) old[u + a] -= pushed.c[a][n];
+        if (system.free()[u + a] > 0) old[u + a] -= force_velocity.c[a][n];
     });
   }
   system.add_past_stiffness(step.parallel, old.empty() ? elasticity.v_star : old, elasticity.f_star);
@@ -69,10 +69,10 @@ void add_past_stiffness(const StepContext& step, const SolidStates& states, cons
 // rest.
 void choose_start(const Parallel& parallel, VelocityEquation& elasticity) {
   if (elasticity.v_old.empty()) return;
-  std::vector<Real> pushed = elasticity.f_star;
-  system::add_impulses(elasticity.contacts.rows, pushed);
+  std::vector<Real> loaded = elasticity.f_star;
+  system::add_impulses(elasticity.contacts.rows, loaded);
   system::VelocitySystem& system = elasticity.system;
-  if (system.residual(parallel, pushed, elasticity.v_old) < system.residual(parallel, pushed, elasticity.v_star))
+  if (system.residual(parallel, loaded, elasticity.v_old) < system.residual(parallel, loaded, elasticity.v_star))
     elasticity.v_star = elasticity.v_old;
 }
 
@@ -103,7 +103,7 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
   for (std::size_t l = 0; l < step.scene.solids.size(); ++l) {
     const solid::SolidRest& rest = step.scene.solids[l];
     system::SolidRef ref{&rest, &states[l], &solids[l], {}, {}};
-    if (step.scene.params.numerics.stiffness_by_pace) {
+    if (step.scene.params.numerics.damping_by_pace) {
       const double stiffest = std::max(rest.elastic.mu, rest.elastic.lambda + rest.bulk);
       const double pace = step.dt * std::sqrt(stiffest / rest.density) / step.scene.grid.h;
       const double strain = step.dt * solid::largest_strain_rate(step.parallel, states[l], solids[l].carries);
@@ -119,10 +119,10 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
   system.assemble(step.parallel, matter.common.grid, walls.empty() ? matter.fixed : held, refs, matter.mass,
                   velocity.slip, step.dt, grid::slab_axis(matter.common.grid, matter.common.walls));
   tie_rows(elasticity.walls, system);
-  fix_given(elasticity.given, system);
+  fix_prescribed(elasticity.given, system);
   number_rows(system, contacts);
   drop_blocked_rows(elasticity.given, system, contacts);
-  elasticity.holds = find_holds(step.scene.solids.size(), system, meeting_pairs(contacts));
+  elasticity.holds = find_constraints(step.scene.solids.size(), system, meeting_pairs(contacts));
   system.gather(step.parallel, velocity.field, velocity.slip, elasticity.v_star);
   // momentum = M (v + dt f_ext / m) + dt f_int, f* = momentum + what stands for K v^n
   std::vector<Real> force;
@@ -162,11 +162,11 @@ void solve_velocity(const StepContext& step, VelocityEquation& elasticity, NodeV
   }
   system::add_impulses(elasticity.contacts.rows, elasticity.f_star);
   system::add_impulses(elasticity.contacts.rows, elasticity.momentum);
-  elasticity.holds = find_holds(step.scene.solids.size(), system, pushing_pairs(elasticity.contacts));
+  elasticity.holds = find_constraints(step.scene.solids.size(), system, active_pairs(elasticity.contacts));
   if (!elasticity.walls.empty() || !elasticity.given.empty()) {
     const Reaction reaction = velocity_reaction(step.parallel, elasticity);
     add_velocity_reactions(reaction, elasticity.walls);
-    add_given_reactions(reaction, elasticity.given);
+    add_pin_reactions(reaction, elasticity.given);
   }
   step.info.velocity_residual = stats.residual;
   step.info.unconverged += !stats.converged;

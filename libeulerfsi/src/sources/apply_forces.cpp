@@ -16,7 +16,7 @@ double time_on(const ForceField& force, double time, double dt) {
 void push_solid(const Parallel& parallel, const ForceField& force, double time, double duration, solid::SolidWork& work,
                 solid::SolidState& state) {
   const Grid& g = state.band.grid;
-  if (work.pushed.size() == 0) work.pushed.assign(g.node_count());
+  if (work.force_velocity.size() == 0) work.force_velocity.assign(g.node_count());
   parallel.for_each(g.cells[2] + 1, [&](std::int64_t kk) {
     const int k = static_cast<int>(kk);
     for (int j = 0; j <= g.cells[1]; ++j)
@@ -24,9 +24,9 @@ void push_solid(const Parallel& parallel, const ForceField& force, double time, 
         const std::size_t n = g.node(i, j, k);
         const Vec3d x = g.node_position(i, j, k);
         if (!(work.mass[n] > 0) || !force.contains(x)) continue;
-        const Vec3d v = state.v.at(n).cast<double>(), push = force.push(x, v, time, duration);
-        state.v.set(n, (v + push).cast<Real>());
-        work.pushed.set(n, work.pushed.at(n) + push.cast<Real>());
+        const Vec3d v = state.v.at(n).cast<double>(), change = force.velocity_change(x, v, time, duration);
+        state.v.set(n, (v + change).cast<Real>());
+        work.force_velocity.set(n, work.force_velocity.at(n) + change.cast<Real>());
       }
   });
 }
@@ -42,7 +42,7 @@ void push_fluid(const Parallel& parallel, const ForceField& force, double time, 
         if (!force.contains(x)) continue;
         const std::size_t n = g.node(i, j, k);
         const Vec3d v = velocity.at(n).cast<double>();
-        velocity.set(n, (v + force.push(x, v, time, duration)).cast<Real>());
+        velocity.set(n, (v + force.velocity_change(x, v, time, duration)).cast<Real>());
       }
   });
 }
@@ -51,7 +51,7 @@ void push_fluid(const Parallel& parallel, const ForceField& force, double time, 
 
 void apply_forces(const StepContext& step, const Grid& common, SolidWorks& solids, SolidStates& states,
                   grid::VectorField& fluid_velocity) {
-  for (solid::SolidWork& work : solids) work.pushed.assign(0);
+  for (solid::SolidWork& work : solids) work.force_velocity.assign(0);
   for (const ForceField& force : step.scene.forces) {
     const double duration = time_on(force, step.time, step.dt);
     if (!(duration > 0.0)) continue;

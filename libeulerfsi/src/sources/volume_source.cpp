@@ -47,7 +47,7 @@ void compute_volume_source(const Parallel& parallel, const Scene& scene, double 
                            const Holds& holds, const Matter& matter, SolidWorks& solids, std::vector<Real>& source) {
   const Grid& g = matter.common.grid;
   linalg::fill(parallel, source, g.padded_count(), Real(0));
-  const double tau = push_out_time(dt), limit = 0.1 / dt;
+  const double tau = overlap_time(dt), limit = 0.1 / dt;
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     solid::SolidWork& solid = solids[l];
     solid.next_volume = 0.0;

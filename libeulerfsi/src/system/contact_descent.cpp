@@ -97,22 +97,22 @@ linalg::SolveStats descend(const Parallel& parallel, const std::vector<Real>& f,
   linalg::SolveStats stats;
   system.follow_ties(x);
   Ray ray(rows, x);
-  std::vector<Real> rest = f, pushed, left, before, z, d, whole, q;  // rest: f - G x; left: the residual
+  std::vector<Real> rest = f, contact_load, left, before, z, d, whole, q;  // rest: f - G x; left: the residual
   system.multiply(parallel, x, q);
   linalg::add_scaled(parallel, rest, -1.0, q);
   system.fold(parallel, rest);
   double residual = 0.0, enough = 0.0;
   // The residual with the impulses of the rows, and the tolerance.
   const auto find_left = [&] {
-    linalg::fill(parallel, pushed, f.size(), Real(0));
+    linalg::fill(parallel, contact_load, f.size(), Real(0));
     for (std::size_t r = 0; r < rows.size(); ++r) {
       const RowAct& a = ray.acts()[r];
-      if (a.closed()) add_impulse(rows[r], a.impulse(rows[r]), pushed);
+      if (a.closed()) add_impulse(rows[r], a.impulse(rows[r]), contact_load);
     }
-    system.fold(parallel, pushed);
-    enough = std::max(target.least, target.of_push * linalg::norm(parallel, pushed));
+    system.fold(parallel, contact_load);
+    enough = std::max(target.least, target.of_impulse * linalg::norm(parallel, contact_load));
     linalg::copy(parallel, left, rest);
-    linalg::add_scaled(parallel, left, 1.0, pushed);
+    linalg::add_scaled(parallel, left, 1.0, contact_load);
     residual = linalg::norm(parallel, left);
   };
   find_left();

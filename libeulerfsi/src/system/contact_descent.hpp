@@ -14,8 +14,8 @@ namespace efsi::system {
 
 // What of the residual may be left: the larger of both.
 struct Target {
-  double least = 0.0;    // [kg m/s]
-  double of_push = 0.0;  // relative to |B^T r(x)|, the current contact impulses
+  double least = 0.0;       // [kg m/s]
+  double of_impulse = 0.0;  // relative to |B^T r(x)|, the current contact impulses
 };
 // x, in: start; what is prescribed is left alone. Penalties stay in the system. iterations: of the descents before, by
 // which the preconditioner ages. stats.residual: over what may be left.

@@ -7,13 +7,13 @@ namespace efsi::system {
 
 RowAct act(const ContactRow& row, const Vec3d& w) {
   RowAct out;
-  out.push = std::max(0.0, row.push - row.penalty * (row.normal.dot(w) - row.least));
-  const double limit = row.friction * out.push;
+  out.normal_impulse = std::max(0.0, row.normal_impulse - row.penalty * (row.normal.dot(w) - row.least));
+  const double limit = row.friction * out.normal_impulse;
   if (!(limit > 0.0)) return out;
-  out.pull = row.pull - row.penalty * (w - row.normal.dot(w) * row.normal);
-  const double length = out.pull.norm();
+  out.friction_impulse = row.friction_impulse - row.penalty * (w - row.normal.dot(w) * row.normal);
+  const double length = out.friction_impulse.norm();
   out.share = length > limit ? limit / length : 1.0;
-  out.pull *= out.share;
+  out.friction_impulse *= out.share;
   return out;
 }
 

@@ -11,27 +11,27 @@
 namespace efsi::system {
 
 struct ContactRow {
-  std::vector<RowPart> parts;    // weights of the second solid add up to 1, of the first to -1
-  Vec3d normal = Vec3d::Zero();  // from the first solid to the second
-  double least = 0.0;            // tau [m/s]
-  double friction = 0.0;         // mu
-  double push = 0.0;             // n.r, in and out [kg m/s]
-  Vec3d pull = Vec3d::Zero();    // r_t, in and out [kg m/s]
-  double penalty = 0.0;          // kappa [kg]; 0: nothing of the row can move
-  double hold = 1.0;             // of the penalty while the pressure acts, over kappa
-  bool sticks = false;           // out
+  std::vector<RowPart> parts;              // weights of the second solid add up to 1, of the first to -1
+  Vec3d normal = Vec3d::Zero();            // from the first solid to the second
+  double least = 0.0;                      // tau [m/s]
+  double friction = 0.0;                   // mu
+  double normal_impulse = 0.0;             // n.r, in and out [kg m/s]
+  Vec3d friction_impulse = Vec3d::Zero();  // r_t, in and out [kg m/s]
+  double penalty = 0.0;                    // kappa [kg]; 0: nothing of the row can move
+  double hold = 1.0;                       // of the penalty while the pressure acts, over kappa
+  bool sticks = false;                     // out
 
-  Vec3d impulse() const { return push * normal + pull; }
+  Vec3d impulse() const { return normal_impulse * normal + friction_impulse; }
 };
 
 // What a row does while its velocity is w: the multipliers r - kappa (w - tau n), brought back to what they may be.
 struct RowAct {
-  double push = 0.0;           // n.r >= 0 [kg m/s]; 0: open
-  Vec3d pull = Vec3d::Zero();  // r_t, |r_t| <= mu n.r [kg m/s]
-  double share = 0.0;          // of what would make it stick: 1 where it does
+  double normal_impulse = 0.0;             // n.r >= 0 [kg m/s]; 0: open
+  Vec3d friction_impulse = Vec3d::Zero();  // r_t, |r_t| <= mu n.r [kg m/s]
+  double share = 0.0;                      // of what would make it stick: 1 where it does
 
-  bool closed() const { return push > 0.0; }
-  Vec3d impulse(const ContactRow& row) const { return push * row.normal + pull; }
+  bool closed() const { return normal_impulse > 0.0; }
+  Vec3d impulse(const ContactRow& row) const { return normal_impulse * row.normal + friction_impulse; }
 };
 
 RowAct act(const ContactRow& row, const Vec3d& w);

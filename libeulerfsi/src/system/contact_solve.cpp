@@ -9,10 +9,10 @@
 namespace efsi::system {
 namespace {
 
-constexpr double kStiff = 3.0;     // of a penalty, over the inverse of the mobility of its row by the diagonal of G
-constexpr int kMostUpdates = 20;   // of the impulses
-constexpr double kOfPush = 0.1;    // of the contact impulses, to which the tolerance refers at least
-constexpr double kSettled = 1e-3;  // change of the impulses in an update, over the largest
+constexpr double kStiff = 3.0;      // of a penalty, over the inverse of the mobility of its row by the diagonal of G
+constexpr int kMostUpdates = 20;    // of the impulses
+constexpr double kOfImpulse = 0.1;  // of the contact impulses, to which the tolerance refers at least
+constexpr double kSettled = 1e-3;   // change of the impulses in an update, over the largest
 
 // What the rows start with: penalties, and impulses that they may have.
 void prepare(const VelocitySystem& system, std::vector<ContactRow>& rows) {
@@ -21,10 +21,10 @@ void prepare(const VelocitySystem& system, std::vector<ContactRow>& rows) {
     for (const RowPart& part : row.parts)
       mobility += static_cast<double>(part.weight * part.weight) * system.mobility(part.unknown);
     row.penalty = mobility > 0.0 ? kStiff / mobility : 0.0;
-    if (row.penalty == 0.0) row.push = 0.0;
-    row.pull -= row.normal.dot(row.pull) * row.normal;
-    const double limit = row.friction * row.push, length = row.pull.norm();
-    if (length > limit) row.pull *= limit / length;
+    if (row.penalty == 0.0) row.normal_impulse = 0.0;
+    row.friction_impulse -= row.normal.dot(row.friction_impulse) * row.normal;
+    const double limit = row.friction * row.normal_impulse, length = row.friction_impulse.norm();
+    if (length > limit) row.friction_impulse *= limit / length;
   }
 }
 
@@ -36,8 +36,8 @@ bool update(const std::vector<Real>& x, double negligible, std::vector<ContactRo
     if (!(row.penalty > 0.0)) continue;
     const RowAct next = act(row, row_velocity(row, x));
     const Vec3d before = row.impulse();
-    row.push = next.push;
-    row.pull = next.pull;
+    row.normal_impulse = next.normal_impulse;
+    row.friction_impulse = next.friction_impulse;
     row.sticks = next.share == 1.0;
     const double changed = (row.impulse() - before).norm();
     change = std::max(change, changed);
@@ -50,9 +50,9 @@ bool update(const std::vector<Real>& x, double negligible, std::vector<ContactRo
 // |f + B^T r - G x| of what moves, r the impulses that the rows have.
 double first_residual(const Parallel& parallel, const std::vector<Real>& f, const std::vector<Real>& x,
                       const std::vector<ContactRow>& rows, VelocitySystem& system) {
-  std::vector<Real> pushed = f;
-  add_impulses(rows, pushed);
-  return system.residual(parallel, pushed, x);
+  std::vector<Real> loaded = f;
+  add_impulses(rows, loaded);
+  return system.residual(parallel, loaded, x);
 }
 
 }  // namespace
@@ -65,7 +65,7 @@ linalg::SolveStats solve_contact(const Parallel& parallel, VelocitySolver solver
   prepare(system, rows);
   system.follow_ties(x);
   const Target target{std::max(tolerance * first_residual(parallel, f, x, rows, system), system.rounding(parallel, x)),
-                      tolerance * kOfPush};
+                      tolerance * kOfImpulse};
   linalg::SolveStats stats;
   bool settled = false;
   for (int outer = 0; outer < kMostUpdates && !settled; ++outer) {

@@ -51,7 +51,7 @@ void RigidModes::add_body(const Parallel& parallel, const VelocitySystem& system
   body.begin = system.begin_of(solid);
   body.end = system.begin_of(solid + 1);
   body.first = 6 * static_cast<Eigen::Index>(bodies_.size());
-  const unsigned held = system.held_axes(solid);
+  const unsigned held = system.fixed_axes(solid);
   for (Eigen::Index a = 0; a < 3; ++a) body.moves[a] = held & (1u << a) ? 0.0 : 1.0;
   if (held != 0) body.moves.tail<3>().setZero();
   const Eigen::Vector4d moments = ordered_sum<Eigen::Vector4d>(

@@ -8,7 +8,7 @@
 namespace efsi::system {
 namespace {
 
-constexpr Real kNoEndOfMass = Real(1e30);  // kg
+constexpr Real kInfiniteMass = Real(1e30);  // kg
 
 }  // namespace
 
@@ -203,7 +203,7 @@ void SlipNodes::hold(const Parallel& parallel, const std::vector<Real>& specific
       if (leads(t)) terms_[t] = share_terms(t);
       return;
     }
-    nodes_[t].solid_mass = kNoEndOfMass;
+    nodes_[t].solid_mass = kInfiniteMass;
     terms_[t] = terms(nodes_[t]);
   });
 }
@@ -331,7 +331,7 @@ void SlipNodes::excess(const Parallel& parallel, const std::vector<Real>& x, std
 }
 
 // J^T q by the members of a shared node.
-void SlipNodes::push(std::size_t t, const std::vector<Real>& q, Share& share) const {
+void SlipNodes::add_pressure_impulse(std::size_t t, const std::vector<Real>& q, Share& share) const {
   for (Member& m : share.members) {
     m.impulse.setZero();
     for (std::size_t corner = 0; corner < 8; ++corner)
@@ -343,7 +343,7 @@ void SlipNodes::push(std::size_t t, const std::vector<Real>& q, Share& share) co
 void SlipNodes::subtract_share(std::size_t t, const std::vector<Real>& q, grid::VectorField& velocity) {
   const SlipNode& n = nodes_[t];
   Share share = share_of(t);
-  push(t, q, share);
+  add_pressure_impulse(t, q, share);
   respond(share);
   for (std::size_t s = 0; s < n.solids; ++s) solid_velocity_[t + s] -= share.members[s].loss;
   Vec3 all = Vec3::Zero();
@@ -358,7 +358,7 @@ Vec3 SlipNodes::share_impulse(std::size_t t, const std::vector<Real>& q) const {
   std::size_t first = t;
   while (!leads(first)) --first;
   Share share = share_of(first);
-  push(first, q, share);
+  add_pressure_impulse(first, q, share);
   const Member& own = share.members[t - first];
   if (!share.fluid || share.reaction == 0) return own.impulse;
   const Member& fluid = share.members.back();

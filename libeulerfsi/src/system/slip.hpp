@@ -177,7 +177,7 @@ class SlipNodes {
   };
   Share share_of(std::size_t t) const;  // t: the first of the node
   static void respond(Share& share);
-  void push(std::size_t t, const std::vector<Real>& q, Share& share) const;
+  void add_pressure_impulse(std::size_t t, const std::vector<Real>& q, Share& share) const;
   void subtract_share(std::size_t t, const std::vector<Real>& q, grid::VectorField& velocity);
   Vec3 share_impulse(std::size_t t, const std::vector<Real>& q) const;
   Vec3 filling(std::size_t t, const Vec3& fluid) const;

@@ -15,9 +15,10 @@ namespace {
 
 constexpr std::size_t kLanes = solid::kBlock;
 constexpr std::size_t kChunk = 1024;  // unknowns that are summed at a time
-constexpr double kLivelyAhead = 0.26, kLivelyBehind = 0.25;
-constexpr double kLivelyPace = 1.25, kLivelyStrain = 0.1, kLivelyGrowth = 1.25;  // from here to twice as much it fades
-constexpr double kDampedAhead = 0.6, kAheadOfPace = 0.4;
+constexpr double kUndampedImplicit = 0.26, kUndampedExplicit = 0.25;
+constexpr double kUndampedPace = 1.25, kUndampedStrain = 0.1,
+                 kUndampedGrowth = 1.25;  // from here to twice as much it fades
+constexpr double kDampedImplicit = 0.6, kImplicitOfPace = 0.4;
 constexpr std::uint8_t kAllAxes = 7;
 constexpr double kStiff = 20.0;  // of the diagonal of G over inertia
 constexpr double kRounding =
@@ -29,9 +30,10 @@ constexpr auto kAsItIs = [](std::size_t, const Vec3& sum) -> Vec3 { return sum; 
 
 StiffnessShares stiffness_shares(double pace, double strain, double growth) {
   const auto fade = [](double value, double from) { return std::clamp(2.0 - value / from, 0.0, 1.0); };
-  const double lively = std::min({fade(pace, kLivelyPace), fade(strain, kLivelyStrain), fade(growth, kLivelyGrowth)});
-  const double damped = std::clamp(kAheadOfPace * pace, kDampedAhead, 1.0);
-  return {damped + lively * (kLivelyAhead - damped), lively * kLivelyBehind};
+  const double undamped =
+      std::min({fade(pace, kUndampedPace), fade(strain, kUndampedStrain), fade(growth, kUndampedGrowth)});
+  const double damped = std::clamp(kImplicitOfPace * pace, kDampedImplicit, 1.0);
+  return {damped + undamped * (kUndampedImplicit - damped), undamped * kUndampedExplicit};
 }
 
 void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, const std::vector<std::uint8_t>& fixed,

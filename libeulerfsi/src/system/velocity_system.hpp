@@ -146,8 +146,8 @@ class VelocitySystem {
   // G = M + dt C_M + this times K [s^2].
   Real stiffness_factor(std::size_t solid) const { return stiffness_factor_[solid]; }
   // Axes along which walls constrain a node of a solid: bit a: axis a; 7 where another solid does.
-  unsigned held_axes(std::size_t solid) const { return held_[solid] == 7u ? 7u : held_[solid] & ~across_slab_; }
-  bool touches(std::size_t solid) const { return held_axes(solid) != 0; }
+  unsigned fixed_axes(std::size_t solid) const { return held_[solid] == 7u ? 7u : held_[solid] & ~across_slab_; }
+  bool touches(std::size_t solid) const { return fixed_axes(solid) != 0; }
   // Pairs of solids that share an unknown; of three or more at a node all with the first.
   const std::set<std::pair<std::size_t, std::size_t>>& touching() const { return touching_; }
   std::size_t bytes() const;

@@ -9,7 +9,7 @@ namespace {
 
 // Over the nodes whose data are the solid's own, or where there are none over the next best.
 Vec3 mean_velocity(const solid::SolidState& state) {
-  std::uint8_t best = solid::kExtended;
+  std::uint8_t best = solid::kExtrapolated;
   for (const std::uint8_t mark : state.valid)
     if (mark != solid::kNoData) best = std::min(best, mark);
   Vec3d sum = Vec3d::Zero();
@@ -37,7 +37,7 @@ void empty(solid::SolidState& state) {
 
 }  // namespace
 
-void let_leave(const StepContext& step, SolidStates& states, SolidWorks& solids) {
+void remove_departed(const StepContext& step, SolidStates& states, SolidWorks& solids) {
   for (std::size_t l = 0; l < states.size(); ++l) {
     if (states[l].whole || !solids[l].element_cell.empty() || solid::has_left(states[l])) continue;
     empty(states[l]);
@@ -47,7 +47,7 @@ void let_leave(const StepContext& step, SolidStates& states, SolidWorks& solids)
   }
 }
 
-void fly_on(double dt, solid::SolidState& state) {
+void continue_motion(double dt, solid::SolidState& state) {
   const Vec3d way = dt * state.v.at(0).cast<double>();
   for (Vec3d& x : state.surface) x += way;
 }

@@ -7,9 +7,9 @@ namespace efsi::sim {
 
 // After compute_masses: of a solid that is not whole and has no element nothing stays but its surface and its velocity,
 // the mean of what its nodes hold (solid::has_left).
-void let_leave(const StepContext& step, SolidStates& states, SolidWorks& solids);
+void remove_departed(const StepContext& step, SolidStates& states, SolidWorks& solids);
 
 // The surface of such a solid goes straight on.
-void fly_on(double dt, solid::SolidState& state);
+void continue_motion(double dt, solid::SolidState& state);
 
 }  // namespace efsi::sim

@@ -43,9 +43,9 @@ void inspect_maps(const std::vector<solid::SolidRest>& rest, const SolidWorks& w
 void repair_maps(const StepContext& step, SolidStates& states, SolidWorks& solids) {
   ScopedTimer timer(step.profile, Stage::kSolidMass);
   for (std::size_t l = 0; l < step.scene.solids.size(); ++l)
-    step.info.repairs.put_back += solid::repair_map(step.parallel, step.scene.solids[l], states[l], solids[l]);
-  if (step.info.repairs.put_back == 0) return;
-  step.info.degenerate_cells += step.info.repairs.put_back;
+    step.info.repairs.repaired_cells += solid::repair_map(step.parallel, step.scene.solids[l], states[l], solids[l]);
+  if (step.info.repairs.repaired_cells == 0) return;
+  step.info.degenerate_cells += step.info.repairs.repaired_cells;
   inspect_after(step.scene.solids, solids, step.info.repairs);
 }
 

@@ -29,7 +29,7 @@ MECHANISMS: Mapping[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
     "remapping": (("remap", ("solid_kinetic", "elastic", "fluid_kinetic")),),
 } | {
     stage.replace("_", " "): ((stage, tuple(FORMS)),)
-    for stage in ("mixing", "outside", "walls", "fluid_transport", "repair", "momentum", "plastic_flow", "viscosity")
+    for stage in ("mixing", "external", "walls", "fluid_transport", "repair", "momentum", "plastic_flow", "viscosity")
 }
 
 
@@ -99,7 +99,7 @@ def made_by(result: Result, rise: Rise) -> str:
 
 def in_words(parts: Mapping[str, float], rise: float) -> str:
     """Mechanisms and what they make [J], nothing from outside and nothing of less than a tenth of a rise [J]."""
-    large = [(name, value) for name, value in parts.items() if abs(value) > 0.1 * rise and name != "outside"]
+    large = [(name, value) for name, value in parts.items() if abs(value) > 0.1 * rise and name != "external"]
     return ", ".join(f"{name} {value:+.2g}" for name, value in sorted(large, key=lambda item: -item[1]))
 
 

@@ -249,7 +249,7 @@ class Observer:
 
     Of several solids: det_f_interior is that of full cells after the last repair; overlap: how deep a vertex of one is
     in another one [m]; contact: largest row_overlap of EfsiContactPair in the last step, 0 for less [cells];
-    pushing_rows: sum over the pairs. Colliders count for det_f_interior alone.
+    active_rows: sum over the pairs. Colliders count for det_f_interior alone.
     """
 
     def __init__(self, meshes: list[Mesh], company: Company) -> None:
@@ -275,7 +275,7 @@ class Observer:
         return seen | {
             "overlap": deepest_vertex(list(zip(surfaces, self.triangles, strict=True))),
             "contact": max([0.0, *(pair["row_overlap"] for pair in pairs)]),
-            "pushing_rows": sum(pair["pushing_rows"] for pair in pairs),
+            "active_rows": sum(pair["active_rows"] for pair in pairs),
         }
 
     def solid(self, simulation: Simulation, number: int, points: np.ndarray) -> dict[str, Any]:
@@ -297,9 +297,9 @@ def record(simulation: Simulation) -> dict[str, Any]:
 
     energy_change: (stages, forms) [J]; energy_end, energy_at_start: (forms,) [J]; stages and forms as in the binding.
     """
-    repairs, moved, ledger = simulation.repairs(), simulation.transport_change(1), simulation.energy_ledger()
+    repairs, moved, ledger = simulation.repairs(), simulation.transport_error(1), simulation.energy_ledger()
     return {
-        **{name: repairs[name] for name in ("clamped", "rejected", "broken", "put_back")},
+        **{name: repairs[name] for name in ("clamped", "rejected", "broken", "repaired_cells")},
         "det_f_before": [repairs["min_det_f_before"], repairs["max_det_f_before"]],
         **{f"transport_{name}": value for name, value in moved.items()},
         "energy_end": list(ledger["end"].values()),

@@ -66,7 +66,7 @@ def resolved(run: Experiment) -> bool:
 
 def out_of_bounds(result: Result) -> dict[str, int]:
     """Cells that were, by what was wrong, summed over the steps."""
-    return {name: int(result[name].sum()) for name in ("clamped", "rejected", "broken", "put_back")}
+    return {name: int(result[name].sum()) for name in ("clamped", "rejected", "broken", "repaired_cells")}
 
 
 def conditions(result: Result, more: str = "") -> str:

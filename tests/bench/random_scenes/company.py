@@ -58,7 +58,7 @@ class Company(experiment.Company):
     pin_gap: farthest that a vertex in the pin's region is from where the pose puts it, at times for which a pose was
     given, 0 between them [m];
     collider_gap (`of` every solid): nearest that a vertex is to the collider, negative inside [m];
-    given_work: of what holds a pin or a collider, in the step [J];
+    prescribed_work: of what holds a pin or a collider, in the step [J];
     jet_flux [m^3/s], jet_on: part of the step; jet_covered: a solid is near its region.
     """
 
@@ -102,7 +102,7 @@ class Company(experiment.Company):
     def observe(self) -> dict[str, Any]:
         time = self.simulation.time
         surfaces = [self.simulation.surface(k, len(rest))[0].astype(float) for k, rest in enumerate(self.rest, 1)]
-        seen: dict[str, Any] = {"given_work": self.work()}
+        seen: dict[str, Any] = {"prescribed_work": self.work()}
         if self.scene.pin:
             seen["pin_gap"] = self.pin_gap(surfaces[0], time)
         if self.scene.collider:

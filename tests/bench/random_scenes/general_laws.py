@@ -260,7 +260,7 @@ def sum_of_momenta(record: Record) -> Verdict:
         raise Moot("no momentum")
     gained = sum(masses) * np.outer(record.times[flight], record.fall)
     lost = np.linalg.norm(sum(momenta) - sum(momenta)[0] - gained, axis=1).max() / scale
-    pushed = int((record.result["pushing_rows"][flight[1:]] > 0).sum())
+    pushed = int((record.result["active_rows"][flight[1:]] > 0).sum())
     return lost, 0, FREE_MOMENTUM, f"of {len(masses)} solids in flight, {pushed} steps with contact"
 
 
@@ -273,7 +273,7 @@ def overlaps(record: Record) -> np.ndarray:
 
 @law("overlap", f"cells that the deepest vertex of a solid is in another one <= {OVERLAP:g}")
 def overlap(record: Record) -> Verdict:
-    depths, rows = overlaps(record), record.column("pushing_rows")
+    depths, rows = overlaps(record), record.column("active_rows")
     if not (rows > 0).any() and not depths.any():
         raise Moot("they do not meet")
     at = int(depths.argmax())
@@ -285,7 +285,7 @@ def overlap(record: Record) -> Verdict:
 def overlap_at_rest(record: Record) -> Verdict:
     depths = overlaps(record)
     late = rest(record, "one leaves through an open face")
-    if not (record.result["pushing_rows"][late] > 0).any() and not depths[late].any():
+    if not (record.result["active_rows"][late] > 0).any() and not depths[late].any():
         raise Moot("at rest away from each other")
     return depths[late].max(), 0, OVERLAP_AT_REST, f"last {REST_TIME:g} s"
 

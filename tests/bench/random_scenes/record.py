@@ -179,9 +179,9 @@ class Record:
 
         Half of a step's counts at its start, where the velocity is the mean of those around.
         """
-        work = ledger(self.result)[:, binding.ENERGY_STAGES.index("outside")].sum(axis=1)
-        if "given_work" in self.result.columns:
-            work = work + self.result["given_work"]
+        work = ledger(self.result)[:, binding.ENERGY_STAGES.index("external")].sum(axis=1)
+        if "prescribed_work" in self.result.columns:
+            work = work + self.result["prescribed_work"]
         if "jet_flux" in self.result.columns:
             work = work + self.result["source_work"]
         return with_end(np.cumsum(work) - work / 2)

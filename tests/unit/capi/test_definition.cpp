@@ -195,7 +195,7 @@ TEST_CASE("NULL is refused and never followed") {
            efsi_surface_create(nullptr, 0.1, 0, nullptr, nullptr, nullptr, nullptr),
            efsi_surface_get_report(nullptr, nullptr),
            efsi_surface_get_overlap(nullptr, nullptr, nullptr, nullptr, nullptr),
-           efsi_surface_lay_in_slab(nullptr, 2, 0.0, 0.1, nullptr, nullptr),
+           efsi_surface_extrude_in_slab(nullptr, 2, 0.0, 0.1, nullptr, nullptr),
            efsi_simulation_estimate_memory(nullptr, 0.0, nullptr, nullptr, nullptr),
            efsi_simulation_step(nullptr, 0.1, nullptr),
            efsi_simulation_advance(nullptr, 0.1, nullptr, nullptr, nullptr),

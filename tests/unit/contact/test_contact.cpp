@@ -73,7 +73,7 @@ Outcome run(sim::Simulation& s, double end) {
     const sim::SolidContacts& contacts = s.workspace().elasticity.contacts;
     for (const sim::RowPlace& place : contacts.places)
       out.deepest = std::min(out.deepest, place.gap / s.workspace().matter.common.grid.h);
-    const bool pushes = !sim::pushing_pairs(contacts).empty();
+    const bool pushes = !sim::active_pairs(contacts).empty();
     out.pushes += pushes;
     if (pushes) {
       parted = s.state().time;
@@ -158,7 +158,7 @@ Effort effort(sim::Simulation& s, double end) {
   for (; s.state().time < end - 1e-9; ++steps)
     out.iterations += static_cast<double>(s.step(end - s.state().time).velocity_iterations);
   out.iterations /= steps;
-  out.pushes = !sim::pushing_pairs(s.workspace().elasticity.contacts).empty();
+  out.pushes = !sim::active_pairs(s.workspace().elasticity.contacts).empty();
   return out;
 }
 
@@ -295,12 +295,12 @@ TEST_CASE("Solids far from each other have no rows, and with the paper's preset 
   CHECK(least == Approx(0.015 - sim::kContactSkin * kCell).margin(0.25 * kCell));
   for (const system::ContactRow& row : contacts.rows) {
     CHECK(row.normal[0] > 0.9);
-    CHECK(row.push == 0.0);
+    CHECK(row.normal_impulse == 0.0);
     double sum = 0.0;
     for (const system::RowPart& part : row.parts) sum += static_cast<double>(part.weight);
     CHECK(std::abs(sum) < 1e-6);
   }
-  p.numerics.walls_push_only = false;
+  p.numerics.unilateral_walls = false;
   auto paper = make_simulation(p, near);
   paper->step(1e-3);
   CHECK(paper->workspace().elasticity.contacts.rows.empty());

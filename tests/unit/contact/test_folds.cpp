@@ -79,11 +79,11 @@ Closing close(sim::Simulation& s, double end) {
   double start = 0.0;
   while (s.state().time < end - 1e-9) {
     const sim::StepInfo info = s.step(std::min(0.02, end - s.state().time));
-    out.repairs += info.repairs.put_back;
+    out.repairs += info.repairs.repaired_cells;
     for (const sim::ContactPair& pair : info.contacts) {
       CHECK(pair.one == pair.other);
       CHECK(pair.sticking == 0);
-      out.impulse += pair.push;
+      out.impulse += pair.normal_impulse;
       ++out.pushes;
     }
     out.last = between_tips(s);

@@ -39,9 +39,9 @@ TEST_CASE("Solids that push each other are a cluster, held altogether; one alone
 }
 
 TEST_CASE("What touches nothing keeps its choice of elements, its frame and its film; what does loses them at once") {
-  CHECK(sim::choice_lags(kFree, 3.0));
-  CHECK(sim::choice_lags(kOnFloor, 0.29));
-  CHECK_FALSE(sim::choice_lags(kOnFloor, 0.31));
+  CHECK(sim::has_element_hysteresis(kFree, 3.0));
+  CHECK(sim::has_element_hysteresis(kOnFloor, 0.29));
+  CHECK_FALSE(sim::has_element_hysteresis(kOnFloor, 0.31));
 
   CHECK(sim::shares_while(false, 0.5, 0.01, 1.0).behind > 0.0);
   CHECK(sim::shares_while(true, 0.5, 0.01, 1.0).behind == 0.0);

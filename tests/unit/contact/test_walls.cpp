@@ -150,7 +150,7 @@ TEST_CASE("What a wall has pulled it lets go in the next step", "[law]") {
   while (s->state().time < 0.2) {
     s->step(0.2 - s->state().time);
     std::vector<std::size_t> now;
-    for (const solid::WallPress& press : s->state().solids[0].presses) {
+    for (const solid::WallImpulse& press : s->state().solids[0].presses) {
       if (press.force > 0) continue;
       now.push_back(s->grid().node(press.node[0], press.node[1], press.node[2]));
       again += static_cast<std::size_t>(std::count(last.begin(), last.end(), now.back()));

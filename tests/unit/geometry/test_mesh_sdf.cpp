@@ -224,14 +224,14 @@ TEST_CASE("The report says what was repaired, and nothing of clean pieces") {
 
   const Built turned = build(shapes::together(ball, shapes::inside_out(other)), 0.05);
   CHECK_THAT(turned.warnings, Contains("1 of 2 pieces inside out: turned"));
-  CHECK(turned.report.turned_triangles == other.triangles.size());
+  CHECK(turned.report.reversed_triangles == other.triangles.size());
   CHECK(turned.report.repaired);
 
   TriangleMesh one = ball;
   std::swap(one.triangles[7][0], one.triangles[7][1]);
   const Built single = build(one, 0.05);
   CHECK_THAT(single.warnings, Equals("1 triangle against its neighbours: turned"));
-  CHECK(single.report.turned_triangles == 1);
+  CHECK(single.report.reversed_triangles == 1);
 
   TriangleMesh soup;  // every triangle with points of its own
   for (const Triangle& t : ball.triangles) {
@@ -240,7 +240,7 @@ TEST_CASE("The report says what was repaired, and nothing of clean pieces") {
     soup.triangles.push_back({first, first + 1, first + 2});
   }
   const Built joined = build(soup, 0.05);
-  CHECK(joined.report.joined_points == soup.points.size() - ball.points.size());
+  CHECK(joined.report.merged_points == soup.points.size() - ball.points.size());
   CHECK_THAT(joined.warnings, Contains("doubled points: joined") && !Contains("three faces"));
 
   const Built crossing = build(shapes::together(ball, shapes::sphere(0.3, 10, {0.5, 0, 0})), 0.05);

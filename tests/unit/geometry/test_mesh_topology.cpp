@@ -92,11 +92,11 @@ TEST_CASE("Triangles are turned to agree with each other and to point out of the
     const TriangleMesh before = box;
     const OrientationRepair repair = orient_outwards(box);
     CHECK(box.triangles == before.triangles);
-    CHECK((repair.turned_triangles == 0 && repair.turned_parts == 0 && !repair.turned_mesh));
+    CHECK((repair.reversed_triangles == 0 && repair.turned_parts == 0 && !repair.turned_mesh));
   }
   SECTION("some triangles against their neighbours") {
     for (const int t : {1, 4, 9}) std::swap(box.triangles[t][0], box.triangles[t][2]);
-    CHECK(orient_outwards(box).turned_triangles == 3);
+    CHECK(orient_outwards(box).reversed_triangles == 3);
     CHECK(signed_volume(box) == Approx(1.0));
   }
   SECTION("the whole mesh") {

@@ -13,7 +13,7 @@ namespace {
 constexpr double kH = 0.04;
 
 std::shared_ptr<const Surface> laid(const TriangleMesh& mesh, const Slab& slab) {
-  return lay_in_slab(*examine(mesh, 0.5 * kH), slab);
+  return extrude_in_slab(*examine(mesh, 0.5 * kH), slab);
 }
 
 }  // namespace

@@ -76,7 +76,7 @@ TEST_CASE("The record of two balls that meet has the impulse that turns them aro
   CHECK(pair.surface_overlap == Approx(pair.row_overlap - sim::kContactSkin).margin(0.3));
   // Where cells are cut by both, a little of the pressure goes over, too.
   CHECK((pair.impulse - turned).norm() < (compressible ? 1e-4 : 1e-2) * turned.norm());
-  CHECK(pair.push >= 0.999 * pair.impulse.norm());
+  CHECK(pair.normal_impulse >= 0.999 * pair.impulse.norm());
   CHECK(s->contacts().empty());
 }
 
@@ -91,8 +91,8 @@ TEST_CASE("The record of a call is the sum of its steps, and starts anew with th
   REQUIRE(sums.size() == 1);
   REQUIRE(s->contacts().size() == 1);
   CHECK(sums[0].pushing == s->contacts()[0].pushing);
-  CHECK(sums[0].push == s->contacts()[0].push);
-  CHECK(seen[0].push == sums[0].push);
+  CHECK(sums[0].normal_impulse == s->contacts()[0].normal_impulse);
+  CHECK(seen[0].normal_impulse == sums[0].normal_impulse);
   s->set_state(sim::State(s->state()));
   CHECK(s->contacts().empty());
 }
@@ -111,7 +111,7 @@ TEST_CASE("The record tells the weight that rests on a solid, and whether it sti
                                       << share << ", overlap " << pair.row_overlap);
   CHECK(pair.impulse[1] == Approx(load * std::cos(kSlope)).epsilon(0.03));
   CHECK(-pair.impulse[0] == Approx(sticks ? load * std::sin(kSlope) : friction * pair.impulse[1]).epsilon(0.05));
-  CHECK(pair.push == Approx(pair.impulse[1]).epsilon(0.02));
+  CHECK(pair.normal_impulse == Approx(pair.impulse[1]).epsilon(0.02));
   CHECK((sticks ? share : 1.0 - share) > 0.65);  // at the edges, where little pushes, rows slide in what sticks
   CHECK(std::abs(pair.row_overlap) < 0.25);
 }

@@ -178,7 +178,7 @@ TEST_CASE("Ledger: its columns join the energies that the diagnostics tell", "[l
     const double weight = solid.mass - 500.0 * solid.mass / 1000.0;
     CHECK(sum.potential == Approx(weight * 9.8 * (solid.center[1] - solid_before.center[1])).epsilon(1e-3));
     CHECK(change(*s, EnergyStage::kMixing).sum() <= 1e-6 * scale);
-    CHECK(change(*s, EnergyStage::kOutside).sum() == 0.0);
+    CHECK(change(*s, EnergyStage::kExternal).sum() == 0.0);
   }
 }
 
@@ -259,21 +259,21 @@ TEST_CASE("Transport: changes of momentum and volume of a solid that is pushed a
   const Vec3d push(0.1, 0.2, -0.3);
   for (std::size_t n = 0; n < t.state.v.size(); ++n) t.state.v.set(n, push.cast<Real>());
   for (Vec3d& x : t.state.surface) x = Vec3d(0.5, 0.5, 0.5) + 1.01 * (x - Vec3d(0.5, 0.5, 0.5));
-  const sim::TransportChange change = sim::transport_change(parallel, t.rest, t.state, t.work, target, before);
+  const sim::TransportError change = sim::transport_error(parallel, t.rest, t.state, t.work, target, before);
   CHECK((change.momentum - t.work.total_mass * push).norm() < 1e-5 * t.work.total_mass);
   CHECK(change.angular_momentum.norm() < 1e-5 * t.work.total_mass);
   CHECK(change.volume_mesh == Approx(std::pow(1.01, 3) - 1.01).epsilon(1e-6));
   CHECK(change.volume_cells == Approx(-0.01).epsilon(1e-3));
   CHECK(change.mass == Approx(0.0).margin(1e-6));
-  t.work.counted_mass = 1.02 * t.work.total_mass;  // by the cells before it was scaled
-  CHECK(sim::transport_change(parallel, t.rest, t.state, t.work, target, before).mass == Approx(0.02));
+  t.work.cell_mass = 1.02 * t.work.total_mass;  // by the cells before it was scaled
+  CHECK(sim::transport_error(parallel, t.rest, t.state, t.work, target, before).mass == Approx(0.02));
 }
 
 TEST_CASE("Repairs: none while a ball flies; det F is told before and after") {
   auto s = make_simulation(recorded({0.4, 0.4, 0.4}), {ball_desc({0.2, 0.2, 0.2})});
   s->step(0.01);
   const sim::Repairs& r = s->last_step().repairs;
-  CHECK(r.clamped + r.rejected + r.broken + r.put_back == 0);
+  CHECK(r.clamped + r.rejected + r.broken + r.repaired_cells == 0);
   CHECK(r.min_det_f_before == Approx(1.0).epsilon(1e-3));
   CHECK(r.max_det_f_before == Approx(1.0).epsilon(1e-3));
   CHECK(r.min_det_f_after == r.min_det_f_before);

@@ -212,8 +212,8 @@ TEST_CASE("A compressible ball under a load towards its centre shrinks by the me
   d.youngs_modulus = 70000.0 / 3.0;  // lambda 5000, mu 10000
   d.poissons_ratio = 1.0 / 6.0;
   d.compressible = true;
-  d.rayleigh_beta = dt;                  // comes to rest
-  p.numerics.stiffness_by_pace = false;  // the load comes as a velocity, on which no stiffness may act
+  d.rayleigh_beta = dt;                // comes to rest
+  p.numerics.damping_by_pace = false;  // the load comes as a velocity, on which no stiffness may act
   auto s = make_simulation(p, {d});
   load(*s, dt, 60,
        [&](const Vec3d& x, std::size_t a) { return -beta / 1000.0 * (x[static_cast<Eigen::Index>(a)] - 0.2); });

@@ -138,7 +138,7 @@ TEST_CASE("A soft plastic ball of five cells that a floor flattens to a pancake:
   double lowest = 1e9, largest = 0.0, rise = 0.0;
   while (s->state().time < 0.4 - 1e-9) {
     const sim::StepInfo info = s->step(std::min(1.0 / 24, 0.4 - s->state().time));
-    CHECK(info.repairs.put_back == 0);
+    CHECK(info.repairs.repaired_cells == 0);
     CHECK(info.energy->change[static_cast<std::size_t>(sim::EnergyStage::kPlasticFlow)].elastic <= 1e-9);
     const double energy = info.energy->at_start.sum();
     lowest = std::min(lowest, energy);

@@ -108,9 +108,9 @@ TEST_CASE("A free body moves by the mean of two velocities and ends with the sec
   CHECK(step.velocity.linear.isApprox(Vec3d(1.5, 0.5, -1)));
   CHECK(step.velocity.angular.isApprox(Vec3d(0, 0, 4)));
   // On a floor, where the last velocity is that of the field: what the mean moves it less along the floor.
-  CHECK(solid::held_step(before, after, 2, 0.1).shift.isApprox(Vec3d(-0.05, 0, 0)));
-  CHECK(solid::held_step(before, after, 2, 0.1).velocity.linear.isZero(0));
-  CHECK(solid::held_step(before, after, 7, 0.1).shift.isZero(0));
+  CHECK(solid::constrained_step(before, after, 2, 0.1).shift.isApprox(Vec3d(-0.05, 0, 0)));
+  CHECK(solid::constrained_step(before, after, 2, 0.1).velocity.linear.isZero(0));
+  CHECK(solid::constrained_step(before, after, 7, 0.1).shift.isZero(0));
 }
 
 TEST_CASE("A free rigid body keeps its energy in long steps, and turns to second order", "[law]") {

@@ -67,7 +67,7 @@ Shrunk shrink(double nu, double across) {
   ball.compressible = true;
   ball.rayleigh_beta = dt;
   sim::Params p = still_vacuum(Vec3d::Constant(0.4), 2.0 * kRadius / across);
-  p.numerics.stiffness_by_pace = false;  // the load comes as a velocity, on which no stiffness may act
+  p.numerics.damping_by_pace = false;  // the load comes as a velocity, on which no stiffness may act
   const auto s = make_simulation(p, {ball});
   load(*s, dt, 60, [&](const Vec3d& x, std::size_t a) {
     const auto i = static_cast<Eigen::Index>(a);

@@ -171,7 +171,7 @@ TEST_CASE("The coupling step leads to the velocity that pressure and elasticity 
 TEST_CASE("The velocity of a node holds the momentum of all that is there") {
   StagedScene pair({0.3, 0.2, 0.2});
   pair.params.gravity.setZero();
-  pair.params.numerics.fluid_slips = pair.params.numerics.walls_push_only = false;
+  pair.params.numerics.fluid_slips = pair.params.numerics.unilateral_walls = false;
   pair.add(make_ball(pair.g, kRubber, {0.1, 0.1, 0.1}, 0.05));
   pair.add(make_ball(pair.g, kRubber, {0.195, 0.1, 0.1}, 0.05));
   pair.rest[1].density = 300.0;

@@ -88,7 +88,7 @@ TEST_CASE("The floor carries the weight of all that is stacked on it", "[law][sl
         if (frame < 20) continue;
         for (std::size_t l = 0; l < blocks.size(); ++l) {
           weight += 9.8 * s->diagnose_solid(l).mass * (1.0 - fluid / 1000.0);
-          for (const solid::WallPress& press : s->state().solids[l].presses)
+          for (const solid::WallImpulse& press : s->state().solids[l].presses)
             if (press.axis == 1) pressed += static_cast<double>(press.force);
         }
       }

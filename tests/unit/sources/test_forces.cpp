@@ -150,7 +150,7 @@ TEST_CASE("What acts on solids alone leaves the fluid beside them in place at fi
   const sim::StepInfo info = s->step(0.001);
   const sim::SolidDiagnostics d = s->diagnose_solid(0);
   CHECK(d.momentum[0] / d.mass == Approx(0.005).epsilon(0.01));
-  const sim::Energy& outside = info.energy->change[static_cast<std::size_t>(sim::EnergyStage::kOutside)];
+  const sim::Energy& outside = info.energy->change[static_cast<std::size_t>(sim::EnergyStage::kExternal)];
   CHECK(outside.solid_kinetic == Approx(0.5 * d.mass * 0.005 * 0.005).epsilon(0.01));
   CHECK(outside.fluid_kinetic == Approx(0.0).margin(1e-12));
 }

@@ -146,7 +146,7 @@ TEST_CASE("A jet acts on a solid in its region through the pressure only, and no
     const auto changed = [&](sim::EnergyStage stage) {
       return info.energy->change[static_cast<std::size_t>(stage)].solid_kinetic;
     };
-    CHECK(changed(sim::EnergyStage::kOutside) == 0.0);
+    CHECK(changed(sim::EnergyStage::kExternal) == 0.0);
     CHECK(info.jets[0] <= 2.0 * 0.04 * (1 + 1e-6));
     CHECK(info.jets[0] > 0.5 * 2.0 * 0.04);
     const std::vector<Real>& fraction = s->workspace().matter.cell_fraction;
@@ -176,10 +176,10 @@ TEST_CASE("Ledger: what a jet adds is outside work and work of the source; the r
       const auto& change = info.energy->change;
       double all = 0.0;
       for (const sim::Energy& e : change) all += e.fluid_kinetic;
-      outside += change[static_cast<std::size_t>(sim::EnergyStage::kOutside)].fluid_kinetic;
+      outside += change[static_cast<std::size_t>(sim::EnergyStage::kExternal)].fluid_kinetic;
       source += info.energy->source_work;
       rest +=
-          all - change[static_cast<std::size_t>(sim::EnergyStage::kOutside)].fluid_kinetic - info.energy->source_work;
+          all - change[static_cast<std::size_t>(sim::EnergyStage::kExternal)].fluid_kinetic - info.energy->source_work;
     }
     INFO("voxel " << h << ": outside " << outside << " J, source " << source << " J, rest " << rest << " J");
     CHECK(rest < 0.0);

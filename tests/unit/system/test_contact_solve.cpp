@@ -104,8 +104,8 @@ TEST_CASE("Contact with and without friction is that of the dense Delassus opera
     dense_sum += dense.impulses[r];
     INFO("row " << r << ": " << row.impulse().transpose() << " for " << dense.impulses[r].transpose());
     CHECK((row.impulse() - dense.impulses[r]).norm() < 0.02 * dense_sum.norm());
-    CHECK(row.push >= 0.0);
-    CHECK(row.pull.norm() <= friction * row.push * (1.0 + 1e-9));
+    CHECK(row.normal_impulse >= 0.0);
+    CHECK(row.friction_impulse.norm() <= friction * row.normal_impulse * (1.0 + 1e-9));
     CHECK(row.normal.dot(system::row_velocity(row, x)) > row.least - 2e-3);
   }
   CHECK((sum - dense_sum).norm() < 0.005 * dense_sum.norm());
@@ -119,7 +119,7 @@ TEST_CASE("Contact with and without friction is that of the dense Delassus opera
   CHECK(std::sqrt(error / change) < 0.02);
   // Steep friction holds all rows, none of which slides; a little one none.
   for (const ContactRow& row : scene.rows)
-    if (row.push > 0.0) CHECK(row.sticks == (friction > 1.0));
+    if (row.normal_impulse > 0.0) CHECK(row.sticks == (friction > 1.0));
 }
 
 TEST_CASE("What the solve leaves is little of what the rows push, however stiff their penalties are") {
@@ -135,7 +135,7 @@ TEST_CASE("What the solve leaves is little of what the rows push, however stiff 
   scene.system.multiply(parallel, x, gx);
   for (std::size_t i = 0; i < left.size(); ++i) left[i] -= gx[i];
   double push = 0.0;
-  for (const ContactRow& row : scene.rows) push += row.push;
+  for (const ContactRow& row : scene.rows) push += row.normal_impulse;
   REQUIRE(push > 0.0);
   for (const std::size_t solid : {0u, 1u}) {
     Vec3d shifts = Vec3d::Zero(), turns = Vec3d::Zero();
@@ -190,7 +190,7 @@ TEST_CASE("Rows that part push nothing, and what they start from is forgotten") 
   Scene scene(0.5);
   for (Real& v : scene.start) v = -v;
   for (Real& v : scene.f) v = -v;
-  for (ContactRow& row : scene.rows) row.push = 0.1;
+  for (ContactRow& row : scene.rows) row.normal_impulse = 0.1;
   scene.solve();
   for (const ContactRow& row : scene.rows) CHECK(row.impulse().norm() == 0.0);
 }

@@ -54,10 +54,10 @@ bool is_positive(const Mat3d& m) {
 // Whether a cell's map is valid: not where it is extrapolated, and where it is partly so only if it is not inverted
 // and its elastic stretches are accepted. Beside folds and thin parts the extension leads back
 // into the solid.
-bool is_credible(std::uint8_t nearest, std::uint8_t farthest, const PlasticField& plastic, const Vec3d& material,
-                 const Mat3d& inverse_f) {
+bool has_valid_map(std::uint8_t nearest, std::uint8_t farthest, const PlasticField& plastic, const Vec3d& material,
+                   const Mat3d& inverse_f) {
   if (farthest == kKnown) return true;
-  if (nearest == kExtended || !(inverse_f.determinant() > 0.0)) return false;
+  if (nearest == kExtrapolated || !(inverse_f.determinant() > 0.0)) return false;
   const Mat3d squares = inverse_f.transpose() * plastic.metric(material) * inverse_f;
   return is_positive(squares - Mat3d::Identity() / (kMostStretched * kMostStretched)) &&
          is_positive(Mat3d::Identity() / (kMostCrushed * kMostCrushed) - squares);
@@ -80,7 +80,7 @@ std::vector<std::vector<Holding>> compute_fractions(const Parallel& parallel, co
       for (int i = 0; i < g.cells[0]; ++i) {
         const std::size_t n = g.node(i, j, k);
         // Origin of the map at the corners.
-        std::uint8_t nearest = kExtended, farthest = kNoData;
+        std::uint8_t nearest = kExtrapolated, farthest = kNoData;
         for (std::size_t offset : corner) {
           nearest = std::min(nearest, state.valid[n + offset]);
           farthest = std::max(farthest, state.valid[n + offset]);
@@ -104,7 +104,7 @@ std::vector<std::vector<Holding>> compute_fractions(const Parallel& parallel, co
         }
         // Cells with an invalid map are counted and left empty.
         const std::size_t c = g.cell(i, j, k);
-        if (fraction > 0.0 && !is_credible(nearest, farthest, plastic, material, inverse_f)) {
+        if (fraction > 0.0 && !has_valid_map(nearest, farthest, plastic, material, inverse_f)) {
           rejected[static_cast<std::size_t>(k)] += static_cast<Real>(fraction) > least_fraction(rest, state, c);
           continue;
         }
@@ -318,8 +318,8 @@ void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidSt
       sum += static_cast<double>(work.mass[n]);
     return sum;
   });
-  work.counted_mass = work.total_mass;
-  const double weight = rest.density * rest.weighed_volume;
+  work.cell_mass = work.total_mass;
+  const double weight = rest.density * rest.mass_volume;
   if (state.whole && work.total_mass > 0.0 && weight > 0.0) {
     const Real factor = static_cast<Real>(weight / work.total_mass);
     for (Real& m : work.mass) m *= factor;

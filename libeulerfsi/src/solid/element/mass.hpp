@@ -19,7 +19,7 @@ inline constexpr Threshold kElementPartInFluid = {Real(0.6), Real(0.1)};
 
 // Reads state.u; writes fraction, volume_ratio, element, element_cell, element_corner, carries, mass, volume,
 // total_mass. Counted in cells the mass of a ball wavers by some 0.2 % as it moves over the grid, that of a thin box by
-// 10 %, of a fold by 3 %; a solid that is whole keeps what it weighs (rest.weighed_volume, once that is known).
+// 10 %, of a fold by 3 %; a solid that is whole keeps what it weighs (rest.mass_volume, once that is known).
 void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work);
 
 // Of the stiffness against change of volume that the pressure has in an element, over the material's. In vacuum the

@@ -179,7 +179,7 @@ EFSI_KERNEL void carry_row(const PackedSampler& nodes, const FrameMotion& motion
     grid::store_quad(packed.first_u.at(n), sampler.value(packed.u, at));
     grid::store_quad(packed.first_v.at(n),
                      paper ? grid::load_quad(v.at(n)) : sampler.value(v, at) + frame.velocity(from) / step);
-    reached[n] = paper || around.any == 0 ? kKnown : around.has_zero ? kEdge : kExtended;
+    reached[n] = paper || around.any == 0 ? kKnown : around.has_zero ? kEdge : kExtrapolated;
   }
 }
 

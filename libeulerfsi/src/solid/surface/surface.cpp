@@ -75,13 +75,13 @@ void place_surface(const Parallel& parallel, const SolidRest& rest, SolidState& 
 void correct_surface(const Parallel& parallel, const SolidRest& rest, double max_stretch, SolidState& state) {
   const auto corner = grid::corner_offsets(state.band.grid);
   const double h = state.band.grid.h;
-  std::vector<std::uint8_t> lost(state.surface.size(), 0), made_up(state.surface.size(), 0);
+  std::vector<std::uint8_t> lost(state.surface.size(), 0), extrapolated(state.surface.size(), 0);
   parallel.for_each(static_cast<std::int64_t>(state.surface.size()), [&](std::int64_t i) {
     const auto s = static_cast<std::size_t>(i);
     lost[s] = !(correct_point(state, corner, rest.surface.points[s], state.surface[s]) < kHeld * h);
-    made_up[s] = is_made_up(state, corner, state.surface[s]);
+    extrapolated[s] = is_made_up(state, corner, state.surface[s]);
   });
-  mend_surface(parallel, rest, max_stretch, made_up, lost, state);
+  repair_surface(parallel, rest, max_stretch, extrapolated, lost, state);
 }
 
 void sample_surface_velocity(const Parallel& parallel, const SolidState& state, std::vector<Vec3d>& velocity) {

@@ -77,15 +77,15 @@ struct Mean {
 
 class Mending {
  public:
-  Mending(const Parallel& parallel, const SolidRest& rest, double max_stretch, const std::vector<std::uint8_t>& made_up,
-          std::vector<std::uint8_t>& lost, SolidState& state)
+  Mending(const Parallel& parallel, const SolidRest& rest, double max_stretch,
+          const std::vector<std::uint8_t>& extrapolated, std::vector<std::uint8_t>& lost, SolidState& state)
       : parallel_(parallel),
         rest_(rest.surface.points),
         triangles_(rest.surface.triangles),
         clusters_(rest.clusters),
         h_(state.band.grid.h),
         stretch_(max_stretch),
-        made_up_(made_up),
+        made_up_(extrapolated),
         lost_(lost),
         now_(state.surface) {}
 
@@ -358,10 +358,10 @@ class Mending {
 
 }  // namespace
 
-void mend_surface(const Parallel& parallel, const SolidRest& rest, double max_stretch,
-                  const std::vector<std::uint8_t>& made_up, std::vector<std::uint8_t>& lost, SolidState& state) {
+void repair_surface(const Parallel& parallel, const SolidRest& rest, double max_stretch,
+                    const std::vector<std::uint8_t>& extrapolated, std::vector<std::uint8_t>& lost, SolidState& state) {
   if (rest.clusters.size() == 0) return;
-  Mending mending(parallel, rest, max_stretch, made_up, lost, state);
+  Mending mending(parallel, rest, max_stretch, extrapolated, lost, state);
   if (std::find(lost.begin(), lost.end(), 1) != lost.end()) mending.fill();
   for (int round = 0; round < kRounds && mending.any_torn(); ++round) {
     if (mending.lose_torn(round))

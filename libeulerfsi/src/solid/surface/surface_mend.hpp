@@ -15,13 +15,13 @@ namespace efsi::solid {
 // stretch.
 inline constexpr double kTornStretch = 2.5;
 
-// Per point, `lost`: 1 where the map does not hold it; `made_up`: 1 where the map comes from the extension alone. Lost
-// as well are the ends of torn edges, what only torn edges join to the largest part of the surface and, while that does
-// not mend it, more and more of what is around them, first where the map is extrapolated. Lost points move as the
+// Per point, `lost`: 1 where the map does not hold it; `extrapolated`: 1 where the map comes from the extension alone.
+// Lost as well are the ends of torn edges, what only torn edges join to the largest part of the surface and, while that
+// does not mend it, more and more of what is around them, first where the map is extrapolated. Lost points move as the
 // points around them at rest do that are kept, rigidly, the nearer the more: x = y + R (X - Y), Y and y weighted means
 // of theirs; inside a lost region from its edge inwards. What no link of the clusters leads to stays where it is. Where
 // nothing is lost no bit changes. On return `lost` marks all that was.
-void mend_surface(const Parallel& parallel, const SolidRest& rest, double max_stretch,
-                  const std::vector<std::uint8_t>& made_up, std::vector<std::uint8_t>& lost, SolidState& state);
+void repair_surface(const Parallel& parallel, const SolidRest& rest, double max_stretch,
+                    const std::vector<std::uint8_t>& extrapolated, std::vector<std::uint8_t>& lost, SolidState& state);
 
 }  // namespace efsi::solid

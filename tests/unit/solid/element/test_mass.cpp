@@ -24,14 +24,14 @@ TEST_CASE("The mass of a ball is that of a ball and does not change when it move
   for (int shift = 0; shift < 12; ++shift) {
     const Vec3d t = kH * Vec3d(shift / 12.0, 0.37 * shift / 12.0, -0.71 * shift / 12.0);
     set_displacement(s, [&](const Vec3d&) { return t; });
-    s.rest.weighed_volume = 0.0;  // not known: the mass is counted in cells
+    s.rest.mass_volume = 0.0;  // not known: the mass is counted in cells
     solid::compute_mass(Parallel(1), s.rest, s.state, s.work);
     CHECK(s.work.total_mass == Approx(exact).epsilon(3e-3));
     CHECK(s.work.volume * s.rest.density == Approx(s.work.total_mass).epsilon(2e-3));  // but for slivers
     lowest = std::min(lowest, s.work.total_mass);
     highest = std::max(highest, s.work.total_mass);
     // What the nodes carry once it is known does not change at all.
-    s.rest.weighed_volume = s.rest.volume;
+    s.rest.mass_volume = s.rest.volume;
     solid::compute_mass(Parallel(1), s.rest, s.state, s.work);
     double sum = 0.0;
     for (const Real m : s.work.mass) sum += static_cast<double>(m);
@@ -44,11 +44,11 @@ TEST_CASE("The mass of a ball is that of a ball and does not change when it move
 TEST_CASE("A solid that has partly left the box weighs what is left of it") {
   TestSolid s = make_ball(cube_grid(18, 0.02), kSoft, Vec3d::Constant(0.18), 0.1);
   solid::compute_mass(Parallel(1), s.rest, s.state, s.work);
-  s.rest.weighed_volume = s.work.volume;
+  s.rest.mass_volume = s.work.volume;
   set_displacement(s, [&](const Vec3d&) { return Vec3d(-0.18, 0, 0); });  // half of it is outside
   s.state.whole = 0;
   solid::compute_mass(Parallel(1), s.rest, s.state, s.work);
-  CHECK(s.work.total_mass == Approx(0.5 * s.rest.density * s.rest.weighed_volume).epsilon(0.02));
+  CHECK(s.work.total_mass == Approx(0.5 * s.rest.density * s.rest.mass_volume).epsilon(0.02));
 }
 
 TEST_CASE("A stretched solid keeps its mass and gains volume by det F", "[law]") {
@@ -133,7 +133,7 @@ TEST_CASE("What the extension made up is no solid, and what it had a part in onl
   CHECK(elements(solid::kEdge, rest) == all);
   CHECK(elements(solid::kEdge, Vec3d(4.8, 0.5, 0.5)) > 100);
   CHECK(s.work.rejected == 0);
-  CHECK(elements(solid::kExtended, rest) == 0);
+  CHECK(elements(solid::kExtrapolated, rest) == 0);
   CHECK(s.work.rejected > 300);
   CHECK(s.work.volume == 0.0);
   for (const Vec3d& stretch : {torn, crushed, inverted}) {

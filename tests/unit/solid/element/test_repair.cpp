@@ -139,7 +139,7 @@ TEST_CASE("A whole solid is judged by what it weighs, not by what its cells coun
     CAPTURE(growth);
     TestSolid s = stretched_ball(std::cbrt(2.0) * Mat3d::Identity());
     s.state.whole = 1;
-    s.rest.weighed_volume = s.work.volume / growth;
+    s.rest.mass_volume = s.work.volume / growth;
     solid::compute_mass(Parallel(1), s.rest, s.state, s.work);
     CHECK((repair(s) > 0) == (growth == 1.0));
   }

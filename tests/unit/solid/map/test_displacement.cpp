@@ -224,8 +224,8 @@ TEST_CASE("After a step the nodes know whether their map came from data or from 
     CHECK(origin(4) == solid::kKnown);
     CHECK(origin(5) == (paper ? solid::kKnown : solid::kEdge));
     CHECK(origin(-4) == (paper ? solid::kKnown : solid::kEdge));
-    CHECK(origin(6) == (paper ? solid::kKnown : solid::kExtended));
-    CHECK(origin(-5) == (paper ? solid::kKnown : solid::kExtended));
+    CHECK(origin(6) == (paper ? solid::kKnown : solid::kExtrapolated));
+    CHECK(origin(-5) == (paper ? solid::kKnown : solid::kExtrapolated));
   }
 }
 

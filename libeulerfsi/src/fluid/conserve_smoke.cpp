@@ -1,4 +1,4 @@
-#include "fluid/keep_smoke.hpp"
+#include "fluid/conserve_smoke.hpp"
 
 #include <algorithm>
 #include <cmath>
