@@ -194,7 +194,7 @@ def make_struck() -> Usd.Stage:
         pupil = add_mesh(stage, f"/World/Face/{name}Pupil", box_mesh(4, on_sphere(0.009)), (0.05, 0.05, 0.08))
         pupil.AddTranslateOp().Set(Gf.Vec3d(x, 0.245, 0.072))
     UsdGeom.Xform.Define(stage, "/World/Face")
-    pillar.GetPrim().CreateRelationship("eulerfsi:carried", False).SetTargets(["/World/Face"])
+    pillar.GetPrim().CreateRelationship("eulerfsi:passengers", False).SetTargets(["/World/Face"])
 
     pendulum = UsdGeom.Xform.Define(stage, "/World/Pendulum")
     pendulum.AddTranslateOp().Set(Gf.Vec3d(-0.08, 0.55, 0.0))
@@ -327,7 +327,7 @@ def make_tentacle() -> Usd.Stage:
         "st": cup["st"] * len(cups),
     }
     add_mesh(stage, "/World/Suckers", suckers, (0.85, 0.6, 0.75))
-    skinned.GetPrim().CreateRelationship("eulerfsi:carried", False).SetTargets(["/World/Suckers"])
+    skinned.GetPrim().CreateRelationship("eulerfsi:passengers", False).SetTargets(["/World/Suckers"])
     ball = add_mesh(stage, "/World/Ball", box_mesh(12, on_sphere(0.07)), (0.9, 0.75, 0.2))
     ball.AddTranslateOp().Set(Gf.Vec3d(0.02, 0.35, 0.0))
     apply_schema(

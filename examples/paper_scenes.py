@@ -71,7 +71,7 @@ def add_character(stage: Usd.Stage, name: str, place: tuple, turn: tuple, scale:
     root.GetPrim().GetPayloads().AddPayload(f"../assets/{name.lower()}.usda")
     body = stage.OverridePrim(f"/World/{name}/Body")
     apply_schema(body, "solid", **values)
-    body.CreateRelationship("eulerfsi:carried", False).SetTargets([f"/World/{name}/Eyes"])
+    body.CreateRelationship("eulerfsi:passengers", False).SetTargets([f"/World/{name}/Eyes"])
     return body
 
 
@@ -101,7 +101,7 @@ def add_disc(stage: Usd.Stage, name: str, radius: float, place: tuple, color: tu
     apply_schema(disc, "solid", **values)
     squares = checker(radius, 0.2 * radius, 0.0101)
     add_mesh(stage, f"/World/{name}/Squares", squares, (0.95, 0.95, 0.92))
-    disc.CreateRelationship("eulerfsi:carried", False).SetTargets([f"/World/{name}/Squares"])
+    disc.CreateRelationship("eulerfsi:passengers", False).SetTargets([f"/World/{name}/Squares"])
     return disc
 
 

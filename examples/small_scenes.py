@@ -139,7 +139,7 @@ def make_dandelion() -> Usd.Stage:
     add_curves(stage, "/World/Dandelion/Down/Stems", stems, 0.0015, (0.9, 0.9, 0.85))
     add_points(stage, "/World/Dandelion/Down/Seeds", [stem[1] for stem in stems], 0.012, (0.97, 0.97, 0.95))
     UsdGeom.Scope.Define(stage, "/World/Dandelion/Down")
-    flower.GetPrim().CreateRelationship("eulerfsi:carried", False).SetTargets(["/World/Dandelion/Down"])
+    flower.GetPrim().CreateRelationship("eulerfsi:passengers", False).SetTargets(["/World/Dandelion/Down"])
 
     bird = add_mesh(stage, "/World/Ladybird/Body", box_mesh(10, on_sphere(0.045)), (0.8, 0.1, 0.08))
     UsdGeom.Xform.Define(stage, "/World/Ladybird").AddTranslateOp().Set(Gf.Vec3d(0.09, ground + 0.046, 0.05))
@@ -148,7 +148,7 @@ def make_dandelion() -> Usd.Stage:
     set_density(bird.GetPrim(), 300.0)
     spots = [way * 0.045 for way in around(14)]
     add_points(stage, "/World/Ladybird/Spots", spots, 0.02, (0.05, 0.05, 0.06))
-    bird.GetPrim().CreateRelationship("eulerfsi:carried", False).SetTargets(["/World/Ladybird/Spots"])
+    bird.GetPrim().CreateRelationship("eulerfsi:passengers", False).SetTargets(["/World/Ladybird/Spots"])
 
     wind = add_cube(stage, "/World/Wind", lower, size)
     blow = {"windVelocity": Gf.Vec3d(1.6, 0.0, 0.0), "windDrag": 3.0}
@@ -190,7 +190,7 @@ def make_jellyfish() -> Usd.Stage:
         eye = add_mesh(stage, f"/World/Jellyfish/Rider/{name}", box_mesh(6, on_sphere(0.014)), (0.95, 0.95, 0.92))
         eye.AddTranslateOp().Set(Gf.Vec3d(x, 0.03, 0.085))
     UsdGeom.Xform.Define(stage, "/World/Jellyfish/Rider")
-    body.GetPrim().CreateRelationship("eulerfsi:carried", False).SetTargets(["/World/Jellyfish/Rider"])
+    body.GetPrim().CreateRelationship("eulerfsi:passengers", False).SetTargets(["/World/Jellyfish/Rider"])
     hand = UsdGeom.Xform.Define(stage, "/World/Hand")
     bob = hand.AddTranslateOp()
     for frame in range(1, frames + 1):

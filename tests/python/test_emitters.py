@@ -117,7 +117,8 @@ def test_a_puff_follows_its_samples(room: Path, tmp_path: Path, library) -> None
     _, events = run(room, tmp_path / "cache")
     steps = [event for event in events if event["event"] == "step"]
     brought = {
-        frame: sum(s["dt"] * s["emitter_flux"]["/World/Source"] for s in steps if s["frame"] == frame) for frame in range(2, 8)
+        frame: sum(s["dt"] * s["emitter_flux"]["/World/Source"] for s in steps if s["frame"] == frame)
+        for frame in range(2, 8)
     }
     area = AREAS["Cylinder"]
     assert brought[2] == 0.0

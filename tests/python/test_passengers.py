@@ -47,7 +47,7 @@ def dressed(tmp_path: Path) -> Path:
     ball.GetAttribute("eulerfsi:youngsModulus").Set(1e6)
     add_eye(stage, "/World/Ball/Eye", (0.12, 0.06, 0.0))
     add_hair(stage, "/World/Style/Hair")
-    ball.GetRelationship("eulerfsi:carried").SetTargets(["/World/Style"])
+    ball.GetRelationship("eulerfsi:passengers").SetTargets(["/World/Style"])
     stage.GetRootLayer().Save()
     return tmp_path / "dressed.usda"
 
@@ -75,7 +75,7 @@ def test_passengers_change_no_bit_of_the_solids(dressed: Path, tmp_path: Path, l
     with_them = simulate(dressed, Options(output=tmp_path / "with", frames="1-3", progress="none"))
     stage = Usd.Stage.Open(str(dressed))
     stage.RemovePrim("/World/Ball/Eye")
-    stage.GetPrimAtPath("/World/Ball").GetRelationship("eulerfsi:carried").ClearTargets(True)
+    stage.GetPrimAtPath("/World/Ball").GetRelationship("eulerfsi:passengers").ClearTargets(True)
     stage.GetRootLayer().Export(str(tmp_path / "dressed_less.usda"))
     without = simulate(tmp_path / "dressed_less.usda", Options(output=tmp_path / "without", frames="1-3"))
     states = [
@@ -102,7 +102,7 @@ def faults(stage: Usd.Stage) -> list[tuple[str, str]]:
 def test_faulty_passengers_are_named(dressed: Path) -> None:
     stage = Usd.Stage.Open(str(dressed))
     assert faults(stage) == []
-    carried = stage.GetPrimAtPath("/World/Ball").GetRelationship("eulerfsi:carried")
+    carried = stage.GetPrimAtPath("/World/Ball").GetRelationship("eulerfsi:passengers")
     for target, code, hint in (
         ("/World/Nobody", "MissingTarget", "there is no such prim"),
         ("/World/Domain", "WrongTarget", "that prim is a domain itself"),
@@ -110,7 +110,7 @@ def test_faulty_passengers_are_named(dressed: Path) -> None:
     ):
         carried.SetTargets([target])
         [(found, message)] = faults(stage)
-        assert found == code and hint in message and message.startswith(f"/World/Ball.eulerfsi:carried = {target}")
+        assert found == code and hint in message and message.startswith(f"/World/Ball.eulerfsi:passengers = {target}")
     carried.SetTargets([])
     eye = UsdGeom.Mesh(stage.GetPrimAtPath("/World/Ball/Eye"))
     eye.GetPointsAttr().Set([(0, 0, 0), (float("nan"), 0, 0)])
@@ -123,6 +123,6 @@ def test_a_prim_that_two_solids_carry_is_refused(dressed: Path) -> None:
     stage = Usd.Stage.Open(str(dressed))
     other = add_eye(stage, "/World/Other", (0.2, 0.1, 0.2), 0.06).GetPrim()
     other.ApplyAPI("EulerFsiSolidAPI")
-    other.GetRelationship("eulerfsi:carried").SetTargets(["/World/Style/Hair"])
+    other.GetRelationship("eulerfsi:passengers").SetTargets(["/World/Style/Hair"])
     [(code, message)] = faults(stage)
     assert code == "ManyCarriers" and "/World/Ball carries it already" in message

@@ -77,7 +77,7 @@ def test_a_piece_of_the_surface_stays_on_it(tmp_path: Path, library) -> None:
     to_local = np.linalg.inv(np.array(UsdGeom.XformCache(1).GetLocalToWorldTransform(group.GetPrim())))
     buttons = UsdGeom.Points.Define(stage, "/World/Clothes/Buttons")
     buttons.CreatePointsAttr(rest[piece] @ to_local[:3, :3] + to_local[3, :3])
-    stage.GetPrimAtPath(BODY).CreateRelationship("eulerfsi:carried", False).SetTargets([group.GetPath()])
+    stage.GetPrimAtPath(BODY).CreateRelationship("eulerfsi:passengers", False).SetTargets([group.GetPath()])
     result = run(stage, tmp_path / "cache")
     size = np.ptp(rest, axis=0).max()
     moved = np.abs(world_points(result, BODY, 5) - rest).max()
@@ -164,7 +164,7 @@ def test_points_that_are_named_follow_a_transform_too(stretch: tuple, tmp_path: 
     lamp = UsdGeom.Points.Define(stage, "/World/Lamp")
     rest = np.array([(0.05, -0.2, 0.0), (0.0, -0.22, 0.05), (0.03, -0.24, -0.02), (0.12, -0.36, 0.0)])
     lamp.CreatePointsAttr(rest)
-    cube.GetPrim().CreateRelationship("eulerfsi:carried", False).SetTargets([lamp.GetPath()])
+    cube.GetPrim().CreateRelationship("eulerfsi:passengers", False).SetTargets([lamp.GetPath()])
     result = run(stage, tmp_path / "cache")
     before, after = (
         np.array(UsdGeom.XformCache(frame).GetLocalToWorldTransform(stage.GetPrimAtPath(BODY))) for frame in (1, 5)
@@ -247,10 +247,10 @@ def test_what_cannot_follow_is_named(tmp_path: Path, library) -> None:
     assert code == "FlatTransform" and f"{BODY}/Hat.xformOpOrder = a scale of 0 at frame 3: must be" in message
     assert animated == "AnimatedPassenger" and f"is animated by the transform of {BODY}/Hat" in warning
     size.GetAttr().Clear()
-    body.CreateRelationship("eulerfsi:carried", False).SetTargets(["/World/Nobody", "/World/Ball"])
+    body.CreateRelationship("eulerfsi:passengers", False).SetTargets(["/World/Nobody", "/World/Ball"])
     assert [code for code, _ in issues(stage)] == ["MissingTarget", "WrongTarget"]
-    body.GetRelationship("eulerfsi:carried").SetTargets([])
-    stage.GetPrimAtPath("/World/Ball").CreateRelationship("eulerfsi:carried", False).SetTargets([f"{BODY}/Hat"])
+    body.GetRelationship("eulerfsi:passengers").SetTargets([])
+    stage.GetPrimAtPath("/World/Ball").CreateRelationship("eulerfsi:passengers", False).SetTargets([f"{BODY}/Hat"])
     [message] = [message for code, message in issues(stage) if code == "ManyCarriers"]
     assert "/World/Ball carries it already" in message
 

@@ -11,15 +11,15 @@ from .issues import Issue, first_time, instance_above, is_enabled, make_issue, s
 from .pose import Pose, PoseError, transform_drivers
 from .transforms import frames_of, moves, places
 
-CARRIED = "eulerfsi:carried"
+PASSENGERS = "eulerfsi:passengers"
 
 
 def find_passengers(solid: Usd.Prim) -> list[Usd.Prim]:
-    """Meshes, curves and points below a solid or named by its eulerfsi:carried, in stage order and then as named."""
+    """Meshes, curves and points below a solid or named by its eulerfsi:passengers, in stage order and then as named."""
     return list(dict.fromkeys(_points_below(solid) + _named(solid)))
 
 
-def find_passengers(collider: Usd.Prim) -> list[Usd.Prim]:
+def find_riders(collider: Usd.Prim) -> list[Usd.Prim]:
     """Those that follow the surface of a collider: named by it or, where its points move, below it.
 
     What is below it moves with its transform in any case, and may deform on its own. Raises PoseError.
@@ -30,7 +30,7 @@ def find_passengers(collider: Usd.Prim) -> list[Usd.Prim]:
 
 def _named(body: Usd.Prim) -> list[Usd.Prim]:
     found = []
-    for target in targets(body, CARRIED):
+    for target in targets(body, PASSENGERS):
         prim = body.GetStage().GetPrimAtPath(target)
         if prim:
             found += ([prim] if _can_follow(prim) else []) + _points_below(prim)
@@ -70,17 +70,17 @@ def check_passengers(solids: list[Usd.Prim], colliders: list[Usd.Prim]) -> list[
     issues: list[Issue] = []
     carriers: dict[Usd.Prim, Usd.Prim] = {}
     for body in [*solids, *colliders]:
-        for target in targets(body, CARRIED):
+        for target in targets(body, PASSENGERS):
             issues += _check_target(body, target)
         try:
-            carried = find_passengers(body) if body in solids else find_passengers(body)
+            carried = find_passengers(body) if body in solids else find_riders(body)
         except PoseError:
             continue  # the checks of the collider say so
         issues += _check_left_behind(body, body in solids)
         for prim in carried:
             if carriers.get(prim, body) != body:
                 limit = f"carried by one body only; {carriers[prim].GetPath()} carries it already"
-                issues.append(make_issue(body, CARRIED, prim.GetPath(), limit, "ManyCarriers"))
+                issues.append(make_issue(body, PASSENGERS, prim.GetPath(), limit, "ManyCarriers"))
             carriers.setdefault(prim, body)
             issues += _check_points(prim) + check_scale(prim) + _check_own_animation(prim, body)
     return issues
@@ -107,13 +107,13 @@ def _check_target(solid: Usd.Prim, target: Sdf.Path) -> list[Issue]:
     prim = solid.GetStage().GetPrimAtPath(target)
     limit = "a Mesh, curves or Points, or a prim above such"
     if not prim:
-        return [make_issue(solid, CARRIED, target, limit, "MissingTarget", "there is no such prim")]
+        return [make_issue(solid, PASSENGERS, target, limit, "MissingTarget", "there is no such prim")]
     scopes = scopes_of(prim)
     if scopes and is_enabled(prim):
-        return [make_issue(solid, CARRIED, target, limit, "WrongTarget", f"that prim is a {scopes[0]} itself")]
+        return [make_issue(solid, PASSENGERS, target, limit, "WrongTarget", f"that prim is a {scopes[0]} itself")]
     if not _can_follow(prim) and not _points_below(prim):
         hint = f"a {prim.GetTypeName() or 'typeless prim'} without points"
-        return [make_issue(solid, CARRIED, target, limit, "WrongTarget", hint)]
+        return [make_issue(solid, PASSENGERS, target, limit, "WrongTarget", hint)]
     return []
 
 

@@ -171,7 +171,9 @@ class Run:
         """What the last step did beside its counters: repairs, changes by the transport, energies if asked for."""
         columns: dict[str, Any] = {
             "repairs": self.simulation.repairs(),
-            "transport_error": {solid.part.path: self.simulation.transport_error(solid.id) for solid in self.build.solids},
+            "transport_error": {
+                solid.part.path: self.simulation.transport_error(solid.id) for solid in self.build.solids
+            },
         }
         if self.build.given:
             reactions = {given.part.path: self.simulation.pin_reaction(given.id) for given in self.build.given}

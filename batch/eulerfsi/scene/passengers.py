@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from eulerfsi_usd.passengers import find_passengers
+from eulerfsi_usd.passengers import find_riders
 from pxr import Usd, UsdGeom
 
 from ..errors import SceneError
@@ -25,11 +25,11 @@ def read_passenger(reader: Reader, space: SimulationSpace, solid: Usd.Prim, prim
     return Passenger(**shape, solid=str(solid.GetPath()), mesh=placed)
 
 
-def read_passengers(reader: Reader, space: SimulationSpace, collider: Collider, stage: Usd.Stage) -> list[Rider]:
+def read_riders(reader: Reader, space: SimulationSpace, collider: Collider, stage: Usd.Stage) -> list[Rider]:
     """What follows the surface of a collider, bound to it where both are at the start."""
     body, first, riders = stage.GetPrimAtPath(collider.path), collider.motion.first, []
     place = Deformation(collider.path, stage, space, first, stretched=True)
-    for prim in find_passengers(body):
+    for prim in find_riders(body):
         points, shape = _shape(reader, prim)
         placed = _place(reader, space, body, prim, points)
         binding = Binding(place.points(first), collider.mesh.triangles(), placed)

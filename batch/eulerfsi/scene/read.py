@@ -20,7 +20,7 @@ from ..system import available_threads
 from . import memory
 from .bodies import examine, read_collider, read_density, read_pins, read_solid
 from .parts import Scene, slab_axis
-from .passengers import read_passenger, read_passengers
+from .passengers import read_passenger, read_riders
 from .references import how_to_make_a_scene, is_usd_file
 from .sources import read_emitters, read_forces
 from .space import domain_space
@@ -124,7 +124,7 @@ def read_scene(stage: Usd.Stage, path: Path, memory_limit: int = 0, threads: int
         for solid in solids
         for prim in find_passengers(stage.GetPrimAtPath(solid.path))
     ]
-    riders = [rider for collider in colliders for rider in read_passengers(reader, space, collider, stage)]
+    riders = [rider for collider in colliders for rider in read_riders(reader, space, collider, stage)]
     forces = [force for prim in find_prims(stage, "force") for force in read_forces(reader, space, prim, frames)]
     fps = stage.GetTimeCodesPerSecond()
     return Scene(

@@ -147,7 +147,8 @@ class Surface:
         slab, error = Surface.__new__(Surface), binding.Error()
         slab.mesh, slab._lib, slab._handle = self.mesh, self._lib, c_void_p()
         check_error(
-            self._lib.efsi_surface_extrude_in_slab(self.handle, axis, low, high, byref(slab._handle), byref(error)), error
+            self._lib.efsi_surface_extrude_in_slab(self.handle, axis, low, high, byref(slab._handle), byref(error)),
+            error,
         )
         slab._describe()
         return slab

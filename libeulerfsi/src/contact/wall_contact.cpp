@@ -173,9 +173,9 @@ void decide(const solid::WallImpulse* last, double h, double dt, bool fast, doub
   Vec3 along = v;
   along[row.axis] = 0;
   row.sliding_direction = along.stableNormalized();
-  const Vec3 friction(last->friction_force[0], last->friction_force[1], last->friction_force[2]);
-  if (row.sliding_direction.dot(friction) > 0)
-    row.sliding_direction = -friction.stableNormalized();  // a node that has just stuck has no sliding direction
+  const Vec3 tension(last->friction_force[0], last->friction_force[1], last->friction_force[2]);
+  if (row.sliding_direction.dot(tension) > 0)
+    row.sliding_direction = -tension.stableNormalized();  // a node that has just stuck has no sliding direction
 }
 
 // Normal force of a face on a solid in the last step [N].

@@ -101,8 +101,8 @@ std::uint64_t Simulation::memory_bytes() const {
   for (const auto* values :
        {&matter.fluid_mass, &matter.mass, &matter.specific_volume, &matter.cell_fraction, &elasticity.f_star,
         &elasticity.v_star, &elasticity.momentum, &pressure.source, &pressure.compliance, &pressure.q, &pressure.taken,
-        &pressure.impulse, &pressure.correction, &pressure.corrected, &pressure.way, &pressure.left, &box_.fraction,
-        &box_.pressure})
+        &pressure.impulse, &pressure.correction, &pressure.corrected, &pressure.direction, &pressure.left,
+        &box_.fraction, &box_.pressure})
     count.array(*values);
   count.array(matter.fixed);
   count.array(matter.owned);
