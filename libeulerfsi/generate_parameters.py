@@ -100,6 +100,7 @@ def render_cpp(table: Table) -> str:
         "//   kind    DOUBLE | BOOL | TOKEN | VECTOR       default BOOL: 0 or 1; TOKEN: index; VECTOR: EfsiVec3",
         "//   limits  double, EFSI_INF where there is none; they hold for each component of a VECTOR",
         "//   min_exclusive  1: hard_min itself is not allowed",
+        "// and Y(field, member): member of the C++ struct that has the field's value",
         "// clang-format off",
         "#pragma once",
         "",
@@ -112,6 +113,14 @@ def render_cpp(table: Table) -> str:
     for scope in SCOPES:
         lines += ["", f"// Fields of {STRUCTS[scope]}.", f"#define EFSI_{scope.upper()}_PARAMETERS(X) \\"]
         rows = [cpp_row(parameter) for parameter in table[scope]["parameter"] if parameter["field"]]
+        lines += [f"  {row} \\" for row in rows[:-1]] + [f"  {rows[-1]}"]
+        lines += [
+            "",
+            "// Fields that are members of the C++ struct as they are.",
+            f"#define EFSI_{scope.upper()}_MEMBERS(Y) \\",
+        ]
+        pairs = [(p["field"], p.get("member", p["field"])) for p in table[scope]["parameter"] if p["field"]]
+        rows = [f"Y({field}, {member})" for field, member in pairs if member]
         lines += [f"  {row} \\" for row in rows[:-1]] + [f"  {rows[-1]}"]
     return "\n".join(lines) + "\n"
 
@@ -263,7 +272,11 @@ def render_json(table: Table) -> str:
     rows = []
     for scope in SCOPES:
         for parameter in table[scope]["parameter"]:
-            row = {"scope": scope} | parameter | {"usd_type": usd_type_of(parameter), "label": title(parameter["name"])}
+            row = (
+                {"scope": scope}
+                | {key: value for key, value in parameter.items() if key != "member"}
+                | {"usd_type": usd_type_of(parameter), "label": title(parameter["name"])}
+            )
             rows.append(row | {key: limits(row[key]) for key in ("hard", "soft") if key in row})
     relationships = {scope: [row["name"] for row in table[scope]["relationship"]] for scope in SCOPES}
     data = {"note": NOTE, "prim_types": PRIM_TYPES, "relationships": relationships, "parameters": rows}
@@ -368,18 +381,14 @@ OUTPUTS: dict[str, Callable[[Table], str]] = {
 }
 
 
-def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+def write_outputs(texts: dict[str, str], doc: str, arguments: list[str] | None) -> int:
+    """Writes the generated files by path or, with --check, prints where they differ; the exit code."""
+    parser = argparse.ArgumentParser(description=doc.splitlines()[0])
     parser.add_argument("--check", action="store_true", help="write nothing; exit 1 where a committed output differs")
     options = parser.parse_args(arguments)
-    try:
-        table = load_table()
-    except TableError as error:
-        print(f"parameters.toml: {error}", file=sys.stderr)
-        return 1
     differs = False
-    for name, render in OUTPUTS.items():
-        path, text = ROOT / name, render(table)
+    for name, text in texts.items():
+        path = ROOT / name
         old = path.read_text(encoding="utf-8") if path.exists() else ""
         if options.check:
             diff = difflib.unified_diff(old.splitlines(), text.splitlines(), name, f"{name} (generated)", lineterm="")
@@ -391,6 +400,15 @@ def main(arguments: list[str] | None = None) -> int:
             path.write_text(text, encoding="utf-8")
             print(f"wrote {name}")
     return int(differs)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    try:
+        table = load_table()
+    except TableError as error:
+        print(f"parameters.toml: {error}", file=sys.stderr)
+        return 1
+    return write_outputs({name: render(table) for name, render in OUTPUTS.items()}, __doc__, arguments)
 
 
 if __name__ == "__main__":

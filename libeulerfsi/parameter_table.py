@@ -31,6 +31,7 @@ KNOWN_KEYS = REQUIRED_KEYS | {
     "stage_unit",
     "usd_physics",
     "animated",
+    "member",
 }
 
 Parameter = dict

@@ -8,6 +8,6 @@ The command line is `python -m eulerfsi`; see `eulerfsi.__main__`.
 
 from . import paths
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 paths.make_usd_plugin_importable()

@@ -24,7 +24,7 @@ static const int32_t kIndices[] = {0, 3, 2, 1, 4, 5, 6, 7, 0, 1, 5, 4, 3, 7, 6, 
 static void write_frame(const char* folder, int frame, uint32_t cube) {
   char path[4096];
   EfsiVdbDef vdb;
-  require(efsi_vdb_def_init(&vdb), "efsi_vdb_def_init");
+  require(efsi_vdb_def_init(&vdb, sizeof(vdb)), "efsi_vdb_def_init");
   snprintf(path, sizeof path, "%s/smoke.%04d.vdb", folder, frame);
   require(efsi_vdb_write(sim, path, &vdb, NULL), "efsi_vdb_write");
 
@@ -51,7 +51,7 @@ int main(int argc, char** argv) {
   /* A box of 0.6 m with its lower corner at the origin, 3 cm voxels, filled with air. */
   EfsiSimulationDef box;
   EfsiError error = {EFSI_OK, ""};
-  require(efsi_simulation_def_init(&box), "efsi_simulation_def_init");
+  require(efsi_simulation_def_init(&box, sizeof(box)), "efsi_simulation_def_init");
   box.domain_size.x = box.domain_size.y = box.domain_size.z = 0.6;
   box.voxel_size = 0.03;
   box.gravity.y = -9.8;
@@ -63,7 +63,7 @@ int main(int argc, char** argv) {
 
   EfsiSolidDef cube;
   uint32_t cube_id = 0;
-  require(efsi_solid_def_init(&cube), "efsi_solid_def_init");
+  require(efsi_solid_def_init(&cube, sizeof(cube)), "efsi_solid_def_init");
   cube.mesh.points = kPoints;
   cube.mesh.point_count = 8;
   cube.mesh.face_vertex_counts = kCounts;
@@ -71,12 +71,12 @@ int main(int argc, char** argv) {
   cube.mesh.face_vertex_indices = kIndices;
   cube.mesh.index_count = 24;
   cube.youngs_modulus = 2e4;
-  require(efsi_solid_add(sim, &cube, &cube_id, NULL), "efsi_solid_add");
+  require(efsi_solid_add(sim, &cube, &cube_id), "efsi_solid_add");
 
   /* Smoke in the lowest 6 cm: the unit box, scaled and moved. */
   EfsiEmitterDef carpet;
   uint32_t carpet_id = 0;
-  require(efsi_emitter_def_init(&carpet), "efsi_emitter_def_init");
+  require(efsi_emitter_def_init(&carpet, sizeof(carpet)), "efsi_emitter_def_init");
   const double transform[16] = {0.6, 0, 0, 0.3, 0, 0.06, 0, 0.03, 0, 0, 0.6, 0.3, 0, 0, 0, 1};
   for (int i = 0; i < 16; ++i) carpet.transform[i] = transform[i];
   carpet.density = 1.0;
@@ -85,8 +85,8 @@ int main(int argc, char** argv) {
   for (int frame = 1; frame <= frames; ++frame) {
     EfsiStepInfo step;
     EfsiSolidDiagnostics state;
-    require(efsi_simulation_advance(sim, 1.0 / 24.0, &step, NULL, NULL), "efsi_simulation_advance");
-    require(efsi_solid_get_diagnostics(sim, cube_id, &state), "efsi_solid_get_diagnostics");
+    require(efsi_simulation_advance(sim, 1.0 / 24.0, &step, sizeof(step), NULL, NULL), "efsi_simulation_advance");
+    require(efsi_solid_get_diagnostics(sim, cube_id, &state, sizeof(state)), "efsi_solid_get_diagnostics");
     printf("frame %d: %d steps, cube at height %.4f m, volume %.5f m^3\n", frame, (int)step.steps, state.center.y,
            state.volume_mesh);
     if (folder) write_frame(folder, frame, cube_id);

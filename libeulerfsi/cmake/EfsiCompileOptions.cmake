@@ -2,7 +2,7 @@
 # the checkout.
 function(efsi_compile_options target)
   target_compile_options(${target} PRIVATE "-ffile-prefix-map=${PROJECT_SOURCE_DIR}/=")
-  target_compile_options(${target} PRIVATE -ffp-contract=off -Wall -Wextra -Wpedantic -Wshadow)
+  target_compile_options(${target} PRIVATE -fno-fast-math -ffp-contract=off -Wall -Wextra -Wpedantic -Wshadow)
   # Two that -ffp-contract=off does not reach (docs/numerics/build-flags.md). Eigen's own vector code fuses a*b+c and
   # sums in another order where it may use AVX or NEON. GCC's vectoriser of straight-line code fuses (a*b+c, a*b-c) where the
   # processor may be taken to do so.

@@ -182,7 +182,7 @@ def test_the_energy_ledger_adds_columns_and_changes_nothing(cache, tmp_path):
     assert [list(step["change"]) for step in steps] == [list(binding.ENERGY_STAGES)] * len(steps)
     for before, step in zip(steps[:-1], steps[1:], strict=True):  # a step begins with what the one before it left
         changes = sum(sum(column.values()) for column in step["change"].values())
-        assert sum(step["end"].values()) - changes == pytest.approx(sum(before["end"].values()), rel=1e-6)
+        assert sum(step["at_end"].values()) - changes == pytest.approx(sum(before["at_end"].values()), rel=1e-6)
 
 
 def two_balls(path: Path, frames: tuple[int, int]) -> Path:

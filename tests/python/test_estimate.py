@@ -17,7 +17,9 @@ from eulerfsi.scene.read import open_stage, read_scene
 from eulerfsi.solver import binding
 
 BALL = Body(speed=0.0, fall=9.81, meets=0.2, wave=3.0, size=0.2)
-PLAN = Plan(voxel=0.01, frame=1 / 24, frames=24, bodies=[BALL])
+LIMITS = {"contact_reach": 2.0, "contact_cfl": 0.4, "contact_pace": 0.7, "flight_cfl": 1.8}
+PLAN = Plan(voxel=0.01, frame=1 / 24, frames=24, bodies=[BALL], limits=LIMITS)
+UNRESOLVED = {**LIMITS, "contact_pace": 0.0}
 
 
 def changed(body: dict | None = None, **plan: object) -> Plan:
@@ -37,10 +39,10 @@ def more_steps(larger: Plan, smaller: Plan) -> bool:
         (changed(voxel=0.005), PLAN),
         (changed({"wave": 6.0}), PLAN),
         (changed({"speed": 4.0}), PLAN),
-        (changed({"wave": 20.0}), changed({"wave": 20.0}, resolve_impacts=False)),
+        (changed({"wave": 20.0}), changed({"wave": 20.0}, limits=UNRESOLVED)),
         (changed(longest_step=1e-4), PLAN),
         (changed(fluid_speed=20.0), PLAN),
-        (PLAN, changed(fluid=False, cfl_solid=4.0, resolve_impacts=False)),
+        (PLAN, changed(fluid=False, cfl_solid=4.0, limits=UNRESOLVED)),
     ],
 )
 def test_steps_grow_with_what_makes_them_short(larger, smaller):
@@ -59,8 +61,8 @@ def test_range_holds_the_steps_of_a_free_fall_and_of_contact():
     low, high = estimate.steps(free)
     assert low == high  # nothing is unknown
     # dt (v + g dt) = 1.8 h at the end of each frame, and more in long steps of flight
-    for reach, cells in ((1.0, 1.8), (1.5, 2.7), (20 / 9, 3.95)):
-        plan = dataclasses.replace(free, flight_reach=reach)
+    for cells in (1.8, 2.7, 3.95):
+        plan = dataclasses.replace(free, limits={**LIMITS, "flight_cfl": cells})
         exact = sum(
             math.ceil(free.frame / estimate.time_to_move(9.81 * (k + 1) / 24, 9.81, cells * 0.01) - 1e-6)
             for k in range(12)
@@ -71,7 +73,7 @@ def test_range_holds_the_steps_of_a_free_fall_and_of_contact():
 
 
 def test_one_step_a_frame_at_least():
-    assert estimate.steps(Plan(voxel=1.0, frame=1e-3, frames=7, bodies=[])) == (7, 7)
+    assert estimate.steps(Plan(voxel=1.0, frame=1e-3, frames=7, bodies=[], limits=LIMITS)) == (7, 7)
 
 
 def test_seconds_are_proportional_to_steps_and_to_their_cost():
@@ -101,10 +103,10 @@ def test_plan_of_a_scene(library, tmp_path):
     assert ball.wave == pytest.approx(math.sqrt(23333 / 2 / (1 + 1 / 6) / 1000), rel=1e-3)
     # 0.5 m from centre to floor, less the radius and two voxels of 0.05 m; the lid above is nearer and of no account
     assert ball.meets == pytest.approx(estimate.seconds_to_meet(0.5 - 0.15 - 0.1, 2.0, 9.8), abs=0.001)
-    assert plan.flight_reach == 1.5
-    for settings, reach in (({"fluid_density": 100.0}, 1.0), ({"ambient_fluid": 0}, 20 / 9), ({"preset": 1}, 1.0)):
+    assert plan.limits["flight_cfl"] == pytest.approx(1.5 * 1.8)
+    for settings, cells in (({"fluid_density": 100.0}, 1.8), ({"ambient_fluid": 0}, 3.95), ({"preset": 1}, 1.8)):
         other = dataclasses.replace(scene, domain={**scene.domain, **settings})
-        assert estimate.plan_of(other).flight_reach == reach
+        assert estimate.plan_of(other).limits["flight_cfl"] == pytest.approx(cells)
     floating = read_scene(open_stage(tmp_path / "small.usda"), tmp_path / "small.usda")
     floating.domain["fluid_density"] = 3000.0
     floating.solids[0].values["velocity"] = [0.0, 0.0, 0.0]

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from conftest import sphere
 from eulerfsi.scene.follow import Binding
-from eulerfsi.scene.nearest import nearest_on_triangles
-from eulerfsi.solver.simulation import Mesh
+from eulerfsi.solver.simulation import Mesh, nearest_on_triangles
 
 
 def folded(angle: float) -> np.ndarray:

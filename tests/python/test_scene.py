@@ -238,7 +238,7 @@ def test_emitter_regions_are_the_image_of_unit_box_and_ball(tmp_path):
     carpet, source = (np.reshape(e.values["transform"], (4, 4)) for e in scene.emitters)
     np.testing.assert_allclose(carpet @ (0.5, 0.5, 0.5, 1), (0.3, -0.15, 0.3, 1), atol=1e-12)
     np.testing.assert_allclose(source @ (0.5, 0, 0, 1), (0.2, 0, 0, 1), atol=1e-12)
-    assert scene.emitters[1].values["shape"] == binding.EMITTER_SHAPES["sphere"]
+    assert scene.emitters[1].values["shape"] == binding.REGION_SHAPES["sphere"]
     assert scene.emitters[1].values["has_velocity"] == 1
 
 

@@ -125,12 +125,13 @@ def lay_out(edges: np.ndarray) -> Layout:
 def _seconds(layout: Layout, edges: np.ndarray, drop: float) -> float:
     """What the run may take on two cores."""
     h, poisson = layout.voxel, table()["solid"]["poissonsRatio"].default
-    meets = estimate.seconds_to_meet(drop - estimate.CONTACT_REACH * h, 0.0, EARTH_GRAVITY)
+    limits = solver.step_limits({"voxel_size": h}, DEFAULT_DENSITY)
+    meets = estimate.seconds_to_meet(drop - limits["contact_reach"] * h, 0.0, EARTH_GRAVITY)
     bodies = [
         estimate.Body(0.0, EARTH_GRAVITY, meets, math.sqrt(E / 2 / (1 + poisson) / DEFAULT_DENSITY), float(edge[1]))
         for E, edge in zip(layout.moduli, edges, strict=True)
     ]
-    _, most = estimate.steps(estimate.Plan(h, 1 / layout.fps, layout.frames - 1, bodies))
+    _, most = estimate.steps(estimate.Plan(h, 1 / layout.fps, layout.frames - 1, bodies, limits))
     return most * layout.cells * estimate.SECONDS_PER_CELL_STEP
 
 

@@ -110,7 +110,7 @@ def _energy(statistics: Statistics, axes: Axes) -> None:
         names = {"solid_kinetic": "solids, kinetic", "elastic": "elastic", "fluid_kinetic": "fluid, kinetic"}
         total = np.zeros(len(time))
         for name, label in {**names, "potential": "potential"}.items():
-            values = _column(booked, lambda line, n=name: line["energy"]["end"][n])
+            values = _column(booked, lambda line, n=name: line["energy"]["at_end"][n])
             if name == "potential":
                 values = values - values[0]
             total += values

@@ -201,7 +201,7 @@ _UNITS = {"domain_min": "m", "domain_size": "m", "gravity": "m/s^2"}
 def _token(field: str, row: Parameter | None, value: Any) -> Any:
     """A number of the C API as the name that a stage has for it."""
     if field == "shape":
-        return next(name for name, number in binding.EMITTER_SHAPES.items() if number == value)
+        return next(name for name, number in binding.REGION_SHAPES.items() if number == value)
     if row and row.type == "token":
         return row.tokens[value]
     return bool(value) if row and row.type == "bool" else value

@@ -1,8 +1,8 @@
 """How long a run takes: its steps from speeds, walls and stiffness, its seconds from a few real steps.
 
-The number of steps follows the limits of the library's time step (sim/time_step.cpp): a step ends where a solid or
-the fluid has moved so many cells, and near a wall where elastic waves pass a cell. What a solid does after it has met
-a wall is not known without simulating, so that the number is a range.
+The number of steps follows the limits of the time step, those of the scene and those of the library (`step_limits`): a
+step ends where a solid or the fluid has moved so many cells, and near a wall where elastic waves pass a cell. What a
+solid does after it has met a wall is not known without simulating, so that the number is a range.
 """
 
 from __future__ import annotations
@@ -12,23 +12,20 @@ import io
 import math
 import statistics
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..log import Log
+from ..scene.bodies import DEFAULT_DENSITY
 from ..solver import binding
+from ..solver.simulation import step_limits
 from .build import build_simulation
 
 if TYPE_CHECKING:
     from ..scene.parts import Scene, Solid
 
-# Limits of the library's steps, in cells (kContactCfl, kContactPace, kContactReach, kVacuumReach, kFluidReach, kThin,
-# kFarthest there).
-_CONTACT_CFL, _CONTACT_PACE = 0.4, 0.7
-_VACUUM_REACH, _FLUID_REACH, _THIN, _FARTHEST = 20 / 9, 1.5, 0.01, 3.95
-CONTACT_REACH = 2.0
 # Periods of its slowest wave for which a solid that has met a wall strains fast enough to need short steps: at least
 # and at most, by the examples and by scenes of `new`.
 _RINGING = (2, 20)
@@ -61,22 +58,20 @@ class Body:
 class Plan:
     """A run: voxel size [m], seconds per frame, frames to simulate (without the first), limits of a step.
 
-    fluid_speed: what emitters may drive the fluid to [m/s]. resolve_impacts: the preset follows elastic waves at walls.
-    flight_reach: how many times as far as elsewhere solids move in a step in flight.
+    fluid_speed: what emitters may drive the fluid to [m/s]. limits: fields of EfsiStepLimits.
     """
 
     voxel: float
     frame: float
     frames: int
     bodies: Sequence[Body]
+    limits: Mapping[str, float]
     gravity: float = 9.81
     cfl_solid: float = 1.8
     cfl_fluid: float = 5.0
     longest_step: float = math.inf
     fluid_speed: float = 0.0
     fluid: bool = True
-    resolve_impacts: bool = True
-    flight_reach: float = 1.0
 
 
 def seconds_to_meet(distance: float, speed: float, acceleration: float) -> float:
@@ -101,7 +96,7 @@ def steps(plan: Plan) -> tuple[float, float]:
 
 def _longest_steps(plan: Plan, begin: float, end: float) -> tuple[float, float]:
     """(shortest, longest) step that is to be expected between two times [s]."""
-    h = plan.voxel
+    h, limits = plan.voxel, plan.limits
     shortest = longest = plan.longest_step
     speed = 0.0
     for body in plan.bodies:
@@ -109,15 +104,15 @@ def _longest_steps(plan: Plan, begin: float, end: float) -> tuple[float, float]:
         if end <= body.meets:
             continue
         hit = body.speed + body.fall * body.meets
-        rest, wave = time_to_move(0.0, plan.gravity, _CONTACT_CFL * h), _CONTACT_PACE * h / body.wave
-        closing = time_to_move(hit, plan.gravity, _CONTACT_CFL * h)
+        rest = time_to_move(0.0, plan.gravity, limits["contact_cfl"] * h)
+        closing = time_to_move(hit, plan.gravity, limits["contact_cfl"] * h)
+        wave = limits["contact_pace"] * h / body.wave if limits["contact_pace"] else math.inf
         surely, maybe = (begin < body.meets + count * 2 * body.size / body.wave for count in _RINGING)
-        wave = wave if plan.resolve_impacts else math.inf
         surely = surely and hit >= _SOFT_IMPACT * body.wave
         shortest = min(shortest, rest, *((closing, wave) if maybe else ()))
         longest = min(longest, rest, *((wave,) if surely else ()))
     if plan.bodies:
-        far = max(plan.cfl_solid, min(_FARTHEST, plan.flight_reach * plan.cfl_solid))
+        far = limits["flight_cfl"]
         alone = len(plan.bodies) == 1 and end <= plan.bodies[0].meets
         shortest = min(shortest, time_to_move(speed, plan.gravity, (far if alone else plan.cfl_solid) * h))
         if not _all_met(plan, begin):
@@ -136,7 +131,9 @@ def plan_of(scene: Scene) -> Plan:
     """The plan of a scene that was read and examined."""
     domain = scene.domain
     gravity = np.array(domain["gravity"], float)
-    low, high = np.array(domain["domain_min"]), np.add(domain["domain_min"], domain["domain_size"])
+    lightest = min((solid.values["density"] for solid in scene.solids), default=DEFAULT_DENSITY)
+    limits = step_limits(domain, lightest)
+    reach = limits["contact_reach"] * domain["voxel_size"]
     fluid = bool(domain["ambient_fluid"])
     heights = float(np.linalg.norm(domain["domain_size"]))
     lift, jet = 0.0, 0.0
@@ -153,30 +150,20 @@ def plan_of(scene: Scene) -> Plan:
         voxel=domain["voxel_size"],
         frame=1 / scene.fps,
         frames=len(scene.frames) - 1,
-        bodies=[_body(solid, domain, low, high, gravity) for solid in scene.solids],
+        bodies=[_body(solid, domain, reach, gravity) for solid in scene.solids],
         gravity=float(np.linalg.norm(gravity)),
         cfl_solid=domain["cfl_solid"],
         cfl_fluid=domain["cfl_fluid"],
         longest_step=domain["max_time_step"] or math.inf,
         fluid_speed=math.hypot(jet, math.sqrt(2 * lift * heights)),
         fluid=fluid,
-        resolve_impacts=domain["preset"] == binding.PRESETS["production"],
-        flight_reach=_flight_reach(scene),
+        limits=limits,
     )
 
 
-def _flight_reach(scene: Scene) -> float:
-    domain = scene.domain
-    if domain["preset"] != binding.PRESETS["production"]:
-        return 1.0
-    if not domain["ambient_fluid"]:
-        return _VACUUM_REACH
-    lightest = min((solid.values["density"] for solid in scene.solids), default=0.0)
-    return _FLUID_REACH if domain["fluid_density"] <= _THIN * lightest else 1.0
-
-
-def _body(solid: Solid, domain: dict, low: np.ndarray, high: np.ndarray, gravity: np.ndarray) -> Body:
-    """A solid of a scene: it falls, or rises where the fluid is heavier, until it is near a wall."""
+def _body(solid: Solid, domain: dict, reach: float, gravity: np.ndarray) -> Body:
+    """A solid of a scene: it falls, or rises where the fluid is heavier, until it is `reach` metres from a wall."""
+    low, high = np.array(domain["domain_min"]), np.add(domain["domain_min"], domain["domain_size"])
     values, report = solid.values, solid.start.report
     start, end = np.array(report["extent_min"]), np.array(report["extent_max"])
     velocity = np.array(values["velocity"], float)
@@ -191,7 +178,7 @@ def _body(solid: Solid, domain: dict, low: np.ndarray, high: np.ndarray, gravity
         if sign * velocity[axis] <= 0 and sign * fall[axis] <= 0:
             continue  # a wall that it does not move towards presses nothing
         gap = (high[axis] - end[axis]) if face % 2 else (start[axis] - low[axis])
-        distance = gap - CONTACT_REACH * domain["voxel_size"]
+        distance = gap - reach
         when = seconds_to_meet(distance, sign * velocity[axis], sign * fall[axis])
         if when < meets:
             meets, size = when, float((end - start)[axis])

@@ -19,7 +19,7 @@ from ..signals import Signals
 from ..solver import binding
 from ..solver import simulation as solver
 from .motion import fit_rigid_motion, volume_center
-from .parts import Collider, Deformation, Emitter, Motion, Pin, Solid, slab_axis
+from .parts import Collider, Deformation, Emitter, Motion, Pin, Solid
 from .space import SimulationSpace, determinant, orthonormal_rows, transform_points, transform_vectors
 from .values import Reader
 
@@ -148,7 +148,7 @@ def _surface_of(
     try:
         with signals.installed():
             surface = solver.Surface(mesh, domain["voxel_size"], threads, stop)
-        axis = slab_axis(domain)
+        axis = solver.slab_axis(domain)
         if axis is None or isinstance(solid, (Pin, Emitter)):
             return surface
         low = domain["domain_min"][axis]
@@ -164,7 +164,7 @@ def _surface_of(
 def _stretched(solid: Solid, domain: dict[str, Any]) -> solver.Mesh:
     """The solid's surface where it starts, as the library stretches it; in a 2-D scene about what lies in the slab."""
     mesh, factors, inside = solid.mesh, solid.values["stretch"], solid.mesh.points.copy()
-    if (axis := slab_axis(domain)) is not None:
+    if (axis := solver.slab_axis(domain)) is not None:
         low = domain["domain_min"][axis]
         inside[:, axis] = np.clip(inside[:, axis], low, low + domain["voxel_size"])
     center = volume_center(inside, mesh.triangles())

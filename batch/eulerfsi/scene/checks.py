@@ -15,10 +15,10 @@ from pxr import Usd
 
 from ..errors import CacheIOError, SceneError
 from ..solver import binding
-from ..solver.simulation import Surface
+from ..solver.simulation import Surface, slab_axis
 from ..usd_messages import composition_faults
 from . import memory
-from .parts import Collider, Emitter, Scene, Solid, face_name, open_faces, slab_axis
+from .parts import Collider, Emitter, Scene, Solid, face_name, open_faces
 
 __all__ = ["Issue", "check_output", "check_scene", "check_stage", "raise_errors", "stage_issues"]
 

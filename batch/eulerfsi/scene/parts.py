@@ -7,7 +7,6 @@ import dataclasses
 import functools
 import hashlib
 import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -235,7 +234,7 @@ class Emitter:
             return np.array(self.report["extent_min"]), np.array(self.report["extent_max"])
         matrix = np.reshape(self.values["transform"], (4, 4))[:3]
         rows = matrix[:, :3]
-        ball = self.values["shape"] == binding.EMITTER_SHAPES["sphere"]
+        ball = self.values["shape"] == binding.REGION_SHAPES["sphere"]
         reach = (np.sqrt((rows * rows).sum(axis=1)) if ball else np.abs(rows).sum(axis=1)) / 2
         return matrix[:, 3] - reach, matrix[:, 3] + reach
 
@@ -333,16 +332,6 @@ class Scene:
 def open_faces(domain: dict[str, Any]) -> list[int]:
     """The faces of the domain that let fluid in and out."""
     return [face for face in range(6) if domain[f"wall[{face}]"] == binding.WALLS["open"]]
-
-
-def slab_axis(domain: dict[str, Any]) -> int | None:
-    """The axis along which the domain is one cell thick between slip walls: a 2-D scene; None: there is none."""
-    for axis in (2, 1, 0):
-        thin = math.ceil(domain["domain_size"][axis] / domain["voxel_size"] - 1e-6) <= 1
-        walls = {domain[f"wall[{2 * axis}]"], domain[f"wall[{2 * axis + 1}]"]}
-        if thin and walls == {binding.WALLS["slip"]}:
-            return axis
-    return None
 
 
 def face_name(face: int) -> str:

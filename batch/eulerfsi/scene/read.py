@@ -16,10 +16,11 @@ from ..errors import SceneError, UsageError
 from ..frames import FrameRange, check_frames
 from ..parameters import StageUnits, table
 from ..reasons import usd_reason
+from ..solver.simulation import slab_axis
 from ..system import available_threads
 from . import memory
 from .bodies import examine, read_collider, read_density, read_pins, read_solid
-from .parts import Scene, slab_axis
+from .parts import Scene
 from .passengers import read_passenger, read_riders
 from .references import how_to_make_a_scene, is_usd_file
 from .sources import read_emitters, read_forces

@@ -90,7 +90,7 @@ def _region(reader: Reader, space: SimulationSpace, prim: Usd.Prim, api: str) ->
     to_sim = space.from_local(reader.local_to_world(prim) * np.array([[width], [width], [width], [1.0]]))
     if determinant(to_sim) == 0:
         raise SceneError(f"{prim.GetPath()}: the transform of the {what} has a zero scale")
-    return {"shape": binding.EMITTER_SHAPES[shape], "transform": to_sim.T.ravel().tolist()}
+    return {"shape": binding.REGION_SHAPES[shape], "transform": to_sim.T.ravel().tolist()}
 
 
 def _times_on(reader: Reader, prim: Usd.Prim, frames: FrameRange) -> list[tuple[float, float]]:

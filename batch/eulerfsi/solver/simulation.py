@@ -9,15 +9,15 @@ import ctypes
 import dataclasses
 import re
 from collections.abc import Callable, Mapping, Sequence
-from ctypes import POINTER, byref, c_double, c_float, c_int32, c_uint32, c_uint64, c_void_p
+from ctypes import POINTER, byref, c_double, c_float, c_int32, c_uint32, c_uint64, c_void_p, sizeof
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..errors import LibraryError
-from . import binding, mesh_file
-from .binding import check_error, library
+from . import binding, c_api, mesh_file
+from .binding import check_error, define, library, read
 
 LogFunction = Callable[[int, str], None]
 ProgressFunction = Callable[[float, dict], bool]
@@ -55,27 +55,23 @@ class Mesh:
         position = np.arange(len(self.indices)) - (ends - self.counts)[owner]
         return Mesh(self.points, self.counts, self.indices[ends[owner] - 1 - position])
 
-    def view(self) -> binding.MeshView:
+    def view(self) -> c_api.MeshView:
         """The C view; valid while this object lives."""
-        view = binding.MeshView()
-        view.points = self.points.ctypes.data_as(POINTER(c_float))
-        view.point_count = len(self.points)
-        view.point_stride = 12
-        view.face_vertex_counts = self.counts.ctypes.data_as(POINTER(c_int32))
-        view.face_count = len(self.counts)
-        view.face_vertex_indices = self.indices.ctypes.data_as(POINTER(c_int32))
-        view.index_count = len(self.indices)
+        view = c_api.MeshView(point_count=len(self.points), point_stride=12)
+        view.points = self.points.ctypes.data
+        view.face_vertex_counts, view.face_count = self.counts.ctypes.data, len(self.counts)
+        view.face_vertex_indices, view.index_count = self.indices.ctypes.data, len(self.indices)
         return view
 
 
 def to_dict(struct: ctypes.Structure) -> dict[str, Any]:
-    """A result structure as plain numbers and lists, without the reserved fields."""
+    """A result structure as plain numbers and lists, without padding."""
     result = {}
     for name, *_ in struct._fields_:
         value = getattr(struct, name)
-        if name.startswith("reserved"):
+        if name == "padding":
             continue
-        result[name] = list(value) if isinstance(value, (binding.Vec3, ctypes.Array)) else value
+        result[name] = list(value) if isinstance(value, (c_api.Vec3, ctypes.Array)) else value
     return result
 
 
@@ -87,11 +83,11 @@ def _fill(struct: ctypes.Structure, values: Mapping[str, Any]) -> None:
         if base not in fields:
             raise KeyError(f"{type(struct).__name__} has no field {name!r}; it has {', '.join(sorted(fields))}")
         current = getattr(struct, base)
-        if index and isinstance(current[int(index[:-1])], binding.Vec3):
-            current[int(index[:-1])] = binding.Vec3(*(float(c) for c in value))
+        if index and isinstance(current[int(index[:-1])], c_api.Vec3):
+            current[int(index[:-1])] = c_api.Vec3(*(float(c) for c in value))
         elif index:
             current[int(index[:-1])] = value
-        elif isinstance(current, binding.Vec3):
+        elif isinstance(current, c_api.Vec3):
             current.x, current.y, current.z = (float(c) for c in value)
         elif isinstance(current, ctypes.Array):
             current[:] = [float(c) for c in np.asarray(value).ravel()]
@@ -119,12 +115,12 @@ class Surface:
         self, mesh: Mesh, voxel_size: float, threads: int = 0, progress: Callable[[float], bool] | None = None
     ) -> None:
         self.mesh, self._lib, self._handle = mesh, library(), c_void_p()
-        error, view, raised = binding.Error(), mesh.view(), []
+        error, view, raised = c_api.Error(), mesh.view(), []
 
         def forward(_user: Any, fraction: float) -> int:
             return _stops(raised, lambda: progress(fraction))
 
-        callback = binding.SurfaceProgress(forward) if progress else binding.SurfaceProgress()
+        callback = c_api.SurfaceProgress(forward) if progress else c_api.SurfaceProgress()
         status = self._lib.efsi_surface_create(
             byref(view), voxel_size, threads, callback, None, byref(self._handle), byref(error)
         )
@@ -134,8 +130,8 @@ class Surface:
         self._describe()
 
     def _describe(self) -> None:
-        report = binding.MeshReport()
-        self._lib.efsi_surface_get_report(self._handle, byref(report))
+        status, report = read(c_api.MeshReport, self._lib.efsi_surface_get_report, self._handle)
+        check_error(status, c_api.Error())
         self.report = to_dict(report)
         self.repairs = self._lib.efsi_surface_get_repair_text(self._handle).decode("utf-8", "replace")
 
@@ -144,7 +140,7 @@ class Surface:
 
         Raises LibraryError for a mesh that does not extend through the slab.
         """
-        slab, error = Surface.__new__(Surface), binding.Error()
+        slab, error = Surface.__new__(Surface), c_api.Error()
         slab.mesh, slab._lib, slab._handle = self.mesh, self._lib, c_void_p()
         check_error(
             self._lib.efsi_surface_extrude_in_slab(self.handle, axis, low, high, byref(slab._handle), byref(error)),
@@ -159,7 +155,7 @@ class Surface:
 
     def overlap(self, other: Surface) -> tuple[float, float]:
         """Returns the diameter of the largest ball inside both [m] and the volume of their intersection [m^3]."""
-        depth, volume, error = c_double(), c_double(), binding.Error()
+        depth, volume, error = c_double(), c_double(), c_api.Error()
         check_error(
             self._lib.efsi_surface_get_overlap(self.handle, other.handle, byref(depth), byref(volume), byref(error)),
             error,
@@ -194,11 +190,11 @@ class Simulation:
         self._handle = c_void_p()
         self.names: dict[str, str] = {}
         self._log = (
-            binding.LogCallback(lambda _user, level, text: log(level, self._named(text.decode("utf-8", "replace"))))
+            c_api.LogCallback(lambda _user, level, text: log(level, self._named(text.decode("utf-8", "replace"))))
             if log
             else None
         )
-        definition, error = _simulation_def(values), binding.Error()
+        definition, error = _simulation_def(values), c_api.Error()
         if self._log:
             definition.log = self._log
         check_error(self._lib.efsi_simulation_create(byref(definition), byref(self._handle), byref(error)), error)
@@ -230,13 +226,12 @@ class Simulation:
 
         shape: a mesh, or a surface prepared for this voxel size.
         """
-        definition, identifier, report = self._solid_def(shape, values), c_uint32(), binding.MeshReport()
-        self._check(self._lib.efsi_solid_add(self._handle, byref(definition), byref(identifier), byref(report)))
-        return identifier.value, to_dict(report)
+        definition, identifier = self._solid_def(shape, values), c_uint32()
+        self._check(self._lib.efsi_solid_add(self._handle, byref(definition), byref(identifier)))
+        return identifier.value, self._read(c_api.MeshReport, self._lib.efsi_solid_get_mesh_report, identifier)
 
-    def _solid_def(self, shape: Mesh | Surface, values: Mapping[str, Any]) -> binding.SolidDef:
-        definition = binding.SolidDef()
-        self._lib.efsi_solid_def_init(byref(definition))
+    def _solid_def(self, shape: Mesh | Surface, values: Mapping[str, Any]) -> c_api.SolidDef:
+        definition = define(c_api.SolidDef)
         _fill(definition, values)
         if isinstance(shape, Surface):
             definition.surface = shape.handle
@@ -247,7 +242,7 @@ class Simulation:
     def add_collider(self, shape: Mesh | Surface, **values: Any) -> tuple[int, int]:
         """Adds a collider before the first step. values: friction. Returns (solid id, pin id)."""
         definition, solid, pin = self._solid_def(shape, values), c_uint32(), c_uint32()
-        status = self._lib.efsi_collider_add(self._handle, byref(definition), byref(solid), byref(pin), None)
+        status = self._lib.efsi_collider_add(self._handle, byref(definition), byref(solid), byref(pin))
         self._check(status)
         return solid.value, pin.value
 
@@ -287,9 +282,7 @@ class Simulation:
 
     def pin_reaction(self, pin: int) -> dict[str, Any]:
         """Returns the fields of EfsiPinReaction: the reaction of a pin in the last step."""
-        out = binding.PinReaction()
-        self._check(self._lib.efsi_pin_get_reaction(self._handle, pin, byref(out)))
-        return to_dict(out)
+        return self._read(c_api.PinReaction, self._lib.efsi_pin_get_reaction, pin)
 
     def add_emitter(self, volume: Surface | None = None, keys: Sequence[Mapping] = (), **values: Any) -> int:
         """Adds an emitter before the first step. values: fields of EfsiEmitterDef (SI). Returns its id.
@@ -297,8 +290,7 @@ class Simulation:
         volume: a closed mesh instead of a box or a ball. keys: fields of EfsiEmitterKey in the order of their times,
         instead of constant values.
         """
-        definition, identifier = binding.EmitterDef(), c_uint32()
-        self._lib.efsi_emitter_def_init(byref(definition))
+        definition, identifier = define(c_api.EmitterDef), c_uint32()
         _fill(definition, values)
         if volume:
             status = self._lib.efsi_emitter_add_volume(
@@ -308,10 +300,12 @@ class Simulation:
             status = self._lib.efsi_emitter_add(self._handle, byref(definition), byref(identifier))
         self._check(status)
         if keys:
-            array = (binding.EmitterKey * len(keys))()
+            array = (c_api.EmitterKey * len(keys))()
             for key, fields in zip(array, keys, strict=True):
                 _fill(key, fields)
-            self._check(self._lib.efsi_emitter_set_keys(self._handle, identifier, array, len(keys)))
+            self._check(
+                self._lib.efsi_emitter_set_keys(self._handle, identifier, array, sizeof(c_api.EmitterKey), len(keys))
+            )
         return identifier.value
 
     def emitter_flux(self, emitter: int) -> float:
@@ -339,17 +333,14 @@ class Simulation:
 
     def add_force(self, **values: Any) -> int:
         """Adds a force before the first step. values: fields of EfsiForceDef (SI). Returns its id."""
-        definition, identifier = binding.ForceDef(), c_uint32()
-        self._lib.efsi_force_def_init(byref(definition))
+        definition, identifier = define(c_api.ForceDef), c_uint32()
         _fill(definition, values)
         self._check(self._lib.efsi_force_add(self._handle, byref(definition), byref(identifier)))
         return identifier.value
 
     def step(self, max_dt: float) -> dict[str, Any]:
         """Makes one step of at most max_dt seconds; returns the fields of EfsiStepInfo."""
-        info = binding.StepInfo()
-        self._check(self._lib.efsi_simulation_step(self._handle, max_dt, byref(info)))
-        return to_dict(info)
+        return self._read(c_api.StepInfo, self._lib.efsi_simulation_step, max_dt)
 
     def advance(self, duration: float, progress: ProgressFunction | None = None) -> dict[str, Any]:
         """Advances by `duration` seconds; returns EfsiStepInfo, counters summed over the steps.
@@ -357,13 +348,13 @@ class Simulation:
         progress(fraction, step info) is called between steps; True asks to stop, which raises LibraryError with
         status ERROR_CANCELLED. An exception inside it stops the run and is raised here.
         """
-        info, raised = binding.StepInfo(), []
+        info, raised = c_api.StepInfo(), []
 
         def forward(_user: Any, fraction: float, step: Any) -> int:
             return _stops(raised, lambda: progress(fraction, to_dict(step.contents) if step else {}))
 
-        callback = binding.ProgressCallback(forward) if progress else binding.ProgressCallback()
-        status = self._lib.efsi_simulation_advance(self._handle, duration, byref(info), callback, None)
+        callback = c_api.ProgressCallback(forward) if progress else c_api.ProgressCallback()
+        status = self._lib.efsi_simulation_advance(self._handle, duration, byref(info), sizeof(info), callback, None)
         if raised:
             raise raised[0]
         self._check(status)
@@ -414,58 +405,56 @@ class Simulation:
 
     def solid_diagnostics(self, solid: int) -> dict[str, Any]:
         """Returns the fields of EfsiSolidDiagnostics."""
-        out = binding.SolidDiagnostics()
-        self._check(self._lib.efsi_solid_get_diagnostics(self._handle, solid, byref(out)))
-        return to_dict(out)
+        return self._read(c_api.SolidDiagnostics, self._lib.efsi_solid_get_diagnostics, solid)
 
     def fluid_diagnostics(self) -> dict[str, Any]:
         """Returns the fields of EfsiFluidDiagnostics."""
-        out = binding.FluidDiagnostics()
-        self._check(self._lib.efsi_simulation_get_fluid_diagnostics(self._handle, byref(out)))
-        return to_dict(out)
+        return self._read(c_api.FluidDiagnostics, self._lib.efsi_simulation_get_fluid_diagnostics)
 
     def repairs(self) -> dict[str, Any]:
         """Returns the fields of EfsiRepairs, of the last step."""
-        out = binding.Repairs()
-        self._check(self._lib.efsi_simulation_get_repairs(self._handle, byref(out)))
-        return to_dict(out)
+        return self._read(c_api.Repairs, self._lib.efsi_simulation_get_repairs)
 
     def contacts(self) -> list[dict[str, Any]]:
         """Returns the fields of EfsiContactPair for all pairs in contact in the last call of `step` or `advance`."""
-        count = c_uint64()
-        self._check(self._lib.efsi_simulation_get_contacts(self._handle, None, 0, byref(count)))
-        if count.value == 0:
-            return []
-        pairs = (binding.ContactPair * count.value)()
-        self._check(self._lib.efsi_simulation_get_contacts(self._handle, pairs, count.value, byref(count)))
-        return [to_dict(pair) for pair in pairs]
+        return self._read_array(c_api.ContactPair, self._lib.efsi_simulation_get_contacts)
 
     def transport_error(self, solid: int) -> dict[str, Any]:
         """Returns the fields of EfsiTransportError, of the last step."""
-        out = binding.TransportError()
-        self._check(self._lib.efsi_solid_get_transport_error(self._handle, solid, byref(out)))
-        return to_dict(out)
+        return self._read(c_api.TransportError, self._lib.efsi_solid_get_transport_error, solid)
 
     def energy_ledger(self) -> dict[str, Any]:
-        """Of the last step [J]: {"end": {form: energy}, "at_start": the same, "change": {stage: {form: change}},
+        """Of the last step [J]: {"at_end": {form: energy}, "at_start": the same, "change": {stage: {form: change}},
         "source_work": work}.
 
         Forms: fields of EfsiEnergy; stages: binding.ENERGY_STAGES. Raises LibraryError where energy_ledger is off.
         """
-        out = binding.EnergyLedger()
-        self._check(self._lib.efsi_simulation_get_energy_ledger(self._handle, byref(out)))
-        change = dict(zip(binding.ENERGY_STAGES, map(to_dict, out.change), strict=True))
-        energies = {"end": to_dict(out.end), "at_start": to_dict(out.at_start)}
-        return {**energies, "change": change, "source_work": out.source_work}
+        ledger = self._read(c_api.EnergyLedger, self._lib.efsi_simulation_get_energy_ledger)
+        changes = (c_api.Energy * len(binding.ENERGY_STAGES))()
+        self._check(self._lib.efsi_simulation_get_energy_changes(self._handle, changes, len(changes), None))
+        change = dict(zip(binding.ENERGY_STAGES, map(to_dict, changes), strict=True))
+        energies = {name: to_dict(ledger[name]) for name in ("at_end", "at_start")}
+        return {**energies, "change": change, "source_work": ledger["source_work"]}
 
     def profile(self) -> dict[str, Any]:
-        """Returns the fields of EfsiProfile; seconds, tiles and bytes are dicts by stage."""
-        out = binding.Profile()
-        self._check(self._lib.efsi_simulation_get_profile(self._handle, byref(out)))
-        result = to_dict(out)
+        """Returns the fields of EfsiProfile, and those of EfsiStageProfile as dicts by stage."""
+        result = self._read(c_api.Profile, self._lib.efsi_simulation_get_profile)
+        stages = self._read_array(c_api.StageProfile, self._lib.efsi_simulation_get_stages)
         for name in ("seconds", "tiles", "bytes"):
-            result[name] = dict(zip(binding.STAGES, result[name], strict=True))
+            result[name] = {stage: values[name] for stage, values in zip(binding.STAGES, stages, strict=False)}
         return result
+
+    def _read(self, kind: type[ctypes.Structure], call: Callable[..., int], *arguments: object) -> dict[str, Any]:
+        status, out = read(kind, call, self._handle, *arguments)
+        self._check(status)
+        return to_dict(out)
+
+    def _read_array(self, kind: type[ctypes.Structure], call: Callable[..., int]) -> list[dict[str, Any]]:
+        count = c_uint64()
+        self._check(call(self._handle, None, sizeof(kind), 0, byref(count)))
+        array = (kind * count.value)()
+        self._check(call(self._handle, array, sizeof(kind), count.value, byref(count)))
+        return [to_dict(element) for element in array]
 
     def reset_profile(self) -> None:
         """Resets the profile's sums to zero."""
@@ -476,8 +465,8 @@ class Simulation:
 
         name: a key of binding.FIELDS. A field that the scene does not use has shape (components, 0, 0, 0).
         """
-        view = binding.FieldView()
-        self._check(self._lib.efsi_field_get_view(self._handle, binding.FIELDS[name], solid, byref(view)))
+        status, view = read(c_api.FieldView, self._lib.efsi_field_get_view, self._handle, binding.FIELDS[name], solid)
+        self._check(status)
         size, stride = tuple(view.size), tuple(4 * s for s in view.stride)
         place = {"origin": list(view.origin), "spacing": view.spacing, "cell_centered": bool(view.cell_centered)}
         if 0 in size or not view.data[0]:
@@ -485,7 +474,7 @@ class Simulation:
         extent = 1 + sum((n - 1) * s for n, s in zip(size, view.stride, strict=True))
         parts = []
         for component in range(view.components):
-            flat = np.ctypeslib.as_array(view.data[component], (extent,))
+            flat = np.ctypeslib.as_array(ctypes.cast(view.data[component], POINTER(c_float)), (extent,))
             parts.append(np.lib.stride_tricks.as_strided(flat, size, stride).copy())
         return np.stack(parts), place
 
@@ -496,16 +485,14 @@ class Simulation:
 
     def write_vdb(self, path: str | Path, **values: Any) -> str:
         """Writes one .vdb with all grids. values: fields of EfsiVdbDef. Returns the content hash."""
-        definition, content = binding.VdbDef(), c_uint64()
-        self._lib.efsi_vdb_def_init(byref(definition))
+        definition, content = define(c_api.VdbDef), c_uint64()
         _fill(definition, values)
         self._check(self._lib.efsi_vdb_write(self._handle, str(path).encode(), byref(definition), byref(content)))
         return f"{content.value:016x}"
 
 
-def _simulation_def(values: Mapping[str, Any]) -> binding.SimulationDef:
-    definition = binding.SimulationDef()
-    library().efsi_simulation_def_init(byref(definition))
+def _simulation_def(values: Mapping[str, Any]) -> c_api.SimulationDef:
+    definition = define(c_api.SimulationDef)
     _fill(definition, values)
     return definition
 
@@ -515,7 +502,7 @@ def estimate_memory(values: Mapping[str, Any], solid_volume: float) -> tuple[int
 
     solid_volume: sum of the bounding-box volumes of the solids [m^3]. Raises LibraryError.
     """
-    error, count, fitting, definition = binding.Error(), c_uint64(), c_double(), _simulation_def(values)
+    error, count, fitting, definition = c_api.Error(), c_uint64(), c_double(), _simulation_def(values)
     check_error(
         library().efsi_simulation_estimate_memory(
             byref(definition), solid_volume, byref(count), byref(fitting), byref(error)
@@ -523,3 +510,42 @@ def estimate_memory(values: Mapping[str, Any], solid_volume: float) -> tuple[int
         error,
     )
     return count.value, fitting.value
+
+
+def slab_axis(values: Mapping[str, Any]) -> int | None:
+    """The axis along which a domain is one cell thick between slip walls: a scene in 2-D; None: there is none.
+
+    values: fields of EfsiSimulationDef. None as well where they are invalid.
+    """
+    axis = c_int32(-1)
+    library().efsi_simulation_def_get_slab_axis(byref(_simulation_def(values)), byref(axis), None)
+    return axis.value if axis.value >= 0 else None
+
+
+def step_limits(values: Mapping[str, Any], lightest_density: float) -> dict[str, float]:
+    """The fields of EfsiStepLimits. values: fields of EfsiSimulationDef; lightest_density: of the solids [kg/m^3]."""
+    limits, error = c_api.StepLimits(), c_api.Error()
+    call = library().efsi_simulation_def_get_step_limits
+    status = call(byref(_simulation_def(values)), lightest_density, byref(limits), sizeof(limits), byref(error))
+    check_error(status, error)
+    return to_dict(limits)
+
+
+def nearest_on_triangles(corners: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Triangle (n,) and weights of its corners (n, 3) of the nearest point of a mesh; of equally near ones the first.
+
+    corners: (m, 3, 3) of triangles, m > 0; points: (n, 3). Raises LibraryError for a value that is not finite.
+    """
+    corners, points = (np.ascontiguousarray(values, np.float64) for values in (corners, points))
+    triangles, weights, error = np.zeros(len(points), np.uint32), np.zeros((len(points), 3)), c_api.Error()
+    status = library().efsi_triangles_find_nearest(
+        corners.ctypes.data,
+        len(corners),
+        points.ctypes.data,
+        len(points),
+        triangles.ctypes.data_as(POINTER(c_uint32)),
+        weights.ctypes.data_as(POINTER(c_double)),
+        byref(error),
+    )
+    check_error(status, error)
+    return triangles.astype(np.int64), weights

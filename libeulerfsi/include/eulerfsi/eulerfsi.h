@@ -1,4 +1,5 @@
-/* eulerfsi: the whole C API; the header that clients include. */
+/** @file
+ * eulerfsi: the whole C API; the header that clients include. */
 #ifndef EULERFSI_EULERFSI_H
 #define EULERFSI_EULERFSI_H
 
@@ -7,9 +8,10 @@
 #include "eulerfsi/fluid.h"
 #include "eulerfsi/force.h"
 #include "eulerfsi/io.h"
+#include "eulerfsi/mesh.h"
 #include "eulerfsi/passenger.h"
 #include "eulerfsi/pin.h"
-#include "eulerfsi/profile.h"
+#include "eulerfsi/record.h"
 #include "eulerfsi/simulation.h"
 #include "eulerfsi/solid.h"
 

@@ -1,5 +1,6 @@
 #include "capi/definition.hpp"
 
+#include <cctype>
 #include <cmath>
 #include <sstream>
 #include <string>
@@ -65,65 +66,129 @@ void check_transform(const char* field, const double (&transform)[16]) {
   }
 }
 
-void check_header(const char* type, const char* initializer, std::uint32_t struct_size, std::uint32_t expected_size,
-                  std::uint32_t magic) {
-  const std::string hint = std::string(": initialise the definition with ") + initializer;
-  if (magic != kMagic) throw Error(ErrorCode::kArgument, std::string(type) + ".magic is wrong" + hint);
-  if (struct_size != expected_size)
-    throw Error(ErrorCode::kArgument, std::string(type) + ".struct_size = " + std::to_string(struct_size) +
-                                          ": must be " + std::to_string(expected_size) + hint +
-                                          " of the same version of the library");
+namespace {
+
+constexpr std::uint32_t kMagic = 0x49534645u;  // "EFSI"
+
+// "EfsiSolidDef" -> "efsi_solid_def_init"; the names of the C API follow one rule.
+template <class Def>
+std::string initializer() {
+  std::string name;
+  for (const char* c = Layout<Def>::name; *c; ++c) {
+    if (std::isupper(static_cast<unsigned char>(*c)) && !name.empty()) name += '_';
+    name += static_cast<char>(std::tolower(static_cast<unsigned char>(*c)));
+  }
+  return name + "_init";
 }
 
-#define EFSI_CHECK_PARAMETER(type, field, min, max, exclusive) \
-  check(#type "." #field, def.field, Limits{min, max, (exclusive) != 0});
+void check_header(const DefinitionHeader& header, const std::string& name, const std::string& init) {
+  const std::string hint = ": initialise the definition with " + init;
+  if (header.magic != kMagic) throw Error(ErrorCode::kArgument, name + ".magic is wrong" + hint);
+  if (header.struct_size < sizeof(DefinitionHeader))
+    throw Error(ErrorCode::kArgument, name + ".struct_size = " + std::to_string(header.struct_size) +
+                                          ": must be at least " + std::to_string(sizeof(DefinitionHeader)) + hint);
+}
 
-void check_definition(const EfsiSimulationDef& def) {
-  check_header("EfsiSimulationDef", "efsi_simulation_def_init", def.struct_size, sizeof(def), def.magic);
+void set_identity(double (&transform)[16]) {
+  for (int a = 0; a < 4; ++a) transform[5 * a] = 1.0;
+}
+
+#define EFSI_DEFAULT(name, field, kind, initial, min, max, exclusive, unit) def.field = initial;
+
+void set_defaults(EfsiSimulationDef& def) {
+  EFSI_DOMAIN_PARAMETERS(EFSI_DEFAULT)
+  def.domain_size = {1.0, 1.0, 1.0};
+}
+void set_defaults(EfsiSolidDef& def) { EFSI_SOLID_PARAMETERS(EFSI_DEFAULT) }
+void set_defaults(EfsiEmitterDef& def) {
+  EFSI_EMITTER_PARAMETERS(EFSI_DEFAULT)
+  set_identity(def.transform);
+}
+void set_defaults(EfsiForceDef& def) {
+  EFSI_FORCE_PARAMETERS(EFSI_DEFAULT)
+  set_identity(def.transform);
+}
+void set_defaults(EfsiVdbDef& def) {
+  constexpr double kDensityThreshold = 1e-3;
+  set_identity(def.transform);
+  def.density_threshold = kDensityThreshold;
+  def.write_velocity = 1;
+}
+
+#undef EFSI_DEFAULT
+
 #define EFSI_CHECK(name, field, kind, initial, min, max, exclusive, unit) \
-  EFSI_CHECK_PARAMETER(EfsiSimulationDef, field, min, max, exclusive)
+  check((owner + "." #field).c_str(), def.field, Limits{min, max, (exclusive) != 0});
+
+void check_values(const EfsiSimulationDef& def, const std::string& owner) {
   EFSI_DOMAIN_PARAMETERS(EFSI_CHECK)
-#undef EFSI_CHECK
   check("EfsiSimulationDef.domain_min", def.domain_min, {});
   check("EfsiSimulationDef.domain_size", def.domain_size, {0.0, kInfinity, true});
   check("EfsiSimulationDef.gravity", def.gravity, {});
   check("EfsiSimulationDef.threads", def.threads, {0.0, 1024.0, false});
 }
+void check_values(const EfsiSolidDef& def, const std::string& owner) { EFSI_SOLID_PARAMETERS(EFSI_CHECK) }
 
-void check_definition(const EfsiSolidDef& def) {
-  check_header("EfsiSolidDef", "efsi_solid_def_init", def.struct_size, sizeof(def), def.magic);
-#define EFSI_CHECK(name, field, kind, initial, min, max, exclusive, unit) \
-  EFSI_CHECK_PARAMETER(EfsiSolidDef, field, min, max, exclusive)
-  EFSI_SOLID_PARAMETERS(EFSI_CHECK)
-#undef EFSI_CHECK
-}
+constexpr Limits kShapes{EFSI_REGION_BOX, EFSI_REGION_SPHERE, false};
 
-void check_definition(const EfsiEmitterDef& def) {
-  check_header("EfsiEmitterDef", "efsi_emitter_def_init", def.struct_size, sizeof(def), def.magic);
-#define EFSI_CHECK(name, field, kind, initial, min, max, exclusive, unit) \
-  EFSI_CHECK_PARAMETER(EfsiEmitterDef, field, min, max, exclusive)
+void check_values(const EfsiEmitterDef& def, const std::string& owner) {
   EFSI_EMITTER_PARAMETERS(EFSI_CHECK)
-#undef EFSI_CHECK
-  check("EfsiEmitterDef.shape", def.shape, {0.0, 1.0, false});
+  check("EfsiEmitterDef.shape", def.shape, kShapes);
   check_transform("EfsiEmitterDef.transform", def.transform);
 }
-
-void check_definition(const EfsiForceDef& def) {
-  check_header("EfsiForceDef", "efsi_force_def_init", def.struct_size, sizeof(def), def.magic);
-#define EFSI_CHECK(name, field, kind, initial, min, max, exclusive, unit) \
-  EFSI_CHECK_PARAMETER(EfsiForceDef, field, min, max, exclusive)
+void check_values(const EfsiForceDef& def, const std::string& owner) {
   EFSI_FORCE_PARAMETERS(EFSI_CHECK)
-#undef EFSI_CHECK
-  check("EfsiForceDef.shape", def.shape, {0.0, 1.0, false});
+  check("EfsiForceDef.shape", def.shape, kShapes);
   check_transform("EfsiForceDef.transform", def.transform);
 }
-
-void check_definition(const EfsiVdbDef& def) {
-  check_header("EfsiVdbDef", "efsi_vdb_def_init", def.struct_size, sizeof(def), def.magic);
+void check_values(const EfsiVdbDef& def, const std::string&) {
   check_transform("EfsiVdbDef.transform", def.transform);
   check("EfsiVdbDef.density_threshold", def.density_threshold, {0.0, kInfinity, false});
   check("EfsiVdbDef.half_float", def.half_float, {0.0, 1.0, false});
   check("EfsiVdbDef.write_velocity", def.write_velocity, {0.0, 1.0, false});
 }
+
+#undef EFSI_CHECK
+
+}  // namespace
+
+template <class Def>
+EfsiStatus initialise(Def* def, std::size_t size) noexcept {
+  if (!def || size < sizeof(DefinitionHeader) || size > std::numeric_limits<std::uint32_t>::max())
+    return EFSI_ERROR_ARGUMENT;
+  Def full{};
+  full.struct_size = static_cast<std::uint32_t>(size);
+  full.magic = kMagic;
+  set_defaults(full);
+  auto* bytes = reinterpret_cast<unsigned char*>(def);
+  const std::size_t own = std::min(size, sizeof(Def));
+  std::memcpy(bytes, &full, own);
+  std::memset(bytes + own, 0, size - own);
+  return EFSI_OK;
+}
+
+template <class Def>
+Def receive(const Def* def, const char* argument) {
+  demand(def, argument);
+  DefinitionHeader header;
+  std::memcpy(&header, def, sizeof(header));
+  check_header(header, Layout<Def>::name, initializer<Def>());
+  check_size<Def>(header.struct_size, std::string(Layout<Def>::name) + ".struct_size");
+  Def full{};
+  set_defaults(full);
+  std::memcpy(static_cast<void*>(&full), def, header.struct_size);
+  check_values(full, Layout<Def>::name);
+  return full;
+}
+
+#define EFSI_INSTANTIATE(Def)                                     \
+  template EfsiStatus initialise(Def* def, std::size_t) noexcept; \
+  template Def receive(const Def* def, const char* argument);
+EFSI_INSTANTIATE(EfsiSimulationDef)
+EFSI_INSTANTIATE(EfsiSolidDef)
+EFSI_INSTANTIATE(EfsiEmitterDef)
+EFSI_INSTANTIATE(EfsiForceDef)
+EFSI_INSTANTIATE(EfsiVdbDef)
+#undef EFSI_INSTANTIATE
 
 }  // namespace efsi::capi

@@ -4,6 +4,7 @@
 
 #include "capi/convert.hpp"
 #include "capi/guard.hpp"
+#include "capi/sized.hpp"
 #include "capi/solid_id.hpp"
 
 using namespace efsi::capi;
@@ -63,8 +64,8 @@ EfsiFieldView view_padded(const Grid& grid, const std::vector<float>& field) {
 }
 
 [[noreturn]] void refuse_field(const char* function, int32_t field) {
-  throw Error(ErrorCode::kArgument, std::string(function) + ": field = " + std::to_string(field) +
-                                        ": must be one of the constants EFSI_FIELD_*");
+  throw Error(ErrorCode::kArgument,
+              std::string(function) + ": field = " + std::to_string(field) + ": must be a value of EfsiField");
 }
 
 bool of_one_solid(int32_t field) {
@@ -88,7 +89,7 @@ uint64_t count_of(int64_t components, const efsi::Vec3i& n) {
 
 }  // namespace
 
-EfsiStatus efsi_field_get_view(EfsiSim* sim, int32_t field, uint32_t solid, EfsiFieldView* view) {
+EfsiStatus efsi_field_get_view(EfsiSim* sim, int32_t field, uint32_t solid, EfsiFieldView* view, size_t size) {
   return guarded(sim, [&] {
     demand(view, "efsi_field_get_view: view");
     const std::size_t index = check_target(*sim, field, solid, "efsi_field_get_view");
@@ -96,31 +97,27 @@ EfsiStatus efsi_field_get_view(EfsiSim* sim, int32_t field, uint32_t solid, Efsi
     simulation.prepare();
     const Grid& grid = simulation.grid();
     const efsi::sim::State& state = simulation.state();
-    switch (field) {
-      case EFSI_FIELD_VELOCITY:
-        *view = view_nodes(grid, simulation.fluid_velocity());
-        break;
-      case EFSI_FIELD_PRESSURE:
-        *view = view_padded(grid, simulation.pressure());
-        break;
-      case EFSI_FIELD_SMOKE_DENSITY:
-        *view = view_cells(grid, state.fluid.smoke);
-        break;
-      case EFSI_FIELD_SMOKE_TEMPERATURE:
-        *view = view_cells(grid, state.fluid.temperature);
-        break;
-      case EFSI_FIELD_SOLID_FRACTION:
-        *view = view_cells(grid, simulation.solid_fraction());
-        break;
-      case EFSI_FIELD_SOLID_DISPLACEMENT:
-        *view = view_nodes(state.solids[index].band.grid, state.solids[index].u);
-        break;
-      case EFSI_FIELD_SOLID_VELOCITY:
-        *view = view_nodes(state.solids[index].band.grid, state.solids[index].v);
-        break;
-      default:
-        refuse_field("efsi_field_get_view", field);
-    }
+    const auto found = [&]() -> EfsiFieldView {
+      switch (field) {
+        case EFSI_FIELD_VELOCITY:
+          return view_nodes(grid, simulation.fluid_velocity());
+        case EFSI_FIELD_PRESSURE:
+          return view_padded(grid, simulation.pressure());
+        case EFSI_FIELD_SMOKE_DENSITY:
+          return view_cells(grid, state.fluid.smoke);
+        case EFSI_FIELD_SMOKE_TEMPERATURE:
+          return view_cells(grid, state.fluid.temperature);
+        case EFSI_FIELD_SOLID_FRACTION:
+          return view_cells(grid, simulation.solid_fraction());
+        case EFSI_FIELD_SOLID_DISPLACEMENT:
+          return view_nodes(state.solids[index].band.grid, state.solids[index].u);
+        case EFSI_FIELD_SOLID_VELOCITY:
+          return view_nodes(state.solids[index].band.grid, state.solids[index].v);
+        default:
+          refuse_field("efsi_field_get_view", field);
+      }
+    };
+    give(found(), view, size, "efsi_field_get_view");
   });
 }
 

@@ -1,9 +1,8 @@
-// Purpose: fluid.h: smoke emitters and jets.
+// Purpose: fluid.h: smoke emitters and jets; the state of the fluid.
 #include "capi/convert.hpp"
 #include "capi/definition.hpp"
 #include "capi/guard.hpp"
 #include "capi/solid_id.hpp"
-#include "frame/parameter_table.inc"
 
 using namespace efsi::capi;
 using efsi::Error;
@@ -17,45 +16,36 @@ std::size_t emitter_index(const EfsiSim& sim, uint32_t id, const char* function)
 
 }  // namespace
 
-EfsiStatus efsi_emitter_def_init(EfsiEmitterDef* def) {
-  if (!def) return EFSI_ERROR_ARGUMENT;
-  start_definition(*def);
-#define EFSI_DEFAULT(name, field, kind, initial, min, max, exclusive, unit) def->field = initial;
-  EFSI_EMITTER_PARAMETERS(EFSI_DEFAULT)
-#undef EFSI_DEFAULT
-  for (int a = 0; a < 4; ++a) def->transform[5 * a] = 1.0;
-  return EFSI_OK;
-}
+EfsiStatus efsi_emitter_def_init(EfsiEmitterDef* def, size_t size) { return initialise(def, size); }
 
 EfsiStatus efsi_emitter_add(EfsiSim* sim, const EfsiEmitterDef* def, uint32_t* id) {
   return guarded(sim, [&] {
-    demand(def, "efsi_emitter_add: def");
-    check_definition(*def);
-    const std::size_t index = sim->simulation.add_emitter(to_emitter(*def));
+    const std::size_t index = sim->simulation.add_emitter(to_emitter(receive(def, "efsi_emitter_add: def")));
     if (id) *id = static_cast<uint32_t>(index + 1);
   });
 }
 
 EfsiStatus efsi_emitter_add_volume(EfsiSim* sim, const EfsiEmitterDef* def, const EfsiSurface* volume, uint32_t* id) {
   return guarded(sim, [&] {
-    demand(def, "efsi_emitter_add_volume: def");
+    const efsi::fluid::Emitter emitter = to_emitter(receive(def, "efsi_emitter_add_volume: def"));
     demand(volume, "efsi_emitter_add_volume: volume");
-    check_definition(*def);
-    const std::size_t index = sim->simulation.add_emitter(to_emitter(*def), volume->surface.get());
+    const std::size_t index = sim->simulation.add_emitter(emitter, volume->surface.get());
     if (id) *id = static_cast<uint32_t>(index + 1);
   });
 }
 
-EfsiStatus efsi_emitter_set_keys(EfsiSim* sim, uint32_t id, const EfsiEmitterKey* keys, uint64_t count) {
+EfsiStatus efsi_emitter_set_keys(EfsiSim* sim, uint32_t id, const EfsiEmitterKey* keys, size_t key_size,
+                                 uint64_t count) {
   return guarded(sim, [&] {
     const std::size_t index = emitter_index(*sim, id, "efsi_emitter_set_keys");
     demand(keys, "efsi_emitter_set_keys: keys");
     if (count == 0) throw Error(ErrorCode::kArgument, "efsi_emitter_set_keys: count = 0: must be at least 1");
+    check_size<EfsiEmitterKey>(key_size, "efsi_emitter_set_keys: key_size");
     std::vector<efsi::fluid::EmitterKey> values;
     for (uint64_t i = 0; i < count; ++i) {
-      const EfsiEmitterKey& key = keys[i];
+      const EfsiEmitterKey key = take(keys, key_size, i);
       const std::string name = "efsi_emitter_set_keys: keys[" + std::to_string(i) + "].";
-      check((name + "time").c_str(), key.time, {i > 0 ? keys[i - 1].time : -kInfinity, kInfinity, false});
+      check((name + "time").c_str(), key.time, {i > 0 ? values.back().time : -kInfinity, kInfinity, false});
       check((name + "density").c_str(), key.density, {0.0, kInfinity, false});
       check((name + "temperature").c_str(), key.temperature, {});
       check((name + "velocity").c_str(), key.velocity, {});
@@ -72,5 +62,12 @@ EfsiStatus efsi_emitter_get_flux(const EfsiSim* sim, uint32_t id, double* flux) 
     demand(flux, "efsi_emitter_get_flux: flux");
     const std::vector<double>& jets = sim->simulation.last_step().jets;
     *flux = index < jets.size() ? jets[index] : 0.0;
+  });
+}
+
+EfsiStatus efsi_simulation_get_fluid_diagnostics(EfsiSim* sim, EfsiFluidDiagnostics* out, size_t size) {
+  return guarded(sim, [&] {
+    demand(out, "efsi_simulation_get_fluid_diagnostics: out");
+    give(to_c(sim->simulation.diagnose_fluid()), out, size, "efsi_simulation_get_fluid_diagnostics");
   });
 }

@@ -4,6 +4,7 @@
 #include <memory>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "eulerfsi/eulerfsi.h"
 #include "io/mesh_reader.hpp"
@@ -12,7 +13,8 @@
 struct EfsiSim {
   EfsiSim(const efsi::sim::Params& params, efsi::Log log) : simulation(params, std::move(log)) {}
   efsi::sim::Simulation simulation;
-  mutable std::string last_error;  // of the last failed call, also of those that only read
+  std::vector<efsi::geometry::MeshReport> reports;  // of the meshes of solids and colliders
+  mutable std::string last_error;                   // of the last failed call, also of those that only read
 };
 
 struct EfsiSurface {

@@ -10,7 +10,6 @@ using efsi::io::DenseGrid;
 
 namespace {
 
-constexpr double kDensityThreshold = 1e-3;
 constexpr float kNothing = 0.0f;  // every cell of a field that the scene does not have
 
 DenseGrid describe(const char* name, const Grid& grid, const std::vector<float>& field, const char* mask) {
@@ -63,36 +62,28 @@ std::array<double, 16> index_to_world(const Grid& grid, const double (&transform
 
 }  // namespace
 
-EfsiStatus efsi_vdb_def_init(EfsiVdbDef* def) {
-  if (!def) return EFSI_ERROR_ARGUMENT;
-  start_definition(*def);
-  for (int a = 0; a < 4; ++a) def->transform[5 * a] = 1.0;
-  def->density_threshold = kDensityThreshold;
-  def->write_velocity = 1;
-  return EFSI_OK;
-}
+EfsiStatus efsi_vdb_def_init(EfsiVdbDef* def, size_t size) { return initialise(def, size); }
 
 EfsiStatus efsi_vdb_write(EfsiSim* sim, const char* path, const EfsiVdbDef* def, uint64_t* content_hash) {
   return guarded(sim, [&] {
     demand_path(path, "efsi_vdb_write: path");
-    demand(def, "efsi_vdb_write: def");
-    check_definition(*def);
+    const EfsiVdbDef full = receive(def, "efsi_vdb_write: def");
     sim->simulation.prepare();
     const Grid& grid = sim->simulation.grid();
     const efsi::fluid::FluidState& fluid = sim->simulation.state().fluid;
     efsi::io::VdbOptions options;
-    options.index_to_world = index_to_world(grid, def->transform);
-    options.half_float = def->half_float != 0;
-    options.threshold = def->density_threshold;
+    options.index_to_world = index_to_world(grid, full.transform);
+    options.half_float = full.half_float != 0;
+    options.threshold = full.density_threshold;
     options.creator = "eulerfsi " + std::to_string(EFSI_VERSION_MAJOR) + '.' + std::to_string(EFSI_VERSION_MINOR) +
                       '.' + std::to_string(EFSI_VERSION_PATCH);
 
     std::vector<DenseGrid> grids = {describe("density", grid, fluid.smoke, "")};
     std::array<std::vector<float>, 3> velocity;
-    if (def->write_velocity != 0) {
+    if (full.write_velocity != 0) {
       if (!fluid.smoke.empty()) {
-        const efsi::Mat3d linear = to_matrix(def->transform).topLeftCorner<3, 3>();
-        velocity = cell_velocity(sim->simulation, linear, def->density_threshold);
+        const efsi::Mat3d linear = to_matrix(full.transform).topLeftCorner<3, 3>();
+        velocity = cell_velocity(sim->simulation, linear, full.density_threshold);
       }
       DenseGrid vel = describe("vel", grid, velocity[0], "density");
       vel.components = 3;

@@ -44,11 +44,6 @@ std::vector<efsi::Vec3d> to_points(const char* argument, const float* values, st
   return points;
 }
 
-efsi::sim::PinReaction last_reaction(const EfsiSim& sim, std::size_t index) {
-  const std::vector<efsi::sim::PinReaction>& pins = sim.simulation.last_step().pins;
-  return index < pins.size() ? pins[index] : efsi::sim::PinReaction{};
-}
-
 }  // namespace
 
 EfsiStatus efsi_pin_add_volume(EfsiSim* sim, uint32_t solid, const EfsiSurface* volume, uint32_t* id) {
@@ -74,16 +69,14 @@ EfsiStatus efsi_pin_add_vertices(EfsiSim* sim, uint32_t solid, const uint8_t* ma
   });
 }
 
-EfsiStatus efsi_collider_add(EfsiSim* sim, const EfsiSolidDef* def, uint32_t* solid, uint32_t* pin,
-                             EfsiMeshReport* report) {
+EfsiStatus efsi_collider_add(EfsiSim* sim, const EfsiSolidDef* def, uint32_t* solid, uint32_t* pin) {
   return guarded(sim, [&] {
-    demand(def, "efsi_collider_add: def");
-    check_definition(*def);
+    const EfsiSolidDef full = receive(def, "efsi_collider_add: def");
     efsi::geometry::MeshReport found;
-    const std::size_t index = sim->simulation.add_collider(to_body(*def), found);
+    const std::size_t index = sim->simulation.add_collider(to_body(full), found);
+    sim->reports.push_back(std::move(found));
     if (solid) *solid = static_cast<uint32_t>(sim->simulation.pins()[index].solid + 1);
     if (pin) *pin = static_cast<uint32_t>(index + 1);
-    if (report) *report = to_c(found);
   });
 }
 
@@ -123,19 +116,11 @@ EfsiStatus efsi_collider_set_points(EfsiSim* sim, uint32_t pin, double start, do
   });
 }
 
-EfsiStatus efsi_pin_get_impulse(const EfsiSim* sim, uint32_t id, EfsiVec3* impulse) {
-  return guarded(sim, [&] {
-    const std::size_t index = pin_index(*sim, id, "efsi_pin_get_impulse");
-    demand(impulse, "efsi_pin_get_impulse: impulse");
-    *impulse = to_c(last_reaction(*sim, index).impulse);
-  });
-}
-
-EfsiStatus efsi_pin_get_reaction(const EfsiSim* sim, uint32_t id, EfsiPinReaction* reaction) {
+EfsiStatus efsi_pin_get_reaction(const EfsiSim* sim, uint32_t id, EfsiPinReaction* reaction, size_t size) {
   return guarded(sim, [&] {
     const std::size_t index = pin_index(*sim, id, "efsi_pin_get_reaction");
     demand(reaction, "efsi_pin_get_reaction: reaction");
-    const efsi::sim::PinReaction last = last_reaction(*sim, index);
-    *reaction = {to_c(last.impulse), to_c(last.angular_impulse), to_c(last.center), last.work};
+    const std::vector<efsi::sim::PinReaction>& pins = sim->simulation.last_step().pins;
+    give(to_c(index < pins.size() ? pins[index] : efsi::sim::PinReaction{}), reaction, size, "efsi_pin_get_reaction");
   });
 }

@@ -4,7 +4,6 @@
 #include "capi/convert.hpp"
 #include "capi/definition.hpp"
 #include "capi/guard.hpp"
-#include "frame/parameter_table.inc"
 #include "sim/checkpoint.hpp"
 
 using namespace efsi::capi;
@@ -36,35 +35,43 @@ double fitting_voxel(efsi::sim::Params params, double solid_volume) {
 
 }  // namespace
 
-EfsiStatus efsi_simulation_def_init(EfsiSimulationDef* def) {
-  if (!def) return EFSI_ERROR_ARGUMENT;
-  start_definition(*def);
-#define EFSI_DEFAULT(name, field, kind, initial, min, max, exclusive, unit) def->field = initial;
-  EFSI_DOMAIN_PARAMETERS(EFSI_DEFAULT)
-#undef EFSI_DEFAULT
-  def->domain_size = {1.0, 1.0, 1.0};
-  return EFSI_OK;
-}
+EfsiStatus efsi_simulation_def_init(EfsiSimulationDef* def, size_t size) { return initialise(def, size); }
 
 EfsiStatus efsi_simulation_estimate_memory(const EfsiSimulationDef* def, double solid_volume, uint64_t* bytes,
                                            double* fitting_voxel_size, EfsiError* error) {
   return guarded(error, [&] {
-    demand(def, "efsi_simulation_estimate_memory: def");
-    check_definition(*def);
+    const efsi::sim::Params params = to_params(receive(def, "efsi_simulation_estimate_memory: def"));
     check("efsi_simulation_estimate_memory: solid_volume", solid_volume, {0.0, kInfinity, false});
-    const efsi::sim::Params params = to_params(*def);
     if (bytes) *bytes = to_bytes(efsi::sim::estimate_memory(params, solid_volume));
-    if (fitting_voxel_size) *fitting_voxel_size = def->memory_limit > 0 ? fitting_voxel(params, solid_volume) : 0.0;
+    if (fitting_voxel_size) *fitting_voxel_size = params.memory_limit > 0 ? fitting_voxel(params, solid_volume) : 0.0;
+  });
+}
+
+EfsiStatus efsi_simulation_def_get_slab_axis(const EfsiSimulationDef* def, int32_t* axis, EfsiError* error) {
+  return guarded(error, [&] {
+    const efsi::sim::Params params = to_params(receive(def, "efsi_simulation_def_get_slab_axis: def"));
+    demand(axis, "efsi_simulation_def_get_slab_axis: axis");
+    *axis = efsi::grid::slab_axis(efsi::sim::make_grid(params), params.walls);
+  });
+}
+
+EfsiStatus efsi_simulation_def_get_step_limits(const EfsiSimulationDef* def, double lightest_density,
+                                               EfsiStepLimits* limits, size_t size, EfsiError* error) {
+  return guarded(error, [&] {
+    constexpr const char* kName = "efsi_simulation_def_get_step_limits";
+    const efsi::sim::Params params = to_params(receive(def, "efsi_simulation_def_get_step_limits: def"));
+    check("efsi_simulation_def_get_step_limits: lightest_density", lightest_density, {0.0, kInfinity, true});
+    demand(limits, "efsi_simulation_def_get_step_limits: limits");
+    give(to_c(efsi::sim::step_limits(params, lightest_density)), limits, size, kName);
   });
 }
 
 EfsiStatus efsi_simulation_create(const EfsiSimulationDef* def, EfsiSim** sim, EfsiError* error) {
   if (sim) *sim = nullptr;
   return guarded(error, [&] {
-    demand(def, "efsi_simulation_create: def");
+    const EfsiSimulationDef full = receive(def, "efsi_simulation_create: def");
     demand(sim, "efsi_simulation_create: sim");
-    check_definition(*def);
-    *sim = new EfsiSim(to_params(*def), to_log(def->log, def->log_user));
+    *sim = new EfsiSim(to_params(full), to_log(full.log, full.log_user));
   });
 }
 
@@ -72,25 +79,28 @@ void efsi_simulation_destroy(EfsiSim* sim) { delete sim; }
 
 const char* efsi_simulation_last_error(const EfsiSim* sim) { return sim ? sim->last_error.c_str() : ""; }
 
-EfsiStatus efsi_simulation_step(EfsiSim* sim, double max_dt, EfsiStepInfo* info) {
+EfsiStatus efsi_simulation_step(EfsiSim* sim, double max_dt, EfsiStepInfo* info, size_t size) {
   return guarded(sim, [&] {
+    if (info) check_size<EfsiStepInfo>(size, "efsi_simulation_step: size");
     const EfsiStepInfo done = to_c(sim->simulation.step(max_dt));
-    if (info) *info = done;
+    if (info) give(done, info, size, "efsi_simulation_step");
   });
 }
 
-EfsiStatus efsi_simulation_advance(EfsiSim* sim, double duration, EfsiStepInfo* info, EfsiProgressCallback progress,
-                                   void* user) {
+EfsiStatus efsi_simulation_advance(EfsiSim* sim, double duration, EfsiStepInfo* info, size_t size,
+                                   EfsiProgressCallback progress, void* user) {
   return guarded(sim, [&] {
-    if (info) *info = EfsiStepInfo{};
     // Also after a cancel or a failure, info describes the completed steps.
+    const auto tell = [&](const EfsiStepInfo& done) {
+      if (info) give(done, info, size, "efsi_simulation_advance");
+    };
+    tell(EfsiStepInfo{});
     const auto between_steps = [&](double fraction, const efsi::sim::StepInfo& last) {
       const EfsiStepInfo done = to_c(last);
-      if (info) *info = done;
+      tell(done);
       return progress && progress(user, std::min(1.0, fraction), &done) != 0;
     };
-    const EfsiStepInfo done = to_c(sim->simulation.advance(duration, between_steps));
-    if (info) *info = done;
+    tell(to_c(sim->simulation.advance(duration, between_steps)));
   });
 }
 

@@ -130,8 +130,8 @@ ContactPair report(const StepContext& step, const SolidStates& states, std::size
   Sums both = on_one;
   both.add(on_other);
   pair.rows = both.near;
-  pair.pushing = both.active;
-  pair.sticking = both.stuck;
+  pair.active_rows = both.active;
+  pair.sticking_rows = both.stuck;
   pair.row_overlap = both.deepest / step.scene.grid.h;
   const bool given = is_collider(step.scene.pins, other);
   pair.normal_impulse = given ? on_one.normal_impulse : on_other.normal_impulse;

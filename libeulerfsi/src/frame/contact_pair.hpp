@@ -14,11 +14,11 @@ namespace efsi::sim {
 struct ContactPair {
   std::size_t one = 0, other = 0;  // one < other; folds: one = other
   std::uint64_t steps = 0;
-  std::uint64_t rows = 0, pushing = 0, sticking = 0;  // within reach of each other; of these, and of these
-  double row_overlap = 0.0;                           // deepest of a row beyond the skin [cells]; < 0: apart
-  double surface_overlap = 0.0;                       // the same of vertices and rows, without the skin
-  double normal_impulse = 0.0;                        // sum of all impulses along their normals [N s]
-  Vec3d impulse = Vec3d::Zero();                      // of `one` on `other`, 0 of folds [N s]
+  std::uint64_t rows = 0, active_rows = 0, sticking_rows = 0;  // within reach of each other; of these, and of these
+  double row_overlap = 0.0;                                    // deepest of a row beyond the skin [cells]; < 0: apart
+  double surface_overlap = 0.0;                                // the same of vertices and rows, without the skin
+  double normal_impulse = 0.0;                                 // sum of all impulses along their normals [N s]
+  Vec3d impulse = Vec3d::Zero();                               // of `one` on `other`, 0 of folds [N s]
 };
 using ContactPairs = std::vector<ContactPair>;  // in the order of (one, other)
 

@@ -43,9 +43,9 @@ inline Energy operator-(const Energy& a, const Energy& b) {
           a.potential - b.potential};
 }
 
-// A step's columns. end less the sum of all changes is what the step began with.
+// A step's columns. at_end less the sum of all changes is what the step began with.
 struct EnergyRecord {
-  Energy end;
+  Energy at_end;
   Energy at_start;  // with the velocities of the time at which the step begins, see EnergyLedger::meet
   std::array<Energy, kEnergyStages> change{};
   double source_work = 0.0;  // dt sum of p b h^3, part of kPressure [J]

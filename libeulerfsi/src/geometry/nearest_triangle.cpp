@@ -44,6 +44,28 @@ Vec3d closest_point(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Vec3d&
   return best;
 }
 
+Vec3d closest_weights(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Vec3d& x) {
+  const Vec3d p = closest_point(a, b, c, x);
+  const Vec3d normal = (b - a).cross(c - a);
+  const std::array<Vec3d, 3> corner{a, b, c};
+  Vec3d weights = Vec3d::Zero();
+  if (normal.squaredNorm() > 0.0) {
+    for (std::size_t k = 0; k < 3; ++k)
+      weights[static_cast<int>(k)] =
+          std::max(0.0, (corner[(k + 2) % 3] - corner[(k + 1) % 3]).cross(p - corner[(k + 1) % 3]).dot(normal));
+  } else {  // without an area the point lies on the longest edge
+    std::size_t from = 0;
+    const auto edge = [&](std::size_t k) -> Vec3d { return corner[(k + 1) % 3] - corner[k]; };
+    for (std::size_t k = 1; k < 3; ++k)
+      if (edge(k).squaredNorm() > edge(from).squaredNorm()) from = k;
+    const double square = edge(from).squaredNorm();
+    const double part = square > 0.0 ? std::clamp((p - corner[from]).dot(edge(from)) / square, 0.0, 1.0) : 0.0;
+    weights[static_cast<int>(from)] = 1.0 - part;
+    weights[static_cast<int>((from + 1) % 3)] = part;
+  }
+  return weights / weights.sum();
+}
+
 NearestTriangle::NearestTriangle(const TriangleMesh& mesh) {
   leaves_.reserve(mesh.triangles.size());
   for (const Triangle& t : mesh.triangles) {

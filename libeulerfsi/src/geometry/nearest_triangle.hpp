@@ -11,6 +11,9 @@ namespace efsi::geometry {
 // The point of a triangle that is nearest to x.
 Vec3d closest_point(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Vec3d& x);
 
+// The same point by the weights of the corners, each >= 0, with sum 1.
+Vec3d closest_weights(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Vec3d& x);
+
 class NearestTriangle {
  public:
   NearestTriangle() = default;  // of a mesh without triangles

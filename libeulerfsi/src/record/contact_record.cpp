@@ -62,12 +62,12 @@ ContactPairs record_contacts(const Scene& scene, const SolidStates& states, cons
     if (place.is_fold())
       pair.surface_overlap = std::max(pair.surface_overlap, -(place.gap + place.skin) / scene.grid.h);
     if (!(row.normal_impulse > 0.0)) continue;
-    ++pair.pushing;
-    pair.sticking += row.sticks;
+    ++pair.active_rows;
+    pair.sticking_rows += row.sticks;
     pair.normal_impulse += row.normal_impulse + row.normal.dot(coupling[r]);
     if (!place.is_fold()) pair.impulse += row.impulse() + coupling[r];
   }
-  std::erase_if(pairs, [](const ContactPair& pair) { return pair.pushing == 0; });
+  std::erase_if(pairs, [](const ContactPair& pair) { return pair.active_rows == 0; });
   for (ContactPair& pair : pairs) {
     pair.steps = 1;
     if (pair.one == pair.other) continue;
@@ -82,8 +82,8 @@ void add_contacts(const ContactPairs& later, ContactPairs& sums) {
     ContactPair& pair = find_pair(sums, more.one, more.other);
     pair.steps += more.steps;
     pair.rows += more.rows;
-    pair.pushing += more.pushing;
-    pair.sticking += more.sticking;
+    pair.active_rows += more.active_rows;
+    pair.sticking_rows += more.sticking_rows;
     pair.row_overlap = std::max(pair.row_overlap, more.row_overlap);
     pair.surface_overlap = std::max(pair.surface_overlap, more.surface_overlap);
     pair.normal_impulse += more.normal_impulse;

@@ -93,12 +93,12 @@ EnergyLedger::EnergyLedger(const StepContext& step, const SolidStates& states, c
     first_.push_back(solid::measure_momenta(parallel_, states[l].band, solids[l], states[l].band.grid, states[l].v));
   Energy start = with_solids({});
   start.fluid_kinetic = fluid_energy(fluid_mass_, fluid_velocity);
-  record_->end = record_->at_start = start;
+  record_->at_end = record_->at_start = start;
 }
 
 void EnergyLedger::book(EnergyStage stage, const Energy& now) {
-  record_->change[static_cast<std::size_t>(stage)] += now - record_->end;
-  record_->end = now;
+  record_->change[static_cast<std::size_t>(stage)] += now - record_->at_end;
+  record_->at_end = now;
 }
 
 double EnergyLedger::fluid_energy(const std::vector<Real>& mass, const grid::VectorField& velocity) const {
@@ -146,7 +146,7 @@ void EnergyLedger::book_forces(const Matter& matter, const grid::VectorField& fl
 
 void EnergyLedger::book_weight(const StepWeight& weight, const grid::VectorField& fluid_velocity) {
   if (!on()) return;
-  Energy now = record_->end;
+  Energy now = record_->at_end;
   for (std::size_t l = 0; l < weight.solids.size(); ++l)
     if (counts(l)) now.solid_kinetic += work_of_change(weight.solids[l], first_[l].mass, first_[l].linear);
   if (!weight.fluid.isZero(0))
@@ -156,7 +156,7 @@ void EnergyLedger::book_weight(const StepWeight& weight, const grid::VectorField
 
 void EnergyLedger::book_nodes(EnergyStage stage, NodeVelocity& velocity) {
   if (!on()) return;
-  Energy now = record_->end;
+  Energy now = record_->at_end;
   now.fluid_kinetic = fluid_energy(fluid_mass_, velocity.field);
   now.solid_kinetic = 0.0;
   for (std::size_t l = 0; l < states_.size(); ++l) {
@@ -198,7 +198,7 @@ void EnergyLedger::leave(std::size_t l) {
 
 void EnergyLedger::book_fluid(const grid::VectorField& fluid_velocity) {
   if (!on()) return;
-  Energy now = record_->end;
+  Energy now = record_->at_end;
   now.fluid_kinetic = fluid_energy(fluid_mass_, fluid_velocity);
   book(EnergyStage::kFluidTransport, now);
 }
@@ -220,7 +220,7 @@ void EnergyLedger::book_inflow(const Jets& jets, const grid::VectorField& flow) 
 
 void EnergyLedger::arrive() {
   if (!on()) return;
-  Energy transported = record_->end;
+  Energy transported = record_->at_end;
   for (std::size_t l = 0; l < states_.size(); ++l)
     if (counts(l)) transported += shape_of(l);
   book(EnergyStage::kSolidTransport, transported - left_);
@@ -228,12 +228,12 @@ void EnergyLedger::arrive() {
 }
 
 void EnergyLedger::book_solids(EnergyStage stage) {
-  if (on()) book(stage, with_solids(record_->end));
+  if (on()) book(stage, with_solids(record_->at_end));
 }
 
 void EnergyLedger::book_fluid(EnergyStage stage, const Matter& matter, const grid::VectorField& fluid_velocity) {
   if (!on()) return;
-  Energy now = record_->end;
+  Energy now = record_->at_end;
   now.fluid_kinetic = fluid_energy(states_.empty() ? fluid_mass_ : matter.fluid_mass, fluid_velocity);
   book(stage, now);
 }

@@ -99,6 +99,7 @@ solid::SolidRest rest_of(const SolidDesc& desc, const Params& params, bool colli
   rest.contact_stiffness = desc.contact_stiffness;
   rest.compressible = desc.compressible;
   rest.plastic = desc.plastic;
+  rest.definition = definition_hash(desc);
   return rest;
 }
 

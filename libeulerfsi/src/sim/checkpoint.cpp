@@ -5,7 +5,6 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <initializer_list>
 #include <sstream>
 
 #include "base/error.hpp"
@@ -193,92 +192,6 @@ std::uint64_t state_hash(const State& state) {
   HashArchive archive;
   visit_fields(state, archive);
   return archive.hash.value();
-}
-
-namespace {
-
-// What tells scenes apart, part by part; parameters by their values, tokens as whole numbers.
-void add(const Vec3d& v, Hash& hash) { hash.add(v.data(), 3 * sizeof(double)); }
-void add(std::initializer_list<double> values, Hash& hash) {
-  for (const double v : values) hash.add_value(v);
-}
-template <class... Token>
-void add_tokens(Hash& hash, Token... values) {
-  (hash.add_value(static_cast<std::int64_t>(values)), ...);
-}
-
-void add(const Params& params, Hash& hash) {
-  add(params.domain_min, hash);
-  add(params.domain_size, hash);
-  add(params.gravity, hash);
-  hash.add_value(params.voxel_size);
-  hash.add_value(params.walls.face);
-  hash.add_value(static_cast<std::uint64_t>(params.fluid.present));
-  const Numerics& n = params.numerics;
-  add({params.fluid.density, params.fluid.vorticity_confinement, params.fluid.smoke_buoyancy,
-       params.fluid.temperature_buoyancy, params.cfl_solid, params.cfl_fluid, params.max_time_step,
-       n.velocity_tolerance, n.pressure_tolerance},
-      hash);
-  if (params.fluid.viscosity > 0.0) hash.add_value(params.fluid.viscosity);
-  if (params.walls.any_moves())
-    for (const Vec3d& v : params.walls.velocity) add(v, hash);
-  add_tokens(hash, n.velocity_solver, n.pressure_solver, n.points_per_element, n.solid_advection,
-             n.corrected_fluid_advection, n.stiff_correction, n.volume_source, n.conserve_momentum, n.damping_by_pace,
-             n.stiffness_by_part, n.resolve_impacts, n.repair_map, n.fluid_slips, n.coupling_step, n.volume_by_pressure,
-             n.unilateral_walls, sizeof(Real));
-}
-
-void add(const solid::SolidRest& s, bool uses_particles, Hash& hash) {
-  add({s.density, s.rayleigh_alpha, s.rayleigh_beta, s.friction, s.elastic.mu, s.elastic.lambda}, hash);
-  if (s.plastic.yields()) add({s.plastic.yield_stress, s.plastic.flow_rate, s.plastic.hardening}, hash);
-  add_tokens(hash, s.elastic.law, s.compressible);
-  if (s.bulk > 0.0) hash.add_value(s.bulk);
-  hash.add_array(s.distance.values);
-  hash.add_array(s.surface.points);
-  hash.add_array(s.surface.triangles);
-  if (uses_particles) hash.add_value(s.contact_stiffness);
-}
-
-void add(const Pin& pin, Hash& hash) {
-  hash.add_value(static_cast<std::uint64_t>(pin.solid));
-  hash.add_value(static_cast<std::uint64_t>(pin.whole));
-  hash.add_array(pin.region->values);
-  add(pin.region->origin, hash);
-}
-
-void add(const fluid::Emitter& e, Hash& hash) {
-  hash.add(e.from_world.data(), 16 * sizeof(double));
-  add({e.density, e.temperature, e.start_time, e.end_time, e.velocity[0], e.velocity[1], e.velocity[2]}, hash);
-  add_tokens(hash, e.shape, e.mode, e.has_velocity);
-  hash.add_array(e.cells);
-  for (const Vec3d& face : e.faces) add(face, hash);
-  for (const fluid::EmitterKey& key : e.keys) {
-    add({key.time, key.density, key.temperature, key.on ? 1.0 : 0.0}, hash);
-    add(key.velocity, hash);
-  }
-}
-
-void add(const ForceField& f, Hash& hash) {
-  hash.add(f.from_world.data(), 16 * sizeof(double));
-  add(f.acceleration, hash);
-  add(f.wind_velocity, hash);
-  add({f.radial_acceleration, f.wind_drag, f.noise_speed, f.noise_size, f.noise_frequency, f.start_time, f.end_time},
-      hash);
-  add_tokens(hash, f.shape, f.kind, f.acts_on);
-}
-
-}  // namespace
-
-std::uint64_t Simulation::scene_hash() const {
-  const bool uses_particles = params_.numerics.uses_particles();
-  Hash hash;
-  add(params_, hash);
-  for (const solid::SolidRest& s : solids_) add(s, uses_particles, hash);
-  if (uses_particles) hash.add_value(params_.numerics.contact_distance);
-  for (const Pin& pin : pins_) add(pin, hash);
-  for (const fluid::Emitter& e : emitters_) add(e, hash);
-  for (const ForceField& f : forces_) add(f, hash);
-  return hash.value();
 }
 
 void save_checkpoint(const Simulation& simulation, const std::string& path) {

@@ -47,6 +47,9 @@ struct SolidDesc {
   Vec3d stretch = Vec3d::Ones();  // of the rest shape where it starts, about its centre of volume
 };
 
+// Hash of the values of a solid's parameters.
+std::uint64_t definition_hash(const SolidDesc& desc);
+
 struct SolidDiagnostics {
   double mass = 0.0, rest_volume = 0.0, volume_cells = 0.0, rest_volume_cells = 0.0, volume_mesh = 0.0;
   Vec3d center = Vec3d::Zero(), momentum = Vec3d::Zero(), angular_momentum = Vec3d::Zero();

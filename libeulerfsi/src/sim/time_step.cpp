@@ -35,8 +35,15 @@ double time_to_move(double speed, double a, double distance) {
   return speed > 0.0 ? distance / speed : std::numeric_limits<double>::infinity();
 }
 
-bool is_dense(const fluid::FluidParams& fluid, const solid::SolidRest& solid) {
-  return fluid.present && fluid.density > kThin * solid.density;
+bool is_dense(const fluid::FluidParams& fluid, double solid_density) {
+  return fluid.present && fluid.density > kThin * solid_density;
+}
+
+// Cells that a solid may move in a step where nothing is near it.
+double flight_cells(const Params& params, double density) {
+  if (!params.numerics.conserve_momentum || is_dense(params.fluid, density)) return params.cfl_solid;
+  const double far = (params.fluid.present ? kFluidReach : kVacuumReach) * params.cfl_solid;
+  return std::max(params.cfl_solid, std::min(kFarthest, far));
 }
 
 // `limit`, or less: a step in which shear waves pass kContactPace cells, or more where that strains the solid little.
@@ -148,12 +155,12 @@ double fold_limit(const Parallel& parallel, const Scene& scene, std::size_t l, c
 // come towards it as far.
 double free_cells(const Scene& scene, const std::vector<Box>& boxes, std::size_t l, const Gaps& gaps) {
   const Params& params = scene.params;
-  if (!params.numerics.conserve_momentum || is_dense(params.fluid, scene.solids[l])) return params.cfl_solid;
+  const double far = flight_cells(params, scene.solids[l].density);
+  if (far == params.cfl_solid) return far;
   double room = gaps.least() - kContactDistance;
   for (std::size_t other = 0; other < boxes.size(); ++other)
     if (other != l)
       room = std::min(room, 0.5 * (boxes[l].exteriorDistance(boxes[other]) / scene.grid.h - kContactReach));
-  const double far = std::min(kFarthest, (params.fluid.present ? kFluidReach : kVacuumReach) * params.cfl_solid);
   return std::max(params.cfl_solid, std::min(room, far));
 }
 
@@ -170,6 +177,11 @@ double speed_limit(const Parallel& parallel, const Scene& scene, const solid::So
 }
 
 }  // namespace
+
+StepLimits step_limits(const Params& params, double lightest_density) {
+  return {kContactReach, kContactCfl, params.numerics.resolve_impacts ? kContactPace : 0.0,
+          flight_cells(params, lightest_density)};
+}
 
 double compute_time_step(const Parallel& parallel, const Scene& scene, const SolidStates& states, double fluid_speed,
                          std::uint64_t steps, double remaining, const SolidWorks& solids) {
@@ -191,7 +203,7 @@ double compute_time_step(const Parallel& parallel, const Scene& scene, const Sol
     const Gaps gaps = measure_gaps(scene, states[l]);
     limit = std::min(limit, wall_limit(parallel, scene, l, states[l], gaps));
     limit = speed_limit(parallel, scene, states[l], free_cells(scene, boxes, l, gaps), limit);
-    if (steps == 0 && params.numerics.resolve_impacts && is_dense(params.fluid, scene.solids[l]))
+    if (steps == 0 && params.numerics.resolve_impacts && is_dense(params.fluid, scene.solids[l].density))
       limit = std::min(limit, time_to_move(states[l].speed, 0.0, kStart * g.h));
   }
   for (const Vec3d& v : params.walls.velocity) fluid_speed = std::max(fluid_speed, v.cwiseAbs().maxCoeff());

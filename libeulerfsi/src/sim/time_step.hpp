@@ -12,6 +12,15 @@ namespace efsi::sim {
 // without a limit.
 inline constexpr double kRetryTravel = 4.0;
 
+// What limits a step besides the parameters (EfsiStepLimits).
+struct StepLimits {
+  double contact_reach = 0.0;  // distance from a wall below which the next two apply [cells]
+  double contact_cfl = 0.0;    // displacement of a solid near a wall [cells]
+  double contact_pace = 0.0;   // distance that shear waves travel after an impact [cells]; 0: no limit
+  double flight_cfl = 0.0;     // displacement of a single solid away from walls [cells]
+};
+StepLimits step_limits(const Params& params, double lightest_density);
+
 // steps: made so far. The largest step that the limits allow, at most `remaining`; the rest up to `remaining` is
 // divided into equal steps. solids: after find_near_folds.
 double compute_time_step(const Parallel& parallel, const Scene& scene, const SolidStates& states, double fluid_speed,

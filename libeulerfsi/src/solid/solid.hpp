@@ -38,6 +38,7 @@ struct SolidRest {
   double rayleigh_alpha = 0.0, rayleigh_beta = 0.0;
   double friction = 0.0;               // Coulomb's coefficient; of two solids the mean
   double contact_stiffness = 0.0;      // k of Eq. 14; of two solids the mean [N/m]
+  std::uint64_t definition = 0;        // hash of the parameters it was made of, for the scene hash
   bool compressible = false;           // it may change its volume
   double bulk = 0.0;                   // stiffness against that which the pressure has, not the elements [Pa]
   geometry::SignedDistance distance;   // material space

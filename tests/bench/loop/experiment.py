@@ -302,7 +302,7 @@ def record(simulation: Simulation) -> dict[str, Any]:
         **{name: repairs[name] for name in ("clamped", "rejected", "broken", "repaired_cells")},
         "det_f_before": [repairs["min_det_f_before"], repairs["max_det_f_before"]],
         **{f"transport_{name}": value for name, value in moved.items()},
-        "energy_end": list(ledger["end"].values()),
+        "energy_end": list(ledger["at_end"].values()),
         "energy_at_start": list(ledger["at_start"].values()),
         "energy_change": [list(column.values()) for column in ledger["change"].values()],
         "source_work": ledger["source_work"],

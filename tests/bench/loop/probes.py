@@ -75,7 +75,7 @@ def cantilever(run: Experiment, simulation: Simulation) -> Probe:
 
 def jet(run: Experiment, simulation: Simulation) -> Probe:
     emitter = simulation.add_emitter(
-        shape=binding.EMITTER_SHAPES["box"],
+        shape=binding.REGION_SHAPES["box"],
         mode=binding.EMITTER_MODES["continuous"],
         transform=region(JET_MIDDLE, JET_SIZE),
         velocity=(JET_SPEED, 0.0, 0.0),

@@ -80,7 +80,7 @@ class Company(experiment.Company):
         if scene.jet:
             region = scene.jet.region
             self.jet = simulation.add_emitter(
-                shape=binding.EMITTER_SHAPES[region.kind],
+                shape=binding.REGION_SHAPES[region.kind],
                 mode=binding.EMITTER_MODES["continuous"],
                 transform=region.placed(),
                 density=1.0,

@@ -64,7 +64,7 @@ def plume_job(settings: tuple[str, ...]) -> dict[str, Any]:
         **values,
     }
     emitter = {
-        "shape": binding.EMITTER_SHAPES["sphere"],
+        "shape": binding.REGION_SHAPES["sphere"],
         "mode": binding.EMITTER_MODES["continuous"],
         "transform": [d, 0, 0, 0.5, 0, d, 0, PLUME_HEIGHT, 0, 0, d, 0.5, 0, 0, 0, 1],
         "temperature": PLUME_HEAT,

@@ -35,7 +35,7 @@ inline EfsiMeshView cube() { return {kPoints, 8, 0, kCounts, 6, kIndices, 24}; }
 // A box of 0.6 m with cells of 0.05 m.
 inline EfsiSimulationDef box() {
   EfsiSimulationDef def;
-  REQUIRE(efsi_simulation_def_init(&def) == EFSI_OK);
+  REQUIRE(efsi_simulation_def_init(&def, sizeof(def)) == EFSI_OK);
   def.domain_size = {0.6, 0.6, 0.6};
   def.voxel_size = 0.05;
   def.gravity = {0.0, -9.8, 0.0};
@@ -54,7 +54,7 @@ inline Sim create(const EfsiSimulationDef& def) {
 
 inline EfsiSolidDef cube_def() {
   EfsiSolidDef def;
-  REQUIRE(efsi_solid_def_init(&def) == EFSI_OK);
+  REQUIRE(efsi_solid_def_init(&def, sizeof(def)) == EFSI_OK);
   def.mesh = cube();
   return def;
 }
@@ -62,10 +62,10 @@ inline EfsiSolidDef cube_def() {
 // Smoke in y < 0.1: two layers of cells.
 inline EfsiEmitterDef carpet_def() {
   EfsiEmitterDef def;
-  REQUIRE(efsi_emitter_def_init(&def) == EFSI_OK);
+  REQUIRE(efsi_emitter_def_init(&def, sizeof(def)) == EFSI_OK);
   const double transform[16] = {0.6, 0, 0, 0.3, 0, 0.1, 0, 0.05, 0, 0, 0.6, 0.3, 0, 0, 0, 1};
   std::copy(transform, transform + 16, def.transform);
-  def.mode = EFSI_EMIT_INITIAL;
+  def.mode = EFSI_EMITTER_INITIAL;
   return def;
 }
 
@@ -75,7 +75,7 @@ inline Sim scene(EfsiSimulationDef def = box()) {
   const EfsiSolidDef solid = cube_def();
   const EfsiEmitterDef carpet = carpet_def();
   uint32_t id = 0;
-  REQUIRE(efsi_solid_add(sim.get(), &solid, &id, nullptr) == EFSI_OK);
+  REQUIRE(efsi_solid_add(sim.get(), &solid, &id) == EFSI_OK);
   REQUIRE(id == 1);
   REQUIRE(efsi_emitter_add(sim.get(), &carpet, &id) == EFSI_OK);
   REQUIRE(id == 1);
@@ -92,7 +92,7 @@ inline std::string last_error(const Sim& sim) { return efsi_simulation_last_erro
 
 inline EfsiFieldView view_of(const Sim& sim, int32_t field, uint32_t solid = 0) {
   EfsiFieldView view;
-  REQUIRE(efsi_field_get_view(sim.get(), field, solid, &view) == EFSI_OK);
+  REQUIRE(efsi_field_get_view(sim.get(), field, solid, &view, sizeof(view)) == EFSI_OK);
   return view;
 }
 

@@ -21,7 +21,7 @@ struct Refusal {
 TEST_CASE("Definitions start with the defaults of the parameter table") {
   EfsiSimulationDef domain;
   std::memset(&domain, 0xff, sizeof(domain));
-  REQUIRE(efsi_simulation_def_init(&domain) == EFSI_OK);
+  REQUIRE(efsi_simulation_def_init(&domain, sizeof(domain)) == EFSI_OK);
   CHECK(domain.struct_size == sizeof(domain));
   CHECK(domain.voxel_size == 0.02);
   CHECK(domain.preset == EFSI_PRESET_PRODUCTION);
@@ -39,7 +39,7 @@ TEST_CASE("Definitions start with the defaults of the parameter table") {
 
   EfsiSolidDef solid;
   std::memset(&solid, 0xff, sizeof(solid));
-  REQUIRE(efsi_solid_def_init(&solid) == EFSI_OK);
+  REQUIRE(efsi_solid_def_init(&solid, sizeof(solid)) == EFSI_OK);
   CHECK(solid.magic == domain.magic);
   CHECK(solid.density == 1000.0);
   CHECK(solid.youngs_modulus == 20000.0);
@@ -49,15 +49,15 @@ TEST_CASE("Definitions start with the defaults of the parameter table") {
 
   EfsiEmitterDef emitter;
   std::memset(&emitter, 0xff, sizeof(emitter));
-  REQUIRE(efsi_emitter_def_init(&emitter) == EFSI_OK);
-  CHECK(emitter.mode == EFSI_EMIT_CONTINUOUS);
+  REQUIRE(efsi_emitter_def_init(&emitter, sizeof(emitter)) == EFSI_OK);
+  CHECK(emitter.mode == EFSI_EMITTER_CONTINUOUS);
   CHECK(emitter.density == 1.0);
   CHECK(emitter.end_time == 1e6);
   for (int i = 0; i < 16; ++i) CHECK(emitter.transform[i] == (i % 5 == 0 ? 1.0 : 0.0));
 
   EfsiVdbDef vdb;
   std::memset(&vdb, 0xff, sizeof(vdb));
-  REQUIRE(efsi_vdb_def_init(&vdb) == EFSI_OK);
+  REQUIRE(efsi_vdb_def_init(&vdb, sizeof(vdb)) == EFSI_OK);
   CHECK(vdb.half_float == 0);
   CHECK(vdb.write_velocity == 1);
   for (int i = 0; i < 16; ++i) CHECK(vdb.transform[i] == (i % 5 == 0 ? 1.0 : 0.0));
@@ -71,13 +71,13 @@ TEST_CASE("Definitions that were not initialised are refused") {
   CHECK(efsi_simulation_create(&domain, &other, &error) == EFSI_ERROR_ARGUMENT);
   CHECK_THAT(error.message, Contains("EfsiSimulationDef") && Contains("efsi_simulation_def_init"));
   domain = box();
-  domain.struct_size -= 8;
+  domain.struct_size = 4;
   CHECK(efsi_simulation_create(&domain, &other, &error) == EFSI_ERROR_ARGUMENT);
-  CHECK_THAT(error.message, Contains("struct_size = " + std::to_string(sizeof(domain) - 8)));
+  CHECK_THAT(error.message, Contains("struct_size = 4: must be at least 8"));
   CHECK(other == nullptr);
 
   EfsiSolidDef solid{};
-  CHECK(efsi_solid_add(sim.get(), &solid, nullptr, nullptr) == EFSI_ERROR_ARGUMENT);
+  CHECK(efsi_solid_add(sim.get(), &solid, nullptr) == EFSI_ERROR_ARGUMENT);
   CHECK_THAT(last_error(sim), Contains("efsi_solid_def_init"));
   EfsiEmitterDef emitter{};
   CHECK(efsi_emitter_add(sim.get(), &emitter, nullptr) == EFSI_ERROR_ARGUMENT);
@@ -139,7 +139,7 @@ TEST_CASE("Values outside their limits are refused with field, value and limit")
   for (const auto& refusal : solid) {
     EfsiSolidDef def = cube_def();
     refusal.change(def);
-    CHECK(efsi_solid_add(sim.get(), &def, nullptr, nullptr) == EFSI_ERROR_ARGUMENT);
+    CHECK(efsi_solid_add(sim.get(), &def, nullptr) == EFSI_ERROR_ARGUMENT);
     CHECK_THAT(last_error(sim), Contains(refusal.text));
   }
   const Refusal<EfsiForceDef> force[] = {
@@ -154,7 +154,7 @@ TEST_CASE("Values outside their limits are refused with field, value and limit")
   };
   for (const auto& refusal : force) {
     EfsiForceDef def;
-    REQUIRE(efsi_force_def_init(&def) == EFSI_OK);
+    REQUIRE(efsi_force_def_init(&def, sizeof(def)) == EFSI_OK);
     refusal.change(def);
     CHECK(efsi_force_add(sim.get(), &def, nullptr) == EFSI_ERROR_ARGUMENT);
     CHECK_THAT(last_error(sim), Contains(refusal.text));
@@ -184,35 +184,35 @@ TEST_CASE("NULL is refused and never followed") {
   const EfsiSimulationDef def = box();
   EfsiSim* none = nullptr;
   for (EfsiStatus status : {
-           efsi_simulation_def_init(nullptr),
-           efsi_solid_def_init(nullptr),
-           efsi_emitter_def_init(nullptr),
-           efsi_vdb_def_init(nullptr),
+           efsi_simulation_def_init(nullptr, 0),
+           efsi_solid_def_init(nullptr, 0),
+           efsi_emitter_def_init(nullptr, 0),
+           efsi_vdb_def_init(nullptr, 0),
            efsi_simulation_create(nullptr, &none, nullptr),
            efsi_simulation_create(&def, nullptr, nullptr),
            efsi_mesh_load(nullptr, nullptr, nullptr),
            efsi_mesh_get_view(nullptr, nullptr),
            efsi_surface_create(nullptr, 0.1, 0, nullptr, nullptr, nullptr, nullptr),
-           efsi_surface_get_report(nullptr, nullptr),
+           efsi_surface_get_report(nullptr, nullptr, 0),
            efsi_surface_get_overlap(nullptr, nullptr, nullptr, nullptr, nullptr),
            efsi_surface_extrude_in_slab(nullptr, 2, 0.0, 0.1, nullptr, nullptr),
            efsi_simulation_estimate_memory(nullptr, 0.0, nullptr, nullptr, nullptr),
-           efsi_simulation_step(nullptr, 0.1, nullptr),
-           efsi_simulation_advance(nullptr, 0.1, nullptr, nullptr, nullptr),
+           efsi_simulation_step(nullptr, 0.1, nullptr, 0),
+           efsi_simulation_advance(nullptr, 0.1, nullptr, 0, nullptr, nullptr),
            efsi_simulation_get_time(nullptr, nullptr, nullptr),
            efsi_simulation_get_hash(nullptr, nullptr),
            efsi_simulation_save_checkpoint(nullptr, "x"),
            efsi_simulation_restore_checkpoint(nullptr, "x"),
            efsi_simulation_restore_solids(nullptr, "x"),
-           efsi_simulation_get_profile(nullptr, nullptr),
+           efsi_simulation_get_profile(nullptr, nullptr, 0),
            efsi_simulation_reset_profile(nullptr),
-           efsi_simulation_get_fluid_diagnostics(nullptr, nullptr),
-           efsi_solid_add(nullptr, nullptr, nullptr, nullptr),
+           efsi_simulation_get_fluid_diagnostics(nullptr, nullptr, 0),
+           efsi_solid_add(nullptr, nullptr, nullptr),
            efsi_solid_get_count(nullptr, nullptr),
            efsi_solid_get_surface(nullptr, 1, nullptr, nullptr, 0),
-           efsi_solid_get_diagnostics(nullptr, 1, nullptr),
+           efsi_solid_get_diagnostics(nullptr, 1, nullptr, 0),
            efsi_emitter_add(nullptr, nullptr, nullptr),
-           efsi_field_get_view(nullptr, 0, 0, nullptr),
+           efsi_field_get_view(nullptr, 0, 0, nullptr, 0),
            efsi_field_set(nullptr, 0, 0, nullptr, 0),
            efsi_vdb_write(nullptr, nullptr, nullptr, nullptr),
        })
@@ -227,15 +227,15 @@ TEST_CASE("NULL is refused and never followed") {
   EfsiSim* s = sim.get();
   CHECK(last_error(sim).empty());
   EfsiVdbDef vdb;
-  efsi_vdb_def_init(&vdb);
-  for (EfsiStatus status : {efsi_solid_add(s, nullptr, nullptr, nullptr), efsi_emitter_add(s, nullptr, nullptr),
-                            efsi_solid_get_count(s, nullptr), efsi_solid_get_diagnostics(s, 1, nullptr),
-                            efsi_simulation_get_hash(s, nullptr), efsi_simulation_get_profile(s, nullptr),
-                            efsi_simulation_get_fluid_diagnostics(s, nullptr), efsi_field_get_view(s, 0, 0, nullptr),
-                            efsi_field_set(s, 0, 0, nullptr, 1), efsi_simulation_save_checkpoint(s, nullptr),
-                            efsi_simulation_save_checkpoint(s, ""), efsi_simulation_restore_checkpoint(s, nullptr),
-                            efsi_simulation_restore_solids(s, nullptr), efsi_vdb_write(s, nullptr, &vdb, nullptr),
-                            efsi_vdb_write(s, "x.vdb", nullptr, nullptr)})
+  efsi_vdb_def_init(&vdb, sizeof(vdb));
+  for (EfsiStatus status :
+       {efsi_solid_add(s, nullptr, nullptr), efsi_emitter_add(s, nullptr, nullptr), efsi_solid_get_count(s, nullptr),
+        efsi_solid_get_diagnostics(s, 1, nullptr, 0), efsi_simulation_get_hash(s, nullptr),
+        efsi_simulation_get_profile(s, nullptr, 0), efsi_simulation_get_fluid_diagnostics(s, nullptr, 0),
+        efsi_field_get_view(s, 0, 0, nullptr, 0), efsi_field_set(s, 0, 0, nullptr, 1),
+        efsi_simulation_save_checkpoint(s, nullptr), efsi_simulation_save_checkpoint(s, ""),
+        efsi_simulation_restore_checkpoint(s, nullptr), efsi_simulation_restore_solids(s, nullptr),
+        efsi_vdb_write(s, nullptr, &vdb, nullptr), efsi_vdb_write(s, "x.vdb", nullptr, nullptr)})
     CHECK(status == EFSI_ERROR_ARGUMENT);
   CHECK_THAT(last_error(sim), Contains("efsi_vdb_write: def is NULL"));
   CHECK(efsi_simulation_get_time(s, nullptr, nullptr) == EFSI_OK);
@@ -247,24 +247,24 @@ TEST_CASE("Unknown solids, fields and wrong times are refused") {
   EfsiSolidDiagnostics diagnostics;
   EfsiFieldView view;
   for (uint32_t id : {0u, 2u, 4000000000u}) {
-    CHECK(efsi_solid_get_diagnostics(sim.get(), id, &diagnostics) == EFSI_ERROR_ARGUMENT);
+    CHECK(efsi_solid_get_diagnostics(sim.get(), id, &diagnostics, sizeof(diagnostics)) == EFSI_ERROR_ARGUMENT);
     CHECK(efsi_solid_get_surface(sim.get(), id, nullptr, nullptr, 8) == EFSI_ERROR_ARGUMENT);
-    CHECK(efsi_field_get_view(sim.get(), EFSI_FIELD_SOLID_VELOCITY, id, &view) == EFSI_ERROR_ARGUMENT);
+    CHECK(efsi_field_get_view(sim.get(), EFSI_FIELD_SOLID_VELOCITY, id, &view, sizeof(view)) == EFSI_ERROR_ARGUMENT);
     CHECK_THAT(last_error(sim), Contains("solid = " + std::to_string(id)));
   }
-  CHECK(efsi_field_get_view(sim.get(), EFSI_FIELD_VELOCITY, 1, &view) == EFSI_ERROR_ARGUMENT);
+  CHECK(efsi_field_get_view(sim.get(), EFSI_FIELD_VELOCITY, 1, &view, sizeof(view)) == EFSI_ERROR_ARGUMENT);
   for (int32_t field : {-1, 7}) {
-    CHECK(efsi_field_get_view(sim.get(), field, 0, &view) == EFSI_ERROR_ARGUMENT);
+    CHECK(efsi_field_get_view(sim.get(), field, 0, &view, sizeof(view)) == EFSI_ERROR_ARGUMENT);
     CHECK_THAT(last_error(sim), Contains("field = " + std::to_string(field)));
   }
   for (double duration : {0.0, -1.0, kNan}) {
-    CHECK(efsi_simulation_step(sim.get(), duration, nullptr) == EFSI_ERROR_ARGUMENT);
-    CHECK(efsi_simulation_advance(sim.get(), duration, nullptr, nullptr, nullptr) == EFSI_ERROR_ARGUMENT);
+    CHECK(efsi_simulation_step(sim.get(), duration, nullptr, 0) == EFSI_ERROR_ARGUMENT);
+    CHECK(efsi_simulation_advance(sim.get(), duration, nullptr, 0, nullptr, nullptr) == EFSI_ERROR_ARGUMENT);
   }
   const EfsiSolidDef solid = cube_def();
   const EfsiEmitterDef carpet = carpet_def();
-  REQUIRE(efsi_simulation_step(sim.get(), 0.01, nullptr) == EFSI_OK);
-  CHECK(efsi_solid_add(sim.get(), &solid, nullptr, nullptr) == EFSI_ERROR_ARGUMENT);
+  REQUIRE(efsi_simulation_step(sim.get(), 0.01, nullptr, 0) == EFSI_OK);
+  CHECK(efsi_solid_add(sim.get(), &solid, nullptr) == EFSI_ERROR_ARGUMENT);
   CHECK_THAT(last_error(sim), Contains("before the first step"));
   CHECK(efsi_emitter_add(sim.get(), &carpet, nullptr) == EFSI_ERROR_ARGUMENT);
 }

@@ -15,7 +15,7 @@ TEST_CASE("A vdb file has a content hash that depends on values and transform al
   const Folder folder;
   const Sim sim = scene();
   EfsiVdbDef def;
-  REQUIRE(efsi_vdb_def_init(&def) == EFSI_OK);
+  REQUIRE(efsi_vdb_def_init(&def, sizeof(def)) == EFSI_OK);
   uint64_t first = 0, second = 0, moved = 0, still = 0, later = 0, nothing = 0;
   REQUIRE(efsi_vdb_write(sim.get(), folder.file("a.vdb").c_str(), &def, &first) == EFSI_OK);
   REQUIRE(efsi_vdb_write(sim.get(), folder.file("b.vdb").c_str(), &def, &second) == EFSI_OK);
@@ -29,7 +29,7 @@ TEST_CASE("A vdb file has a content hash that depends on values and transform al
   changed.write_velocity = 0;
   REQUIRE(efsi_vdb_write(sim.get(), folder.file("b.vdb").c_str(), &changed, &still) == EFSI_OK);
   CHECK(still != first);
-  REQUIRE(efsi_simulation_advance(sim.get(), 0.05, nullptr, nullptr, nullptr) == EFSI_OK);
+  REQUIRE(efsi_simulation_advance(sim.get(), 0.05, nullptr, 0, nullptr, nullptr) == EFSI_OK);
   REQUIRE(efsi_vdb_write(sim.get(), folder.file("b.vdb").c_str(), &def, &later) == EFSI_OK);
   CHECK(later != first);
 
@@ -75,7 +75,7 @@ TEST_CASE("A vdb file holds smoke and velocity at the cell centres in world spac
 
   // World: centimetres, y and z exchanged with a turn, moved.
   EfsiVdbDef def;
-  REQUIRE(efsi_vdb_def_init(&def) == EFSI_OK);
+  REQUIRE(efsi_vdb_def_init(&def, sizeof(def)) == EFSI_OK);
   const double transform[16] = {100, 0, 0, 7, 0, 0, -100, 8, 0, 100, 0, 9, 0, 0, 0, 1};
   std::copy(transform, transform + 16, def.transform);
   uint64_t hash = 0;

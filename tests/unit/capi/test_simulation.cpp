@@ -26,7 +26,7 @@ TEST_CASE("Version and status texts speak for every status") {
 TEST_CASE("Advance lands on the end and reports its progress") {
   const Sim sim = scene();
   EfsiStepInfo info;
-  REQUIRE(efsi_simulation_step(sim.get(), 0.004, &info) == EFSI_OK);
+  REQUIRE(efsi_simulation_step(sim.get(), 0.004, &info, sizeof(info)) == EFSI_OK);
   CHECK(info.steps == 1);
   CHECK(info.dt == 0.004);
   CHECK(info.time == 0.004);
@@ -40,7 +40,7 @@ TEST_CASE("Advance lands on the end and reports its progress") {
     static_cast<Calls*>(user)->steps = step->steps;
     return 0;
   };
-  REQUIRE(efsi_simulation_advance(sim.get(), 0.096, &info, record, &calls) == EFSI_OK);
+  REQUIRE(efsi_simulation_advance(sim.get(), 0.096, &info, sizeof(info), record, &calls) == EFSI_OK);
   CHECK(info.time == 0.004 + 0.096);
   CHECK(info.pressure_iterations > 0);
   REQUIRE(calls.fractions.size() == info.steps);
@@ -64,7 +64,7 @@ TEST_CASE("Advance lands on the end and reports its progress") {
   CHECK_THAT(last_error(sim), Contains("point_count = 9") && Contains("must be 8"));
 
   EfsiProfile profile;
-  REQUIRE(efsi_simulation_get_profile(sim.get(), &profile) == EFSI_OK);
+  REQUIRE(efsi_simulation_get_profile(sim.get(), &profile, sizeof(profile)) == EFSI_OK);
   CHECK(profile.steps == steps);
   CHECK(profile.tiles[EFSI_STAGE_PRESSURE_SOLVE] > 0);
   CHECK(profile.tiles[EFSI_STAGE_CONTACT] == 0);
@@ -73,7 +73,7 @@ TEST_CASE("Advance lands on the end and reports its progress") {
   for (double seconds : profile.seconds) sum += seconds;
   CHECK(sum == Approx(profile.total_seconds));
   REQUIRE(efsi_simulation_reset_profile(sim.get()) == EFSI_OK);
-  REQUIRE(efsi_simulation_get_profile(sim.get(), &profile) == EFSI_OK);
+  REQUIRE(efsi_simulation_get_profile(sim.get(), &profile, sizeof(profile)) == EFSI_OK);
   CHECK(profile.steps == 0);
   CHECK(profile.total_seconds == 0.0);
 }
@@ -87,7 +87,7 @@ TEST_CASE("A cancelled advance leaves the state of the last completed step") {
     return --*static_cast<int*>(user) == 0;
   };
   EfsiStepInfo info;
-  REQUIRE(efsi_simulation_advance(sim.get(), 0.1, &info, stop, &remaining) == EFSI_ERROR_CANCELLED);
+  REQUIRE(efsi_simulation_advance(sim.get(), 0.1, &info, sizeof(info), stop, &remaining) == EFSI_ERROR_CANCELLED);
   CHECK(last_error(sim) != "");
   CHECK(info.steps == 3);
   double time = 0.0;
@@ -98,27 +98,27 @@ TEST_CASE("A cancelled advance leaves the state of the last completed step") {
   for (int i = 0; i < 3; ++i) {
     double now = 0.0;
     REQUIRE(efsi_simulation_get_time(twin.get(), &now, nullptr) == EFSI_OK);
-    REQUIRE(efsi_simulation_step(twin.get(), 0.1 - now, nullptr) == EFSI_OK);
+    REQUIRE(efsi_simulation_step(twin.get(), 0.1 - now, nullptr, 0) == EFSI_OK);
   }
   CHECK(hash_of(sim) == hash_of(twin));
-  CHECK(efsi_simulation_advance(sim.get(), 0.1 - time, &info, nullptr, nullptr) == EFSI_OK);
+  CHECK(efsi_simulation_advance(sim.get(), 0.1 - time, &info, sizeof(info), nullptr, nullptr) == EFSI_OK);
 }
 
 TEST_CASE("A checkpoint continues to the same state in another simulation") {
   const Folder folder;
   const std::string path = folder.file("ch\u00e9ck.point");
   const Sim sim = scene();
-  REQUIRE(efsi_simulation_advance(sim.get(), 0.03, nullptr, nullptr, nullptr) == EFSI_OK);
+  REQUIRE(efsi_simulation_advance(sim.get(), 0.03, nullptr, 0, nullptr, nullptr) == EFSI_OK);
   REQUIRE(efsi_simulation_save_checkpoint(sim.get(), path.c_str()) == EFSI_OK);
   CHECK(folder.files() == 1);
   const uint64_t saved = hash_of(sim);
-  REQUIRE(efsi_simulation_advance(sim.get(), 0.03, nullptr, nullptr, nullptr) == EFSI_OK);
+  REQUIRE(efsi_simulation_advance(sim.get(), 0.03, nullptr, 0, nullptr, nullptr) == EFSI_OK);
   CHECK(hash_of(sim) != saved);
 
   const Sim twin = scene();
   REQUIRE(efsi_simulation_restore_checkpoint(twin.get(), path.c_str()) == EFSI_OK);
   CHECK(hash_of(twin) == saved);
-  REQUIRE(efsi_simulation_advance(twin.get(), 0.03, nullptr, nullptr, nullptr) == EFSI_OK);
+  REQUIRE(efsi_simulation_advance(twin.get(), 0.03, nullptr, 0, nullptr, nullptr) == EFSI_OK);
   CHECK(hash_of(twin) == hash_of(sim));
   // Back in a simulation that has gone on.
   REQUIRE(efsi_simulation_restore_checkpoint(sim.get(), path.c_str()) == EFSI_OK);
@@ -142,11 +142,12 @@ TEST_CASE("Two simulations in one process do not know of each other") {
   const Sim a = scene(), b = scene(other), alone = scene();
   for (int i = 0; i < 3; ++i)
     for (const Sim* sim : {&a, &b})
-      REQUIRE(efsi_simulation_advance(sim->get(), 0.02, nullptr, nullptr, nullptr) == EFSI_OK);
-  for (int i = 0; i < 3; ++i) REQUIRE(efsi_simulation_advance(alone.get(), 0.02, nullptr, nullptr, nullptr) == EFSI_OK);
+      REQUIRE(efsi_simulation_advance(sim->get(), 0.02, nullptr, 0, nullptr, nullptr) == EFSI_OK);
+  for (int i = 0; i < 3; ++i)
+    REQUIRE(efsi_simulation_advance(alone.get(), 0.02, nullptr, 0, nullptr, nullptr) == EFSI_OK);
   CHECK(hash_of(a) == hash_of(alone));
   CHECK(hash_of(a) != hash_of(b));
-  CHECK(efsi_simulation_step(b.get(), -1.0, nullptr) == EFSI_ERROR_ARGUMENT);
+  CHECK(efsi_simulation_step(b.get(), -1.0, nullptr, 0) == EFSI_ERROR_ARGUMENT);
   CHECK(last_error(a).empty());
 }
 

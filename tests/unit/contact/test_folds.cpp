@@ -82,7 +82,7 @@ Closing close(sim::Simulation& s, double end) {
     out.repairs += info.repairs.repaired_cells;
     for (const sim::ContactPair& pair : info.contacts) {
       CHECK(pair.one == pair.other);
-      CHECK(pair.sticking == 0);
+      CHECK(pair.sticking_rows == 0);
       out.impulse += pair.normal_impulse;
       ++out.pushes;
     }

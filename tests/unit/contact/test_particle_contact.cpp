@@ -55,8 +55,8 @@ Outcome collide(const sim::Params& p, const std::vector<sim::SolidDesc>& balls, 
     s->step(std::min(0.01, end - s->state().time));
     for (const sim::ContactPair& pair : s->contacts()) {
       out.deepest = std::max(out.deepest, pair.surface_overlap);
-      out.pushed += pair.pushing;
-      out.stuck += pair.sticking;
+      out.pushed += pair.active_rows;
+      out.stuck += pair.sticking_rows;
     }
   }
   const auto a = s->diagnose_solid(0), b = s->diagnose_solid(1);

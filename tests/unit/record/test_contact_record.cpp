@@ -65,13 +65,13 @@ TEST_CASE("The record of two balls that meet has the impulse that turns them aro
   const sim::ContactPair& pair = sums[0];
   const Vec3d turned = s->diagnose_solid(2).momentum - before;
   INFO("impulse " << pair.impulse.transpose() << " for " << turned.transpose() << ", rows " << pair.rows << ", pushing "
-                  << pair.pushing << ", overlap " << pair.row_overlap << " and " << pair.surface_overlap);
+                  << pair.active_rows << ", overlap " << pair.row_overlap << " and " << pair.surface_overlap);
   CHECK(pair.one == 1);
   CHECK(pair.other == 2);
   CHECK(pair.steps > 5);
-  CHECK(pair.rows >= pair.pushing);
-  CHECK(pair.pushing >= pair.steps);
-  CHECK(pair.sticking == 0);
+  CHECK(pair.rows >= pair.active_rows);
+  CHECK(pair.active_rows >= pair.steps);
+  CHECK(pair.sticking_rows == 0);
   CHECK(pair.row_overlap == Approx(-deepest));
   CHECK(pair.surface_overlap == Approx(pair.row_overlap - sim::kContactSkin).margin(0.3));
   // Where cells are cut by both, a little of the pressure goes over, too.
@@ -90,7 +90,7 @@ TEST_CASE("The record of a call is the sum of its steps, and starts anew with th
   });
   REQUIRE(sums.size() == 1);
   REQUIRE(s->contacts().size() == 1);
-  CHECK(sums[0].pushing == s->contacts()[0].pushing);
+  CHECK(sums[0].active_rows == s->contacts()[0].active_rows);
   CHECK(sums[0].normal_impulse == s->contacts()[0].normal_impulse);
   CHECK(seen[0].normal_impulse == sums[0].normal_impulse);
   s->set_state(sim::State(s->state()));
@@ -106,7 +106,7 @@ TEST_CASE("The record tells the weight that rests on a solid, and whether it sti
   REQUIRE(s->contacts().size() == 1);
   const sim::ContactPair& pair = s->contacts()[0];
   const double load = s->diagnose_solid(1).mass * kWeight * 0.1;  // weight's impulse [N s]
-  const double share = static_cast<double>(pair.sticking) / static_cast<double>(pair.pushing);
+  const double share = static_cast<double>(pair.sticking_rows) / static_cast<double>(pair.active_rows);
   INFO((sticks ? "sticks" : "slides") << ": " << pair.impulse.transpose() << " N s, load " << load << ", share "
                                       << share << ", overlap " << pair.row_overlap);
   CHECK(pair.impulse[1] == Approx(load * std::cos(kSlope)).epsilon(0.03));

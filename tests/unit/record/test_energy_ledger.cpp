@@ -28,7 +28,7 @@ const sim::Energy& change(const sim::Simulation& s, EnergyStage stage) {
 sim::Energy start_of(const sim::EnergyRecord& record) {
   sim::Energy all;
   for (const sim::Energy& column : record.change) all += column;
-  return record.end - all;
+  return record.at_end - all;
 }
 
 }  // namespace
@@ -44,9 +44,9 @@ TEST_CASE("Ledger: a ball that flies and turns in vacuum has M v^2 / 2 + I w^2 /
   const double mass = 1000.0 * 4.0 / 3.0 * M_PI * 1e-3, inertia = 0.4 * mass * 0.01;
   const double exact = 0.5 * mass * d.velocity.squaredNorm() + 0.5 * inertia * 36.0;
   CHECK(start_of(energy(*s)).solid_kinetic == Approx(exact).epsilon(0.02));
-  CHECK(energy(*s).end.sum() == Approx(exact).epsilon(0.02));
-  CHECK(energy(*s).end.fluid_kinetic == 0.0);
-  CHECK(energy(*s).end.potential == 0.0);
+  CHECK(energy(*s).at_end.sum() == Approx(exact).epsilon(0.02));
+  CHECK(energy(*s).at_end.fluid_kinetic == 0.0);
+  CHECK(energy(*s).at_end.potential == 0.0);
 }
 
 TEST_CASE("Ledger: a collider's own energy does not count, that of the fluid which it pushes does", "[law]") {
@@ -66,10 +66,10 @@ TEST_CASE("Ledger: a collider's own energy does not count, that of the fluid whi
       work += s->last_step().pins[pin].work;
       if (fluid) continue;
       alone->step(0.01);
-      CHECK(energy(*s).end.sum() == Approx(energy(*alone).end.sum()).epsilon(1e-6));
+      CHECK(energy(*s).at_end.sum() == Approx(energy(*alone).at_end.sum()).epsilon(1e-6));
     }
-    INFO("work " << work << " J, energy " << energy(*s).end.sum() << " J");
-    if (fluid) CHECK(energy(*s).end.sum() == Approx(0.5 * work).epsilon(0.3));  // set off at once: half is lost
+    INFO("work " << work << " J, energy " << energy(*s).at_end.sum() << " J");
+    if (fluid) CHECK(energy(*s).at_end.sum() == Approx(0.5 * work).epsilon(0.3));  // set off at once: half is lost
     CHECK((fluid ? work > 0.0 : std::abs(work) < 1e-9));
   }
 }
@@ -78,13 +78,13 @@ TEST_CASE("Ledger: what a falling body loses in potential energy it gains in kin
   auto s = make_simulation(recorded({0.4, 0.8, 0.4}), {ball_desc({0.2, 0.6, 0.2})});
   s->step(0.01);
   const double first = start_of(energy(*s)).sum();
-  double last = energy(*s).end.sum(), gravity = 0.0, kinetic = 0.0;
+  double last = energy(*s).at_end.sum(), gravity = 0.0, kinetic = 0.0;
   for (int n = 0; n < 12; ++n) {
     s->step(0.01);
     CHECK(start_of(energy(*s)).sum() == Approx(last).epsilon(1e-6));  // nothing happens between two steps
-    last = energy(*s).end.sum();
+    last = energy(*s).at_end.sum();
     gravity += change(*s, EnergyStage::kWeight).sum();
-    kinetic = energy(*s).end.solid_kinetic;
+    kinetic = energy(*s).at_end.solid_kinetic;
     for (const auto stage : {EnergyStage::kSolidTransport, EnergyStage::kRemap}) gravity += change(*s, stage).potential;
   }
   CHECK(kinetic > 3.0);  // J: it does fall
@@ -113,8 +113,8 @@ TEST_CASE("Ledger: u and v of one time make an oscillation's energy steady", "[l
     s->step(0.00186);
     low = std::min(low, energy(*s).at_start.sum());
     high = std::max(high, energy(*s).at_start.sum());
-    low_end = std::min(low_end, energy(*s).end.sum());
-    high_end = std::max(high_end, energy(*s).end.sum());
+    low_end = std::min(low_end, energy(*s).at_end.sum());
+    high_end = std::max(high_end, energy(*s).at_end.sum());
     elastic = std::max(elastic, energy(*s).at_start.elastic);
   }
   CHECK(elastic > 0.5 * high);  // it does swing
@@ -174,7 +174,7 @@ TEST_CASE("Ledger: its columns join the energies that the diagnostics tell", "[l
     const double scale = solid_before.kinetic_energy;
     CHECK(std::abs(sum.solid_kinetic - (solid.kinetic_energy - solid_before.kinetic_energy)) < 1e-3 * scale);
     CHECK(std::abs(sum.elastic - (solid.elastic_energy - solid_before.elastic_energy)) < 1e-3 * scale);
-    CHECK(energy(*s).end.fluid_kinetic == Approx(s->diagnose_fluid().kinetic_energy).epsilon(0.03));
+    CHECK(energy(*s).at_end.fluid_kinetic == Approx(s->diagnose_fluid().kinetic_energy).epsilon(0.03));
     const double weight = solid.mass - 500.0 * solid.mass / 1000.0;
     CHECK(sum.potential == Approx(weight * 9.8 * (solid.center[1] - solid_before.center[1])).epsilon(1e-3));
     CHECK(change(*s, EnergyStage::kMixing).sum() <= 1e-6 * scale);
