@@ -62,6 +62,7 @@ typedef struct EfsiError {
 typedef enum EfsiRegionShape {
   EFSI_REGION_BOX = 0,
   EFSI_REGION_SPHERE = 1,
+  EFSI_REGION_COUNT = 2,
 } EfsiRegionShape;
 
 /** A vector. */
