@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from eulerfsi.errors import LibraryError
-from eulerfsi.solver import binding
+from eulerfsi.solver import binding, c_api
 from eulerfsi.solver.simulation import Mesh, Simulation
 
 from .groups import GROUPS
@@ -146,7 +146,7 @@ class Experiment:
             values[f"wall[{face}]"] = binding.WALLS[kind]
         if self.cfl is not None:
             values["cfl_solid"] = self.cfl
-        return values | self.set_in(binding.SimulationDef) | {"energy_ledger": 1}
+        return values | self.set_in(c_api.SimulationDef) | {"energy_ledger": 1}
 
     def solid(self) -> dict[str, Any]:
         """Fields of EfsiSolidDef."""
@@ -159,7 +159,7 @@ class Experiment:
             "velocity": self.velocity,
             "angular_velocity": self.spin,
         }
-        return values | self.set_in(binding.SolidDef)
+        return values | self.set_in(c_api.SolidDef)
 
     def bodies(self) -> list[tuple[Mesh, dict[str, Any]]]:
         """Surfaces and fields of EfsiSolidDef of all solids."""
@@ -178,7 +178,7 @@ class Experiment:
 def field_of(name: str) -> type | None:
     """The definition structure that has a field; "wall[2]" is an element of wall."""
     base = name.partition("[")[0]
-    for structure in (binding.SimulationDef, binding.SolidDef):
+    for structure in (c_api.SimulationDef, c_api.SolidDef):
         if base in {field for field, *_ in structure._fields_}:
             return structure
     return None

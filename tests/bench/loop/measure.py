@@ -10,13 +10,13 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from eulerfsi.solver import binding
+from eulerfsi.solver import binding, c_api
 
 from .experiment import Experiment
 
 # Steps whose divergence before the projection is below this part of the run's largest say nothing about the ratio.
 QUIET = 0.01
-FORMS = [name for name, *_ in binding.Energy._fields_]  # of energy, in the order of the ledger
+FORMS = [name for name, *_ in c_api.Energy._fields_]  # of energy, in the order of the ledger
 
 
 @dataclasses.dataclass

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from eulerfsi.errors import LibraryError
-from eulerfsi.solver import binding
+from eulerfsi.solver import binding, c_api
 from eulerfsi.solver.simulation import Mesh, Simulation, Surface
 
 from .experiment import Experiment, step_ends
@@ -115,7 +115,7 @@ def simulate(run: Experiment) -> dict[str, Any]:
     """Runs a probe: an answer as that of experiment.simulate. Volumes are not looked at."""
     set_up, values = PROBES[run.probe]
     columns, failure, volumes = [], "", {"volume_mesh": np.nan, "volume_cells": np.nan}
-    with Simulation(run.simulation() | values | run.set_in(binding.SimulationDef)) as simulation:
+    with Simulation(run.simulation() | values | run.set_in(c_api.SimulationDef)) as simulation:
         probe = set_up(run, simulation)
         try:
             for end in step_ends(run):
