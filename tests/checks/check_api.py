@@ -44,7 +44,7 @@ def undocumented(functions: dict[str, Path]) -> list[str]:
     for name, header in functions.items():
         text = header.read_text()
         above = text[: re.search(rf"\bEFSI_API\b(?:(?!EFSI_API)[^;{{])*?\b{name}\s*\(", text).start()].rstrip()
-        if not (above.endswith("*/") and re.match(r"/\* [A-Z][a-z]*s ", above[above.rfind("/*") :])):
+        if not (above.endswith("*/") and re.match(r"/\*\* [A-Z][a-z]*s ", above[above.rfind("/*") :])):
             problems.append(f"{relative(header)}: {name} has no comment of its own that starts with a verb")
     return problems
 
