@@ -30,7 +30,7 @@ a stage".
 **Trials.** [index](README.md#index-of-all)
 """
 GOOD = {
-    "libeulerfsi/include/eulerfsi/base.h": "#define EFSI_API\n/* Does it. */\nEFSI_API int efsi_do(int a);\n",
+    "libeulerfsi/include/eulerfsi/base.h": "#define EFSI_API\n/** Does it. */\nEFSI_API int efsi_do(int a);\n",
     "libeulerfsi/src/base/error.hpp": "// Purpose: errors.\nnamespace efsi { inline const int kLimit = 3; }\n",
     "libeulerfsi/src/system/stage.hpp": '// Eq. 1, 8; Eq. 12-15.\n#include "solid/mass.hpp"\nvoid stage();\n',
     "libeulerfsi/src/solid/mass.hpp": '#include "base/error.hpp"\n',
@@ -108,9 +108,9 @@ FAULTS = [
     ("check_docs.py names", "docs/algorithm.md", "see `gone_stage`\n"),
     ("check_docs.py names", "docs/numerics/stage.md", "`Stage.kGone` is 3\n"),
     ("check_docs.py names", "libeulerfsi/src/base/error.hpp", "=// empty\n"),
-    ("check_api.py client", "libeulerfsi/include/eulerfsi/base.h", "/* More. */\nEFSI_API int efsi_more(void);\n"),
+    ("check_api.py client", "libeulerfsi/include/eulerfsi/base.h", "/** More. */\nEFSI_API int efsi_more(void);\n"),
     ("check_api.py headers", "libeulerfsi/include/eulerfsi/base.h", "// a C++ comment is fine in C11\nbool x;\n"),
-    ("check_api.py exports", "libeulerfsi/include/eulerfsi/base.h", "/* More. */\nEFSI_API int efsi_more(void);\n"),
+    ("check_api.py exports", "libeulerfsi/include/eulerfsi/base.h", "/** More. */\nEFSI_API int efsi_more(void);\n"),
     (
         "check_api.py exports",
         "libeulerfsi/include/eulerfsi/base.h",
