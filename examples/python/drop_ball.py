@@ -29,7 +29,7 @@ with Simulation({"voxel_size": 0.05, "gravity": (0, -9.8, 0)}) as simulation:  #
     ball, report = simulation.add_solid(icosphere((0.5, 0.7, 0.5), 0.15, 2), density=1000, youngs_modulus=2e4)
     carpet = [[0.9, 0, 0, 0.5], [0, 0.4, 0, 0.25], [0, 0, 0.9, 0.5], [0, 0, 0, 1]]
     simulation.add_emitter(transform=carpet, density=1)  # smoke above the floor
-    for frame in range(1, 7):
+    for _frame in range(6):
         simulation.advance(1 / 24)
         height = simulation.solid_diagnostics(ball)["center"][1]
         (smoke,), place = simulation.field_view("smoke_density")  # the library's memory, until the next step

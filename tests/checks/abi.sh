@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Purpose: compares the C ABI of the built library with the baseline in libeulerfsi/abi, or writes that baseline.
-# Usage: tests/checks/abi.sh check|write [LIBRARY]. Additions pass; a removed function or a changed struct fails (exit 1).
+# Usage: tests/checks/abi.sh check|write [LIBRARY]. New functions pass; a removed function or a changed struct fails (exit 1),
+# also one that has grown at its end, which old clients do not notice: write the baseline again.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 library=${2-$root/build/release/libeulerfsi/libeulerfsi.so}

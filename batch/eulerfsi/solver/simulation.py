@@ -368,7 +368,10 @@ class Simulation:
         return identifier.value
 
     def step(self, max_dt: float) -> dict[str, Any]:
-        """Makes one step of at most max_dt seconds; returns the fields of EfsiStepInfo. ERROR_DIVERGED as in advance."""
+        """Makes one step of at most max_dt seconds. Returns the fields of EfsiStepInfo.
+
+        ERROR_DIVERGED as in advance.
+        """
         return self._read(c_api.StepInfo, self._lib.efsi_simulation_step, max_dt)
 
     def advance(self, duration: float, progress: ProgressFunction | None = None) -> dict[str, Any]:
@@ -523,9 +526,9 @@ class Simulation:
         self._check(self._lib.efsi_field_set(self._handle, binding.FIELDS[name], solid, flat.ctypes.data, len(flat)))
 
     def write_vdb(self, path: str | Path, **values: Any) -> str:
-        """Writes one .vdb with all grids. values: fields of EfsiVdbDef. Returns the content hash, 16 hexadecimal digits.
+        """Writes one .vdb with all grids. Returns the content hash, 16 hexadecimal digits.
 
-        ERROR_IO where the file cannot be written.
+        values: fields of EfsiVdbDef. ERROR_IO where the file cannot be written.
         """
         definition, content = define(c_api.VdbDef), c_uint64()
         _fill(definition, values)

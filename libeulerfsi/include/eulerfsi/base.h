@@ -67,6 +67,7 @@ typedef struct EfsiError {
 typedef enum EfsiRegionShape {
   EFSI_REGION_BOX = 0,    /**< [-1/2,1/2]^3 */
   EFSI_REGION_SPHERE = 1, /**< of radius 1/2 */
+  EFSI_REGION_COUNT = 2,  /**< number of shapes */
 } EfsiRegionShape;
 
 /** A vector. */

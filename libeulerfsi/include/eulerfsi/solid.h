@@ -17,6 +17,7 @@ typedef enum EfsiMaterial {
   EFSI_MATERIAL_COROTATIONAL = 0,        /**< corotated linear */
   EFSI_MATERIAL_STABLE_NEO_HOOKEAN = 1,  /**< stable Neo-Hookean */
   EFSI_MATERIAL_ST_VENANT_KIRCHHOFF = 2, /**< St. Venant-Kirchhoff */
+  EFSI_MATERIAL_COUNT = 3,               /**< number of laws */
 } EfsiMaterial;
 
 /** An elastic solid. Fields and limits: libeulerfsi/parameters.toml, scope "solid". */

@@ -21,10 +21,9 @@ static_assert(EFSI_PRESET_PAPER2016 == static_cast<int>(sim::Preset::kPaper2016)
 static_assert(EFSI_WALL_NO_SLIP == static_cast<int>(grid::Wall::kNoSlip));
 static_assert(EFSI_WALL_OPEN == static_cast<int>(grid::Wall::kOpen));
 static_assert(EFSI_WALL_PERIODIC == static_cast<int>(grid::Wall::kPeriodic));
-static_assert(EFSI_REGION_SPHERE == static_cast<int>(fluid::Region::Shape::kSphere));
+static_assert(EFSI_REGION_COUNT == fluid::Region::kShapes);
 static_assert(EFSI_EMITTER_CONTINUOUS == static_cast<int>(fluid::Emitter::Mode::kContinuous));
-static_assert(EFSI_MATERIAL_STABLE_NEO_HOOKEAN == static_cast<int>(material::Law::kStableNeoHookean));
-static_assert(EFSI_MATERIAL_ST_VENANT_KIRCHHOFF == static_cast<int>(material::Law::kStVenantKirchhoff));
+static_assert(EFSI_MATERIAL_COUNT == std::size(material::kLaws));
 static_assert(EFSI_STAGE_VELOCITY_SOLVE == static_cast<int>(sim::Stage::kVelocitySolve));
 static_assert(EFSI_STAGE_OTHER == static_cast<int>(sim::Stage::kOther));
 static_assert(EFSI_STAGE_COUNT == static_cast<int>(sim::Stage::kCount));

@@ -129,7 +129,7 @@ void check_values(const EfsiSimulationDef& def, const std::string& owner) {
 }
 void check_values(const EfsiSolidDef& def, const std::string& owner) { EFSI_SOLID_PARAMETERS(EFSI_CHECK) }
 
-constexpr Limits kShapes{EFSI_REGION_BOX, EFSI_REGION_SPHERE, false};
+constexpr Limits kShapes{0, EFSI_REGION_COUNT - 1, false};
 
 void check_values(const EfsiEmitterDef& def, const std::string& owner) {
   EFSI_EMITTER_PARAMETERS(EFSI_CHECK)

@@ -33,6 +33,7 @@ struct FluidState {
 // A box or a ball.
 struct Region {
   enum class Shape : std::int32_t { kBox = 0, kSphere = 1 };
+  static constexpr int kShapes = 2;
   Shape shape = Shape::kBox;
   Eigen::Matrix4d from_world = Eigen::Matrix4d::Identity();  // world [m] to the unit box or ball
 

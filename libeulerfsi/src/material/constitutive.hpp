@@ -9,6 +9,7 @@ namespace efsi::material {
 
 // Values equal EFSI_MATERIAL_*.
 enum class Law : std::int32_t { kCorotational = 0, kStableNeoHookean = 1, kStVenantKirchhoff = 2 };
+inline constexpr Law kLaws[] = {Law::kCorotational, Law::kStableNeoHookean, Law::kStVenantKirchhoff};
 
 struct Elastic {
   Law law = Law::kCorotational;

@@ -129,7 +129,8 @@ TEST_CASE("Values outside their limits are refused with field, value and limit")
       {[](auto& d) { d.plastic_hardening = kNan; }, "EfsiSolidDef.plastic_hardening = nan"},
       {[](auto& d) { d.velocity.y = kNan; }, "EfsiSolidDef.velocity.y = nan"},
       {[](auto& d) { d.angular_velocity.x = kNan; }, "EfsiSolidDef.angular_velocity.x = nan"},
-      {[](auto& d) { d.material = 3; }, "EfsiSolidDef.material = 3"},
+      {[](auto& d) { d.material = EFSI_MATERIAL_COUNT; },
+       "EfsiSolidDef.material = " + std::to_string(EFSI_MATERIAL_COUNT)},
       {[](auto& d) { d.mesh.points = nullptr; }, "EfsiSolidDef.mesh.points is NULL"},
       {[](auto& d) { d.mesh.face_vertex_indices = nullptr; }, "EfsiSolidDef.mesh.face_vertex_indices is NULL"},
       {[](auto& d) { d.mesh.point_count = 0; }, "EfsiSolidDef.mesh.point_count = 0"},
@@ -165,7 +166,7 @@ TEST_CASE("Values outside their limits are refused with field, value and limit")
 
   const Refusal<EfsiEmitterDef> emitter[] = {
       {[](auto& d) { d.density = -1.0; }, "EfsiEmitterDef.density = -1: must be >= 0"},
-      {[](auto& d) { d.shape = 3; }, "EfsiEmitterDef.shape = 3"},
+      {[](auto& d) { d.shape = EFSI_REGION_COUNT; }, "EfsiEmitterDef.shape = " + std::to_string(EFSI_REGION_COUNT)},
       {[](auto& d) { d.mode = -2; }, "EfsiEmitterDef.mode = -2"},
       {[](auto& d) { d.transform[5] = 0.0; }, "EfsiEmitterDef.transform: its determinant is 0: must be invertible"},
       {[](auto& d) { d.transform[3] = kNan; }, "EfsiEmitterDef.transform[3] = nan"},

@@ -89,6 +89,7 @@ TEST_CASE("A mesh is the same as quads, as triangles and with gaps between its p
   const EfsiSolidDef def = cube_def();
   EfsiMeshReport added;
   REQUIRE(efsi_solid_add(sim.get(), &def, nullptr) == EFSI_OK);
+  REQUIRE(efsi_solid_get_mesh_report(sim.get(), 1, &added, sizeof(added)) == EFSI_OK);
   CHECK(std::memcmp(&added, &quads, sizeof(added)) == 0);
 
   CHECK(check_mesh(&view, 0.0, &gaps, &error) == EFSI_ERROR_ARGUMENT);

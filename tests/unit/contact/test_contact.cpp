@@ -79,7 +79,7 @@ Outcome run(sim::Simulation& s, double end) {
       parted = s.state().time;
       kinetic = energy_of_centers(s);
     }
-    const double energy = info.energy->end.sum();
+    const double energy = info.energy->at_end.sum();
     if (start == 0.0)
       start = energy;
     else

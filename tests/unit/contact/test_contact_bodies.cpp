@@ -62,7 +62,7 @@ struct Record {
 
   // outside: work done on the solids so far [J].
   void look(sim::Simulation& s, const sim::StepInfo& info, std::size_t solids, double outside = 0.0) {
-    const double energy = info.energy->end.sum();
+    const double energy = info.energy->at_end.sum();
     largest = std::max(largest, energy);
     lowest = std::min(lowest, energy - outside);
     rise = std::max(rise, energy - outside - lowest);

@@ -88,7 +88,7 @@ Closing close(sim::Simulation& s, double end) {
     }
     out.last = between_tips(s);
     out.nearest = std::min(out.nearest, out.last);
-    const double energy = info.energy->end.sum();
+    const double energy = info.energy->at_end.sum();
     if (start == 0.0) start = energy;
     const auto at = [&](sim::EnergyStage stage) { return info.energy->change[static_cast<std::size_t>(stage)].sum(); };
     if (start > 0.0) out.solved += (at(sim::EnergyStage::kVelocity) + at(sim::EnergyStage::kPressure)) / start;

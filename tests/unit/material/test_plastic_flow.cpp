@@ -9,7 +9,6 @@ using namespace efsi::material;
 
 namespace {
 
-constexpr Law kLaws[] = {Law::kCorotational, Law::kStableNeoHookean, Law::kStVenantKirchhoff};
 constexpr double kFast = 1e9;
 
 // A bar that is pulled or pressed along x at constant volume.

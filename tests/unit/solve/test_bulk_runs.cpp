@@ -43,8 +43,8 @@ TEST_CASE("Ledger: the work of the pressure is what the bulk stiffness gives, an
     const sim::EnergyRecord& energy = *s->last_step().energy;
     sim::Energy step;
     for (const sim::Energy& column : energy.change) step += column;
-    if (n > 0) CHECK((energy.end - step).sum() == Approx(last).epsilon(1e-5));  // nothing happens between two steps
-    last = energy.end.sum();
+    if (n > 0) CHECK((energy.at_end - step).sum() == Approx(last).epsilon(1e-5));  // nothing happens between two steps
+    last = energy.at_end.sum();
     sum += step;
     work += energy.source_work;
   }
