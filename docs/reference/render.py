@@ -19,7 +19,8 @@ ROOT = SOURCE.parents[1]
 
 
 def render(folder: Path) -> int:
-    shutil.rmtree(folder, ignore_errors=True)
+    for part in ("xml", "doctrees", "html"):  # what was written before
+        shutil.rmtree(folder / part, ignore_errors=True)
     (folder / "xml").mkdir(parents=True)
     settings = (SOURCE / "Doxyfile").read_text()
     settings += f'INPUT_FILTER = "\\"{sys.executable}\\" docs/reference/header_filter.py"\n'
