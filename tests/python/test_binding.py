@@ -8,9 +8,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import eulerfsi
 import numpy as np
 import pytest
-from conftest import ROOT, sphere, write_obj
+from conftest import ROOT, environment, sphere, write_obj
 from eulerfsi.errors import EXIT_SCENE, EulerFsiError, LibraryError
 from eulerfsi.parameters import table
 from eulerfsi.solver import binding, c_api
@@ -96,14 +97,27 @@ def test_public_names_are_where_the_package_says() -> None:
     from eulerfsi import solver as public
 
     assert {"Options", "Result", "load_scene", "simulate"} <= set(run.__all__)
-    assert public.Simulation is solver.Simulation and public.load_mesh is solver.load_mesh
-    with pytest.raises(AttributeError, match="no attribute 'Simulator'"):
-        _ = public.Simulator
+    for module in (eulerfsi, public):
+        for name in module.__all__:
+            assert getattr(module, name) is getattr(solver, name)
+        with pytest.raises(AttributeError, match="no attribute 'Simulator'"):
+            _ = module.Simulator
+    assert {"Mesh", "Simulation", "Surface", "load_mesh"} == set(eulerfsi.__all__) < set(public.__all__)
+
+
+def test_import_of_the_package_loads_neither_solver_nor_library():
+    program = "import sys, eulerfsi; print([m for m in sys.modules if m.startswith(('eulerfsi.', 'numpy', 'pxr'))])"
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**environment(), "EULERFSI_LIBRARY": "/nowhere.so"},
+        text=True,
+        capture_output=True,
+        check=True,
+    )
+    assert done.stdout.strip() == "['eulerfsi.paths']"
 
 
 def test_version_is_the_packages(library):
-    import eulerfsi
-
     assert binding.library_version() == eulerfsi.__version__
 
 
@@ -176,12 +190,12 @@ def test_polygons_become_fans_and_flipping_turns_the_volume():
 
 
 def test_advance_lands_on_the_end_and_moves_the_solid_down(simulation):
-    start, _ = simulation.surface(1, len(ball().points))
+    start, _ = simulation.surface(1)
     np.testing.assert_allclose(start, ball().points, atol=1e-6)
     info = simulation.advance(1 / 24)
     assert simulation.time == pytest.approx(1 / 24, abs=1e-15)
     assert info["steps"] == simulation.steps >= 1
-    after, velocities = simulation.surface(1, len(ball().points))
+    after, velocities = simulation.surface(1)
     fallen = (after - start)[:, 1].mean()
     assert -2 / 24 - 9.8 / 24**2 - 1e-3 < fallen < -2 / 24 - 4.9 / 24**2 + 1e-3  # first order in time at worst
     assert velocities[:, 1].mean() == pytest.approx(-2 - 9.8 / 24, rel=0.02)
@@ -243,6 +257,62 @@ def test_field_comes_back_as_it_was_set(library):
         new = np.arange(old.size, dtype=np.float32).reshape(old.shape)
         sim.set_field("smoke_density", new)
         np.testing.assert_array_equal(sim.field("smoke_density")[0], new)
+
+
+def test_field_view_is_the_library_s_memory_and_read_only(simulation):
+    simulation.advance(1 / 24)
+    for name, solid in (("velocity", 0), ("pressure", 0), ("solid_displacement", 1)):
+        views, place = simulation.field_view(name, solid)
+        copy, same_place = simulation.field(name, solid)
+        assert len(views) == len(copy) and place == same_place
+        for view, values, again in zip(views, copy, simulation.field_view(name, solid)[0], strict=True):
+            np.testing.assert_array_equal(view, values)
+            assert view.dtype == np.float32 and view.any() and not view.flags.owndata
+            assert view.ctypes.data == again.ctypes.data != values.ctypes.data
+            with pytest.raises(ValueError, match="read-only"):
+                view[0, 0, 0] = 1.0
+            values[0, 0, 0] = 1.0  # a copy is the caller's
+
+
+def test_field_view_of_what_the_scene_lacks_is_empty(simulation):
+    views, place = simulation.field_view("smoke_temperature")
+    assert [view.shape for view in views] == [(0, 0, 0)] and not views[0].flags.writeable
+    assert simulation.field("smoke_temperature")[0].shape == (1, 0, 0, 0) and place["cell_centered"]
+    with pytest.raises(KeyError, match="smoke_colour"):
+        simulation.field_view("smoke_colour")
+    with pytest.raises(LibraryError) as caught:
+        simulation.field_view("solid_velocity", 2)
+    assert caught.value.status == binding.ERROR_ARGUMENT
+
+
+def test_surfaces_and_passengers_have_the_points_that_were_added(library):
+    points = ball().points[:5] * 0.5
+    with solver.Simulation(BOX) as sim:
+        solid, _ = sim.add_solid(solver.Surface(ball(), BOX["voxel_size"]), **MATERIAL)
+        stone = solver.Mesh(*sphere(0.1, rows=6))
+        stone.points += np.array((0.0, -0.4, 0.0), np.float32)
+        collider, _ = sim.add_collider(stone)
+        passenger = sim.add_passenger(solid, points)
+        assert [sim.surface(k)[1].shape for k in (solid, collider)] == [ball().points.shape, stone.points.shape]
+        np.testing.assert_allclose(sim.passenger(passenger)[0], points, atol=1e-4)
+        for call in (sim.surface, sim.passenger):
+            with pytest.raises(LibraryError) as caught:
+                call(7)
+            assert caught.value.status == binding.ERROR_ARGUMENT
+
+
+def test_example_falls_as_in_free_fall_and_writes_its_smoke(library, tmp_path):
+    path = ROOT / "examples" / "python" / "drop_ball.py"
+    assert len(path.read_text().splitlines()) <= 40
+    command = [sys.executable, path, tmp_path / "smoke.vdb"]
+    done = subprocess.run(command, env=environment(), text=True, capture_output=True, check=True)
+    rows = re.findall(r"^(\S+) s: height (\S+) m, smoke (\S+) m\^3$", done.stdout, re.M)
+    assert len(rows) == len(done.stdout.splitlines()) == 6
+    for time, height, smoke in (map(float, row) for row in rows):
+        fall = 4.9 * time**2  # in vacuum; air takes a thousandth of it
+        assert -1e-4 < height - (0.7 - fall) < 0.01 * fall + 1e-3
+        assert smoke == pytest.approx(0.9 * 0.4 * 0.9, rel=0.01)
+    assert (tmp_path / "smoke.vdb").stat().st_size > 10_000
 
 
 def test_field_of_wrong_size_is_refused(library):

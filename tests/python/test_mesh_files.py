@@ -83,7 +83,7 @@ def test_list_of_formats_is_the_librarys(tmp_path, cli):
     assert refusal(tmp_path / "ball.blend", binding.ERROR_MESH).endswith(f"must end in one of: {text}")
     assert set(mesh_samples.MAKERS) == set(mesh_file.FORMATS)
     assert text in " ".join(cli("new", "--help").stdout.split())
-    for document in ("README.md", "docs/c_api.md", "libeulerfsi/include/eulerfsi/solid.h"):
+    for document in ("README.md", "docs/c_api.md", "libeulerfsi/include/eulerfsi/mesh.h"):
         assert text in (ROOT / document).read_text(), document
 
 

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from conftest import environment, make_scene, sphere, write_obj
 from eulerfsi.__main__ import main
@@ -339,7 +340,7 @@ def test_errors_and_log_of_the_library_name_what_it_numbers(library):
         simulation.names |= {"solid 1": "/World/A", "solid 11": "/World/K", "pin 1": "/World/P"}
         simulation.add_solid(ball)
         with pytest.raises(LibraryError, match=r"as in the mesh of solid 1 \(/World/A\)$"):
-            simulation.surface(1, 5)
+            simulation.add_pin(1, np.ones(5))
         with pytest.raises(LibraryError, match=r"solid 2 overlaps solid 1 \(/World/A\) by"):
             simulation.add_solid(ball)
         thin = Mesh(ball.points * (1, 0.4, 1) + (0, 0.3, 0), ball.counts, ball.indices)

@@ -41,8 +41,8 @@ class Build:
 
     def surfaces(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """(points, velocities) of scene.simulated now."""
-        surfaces = [self.simulation.surface(solid.id, len(solid.part.mesh.points)) for solid in self.solids]
-        return surfaces + [self.simulation.passenger(p.id, len(p.part.mesh.points)) for p in self.passengers]
+        surfaces = [self.simulation.surface(solid.id) for solid in self.solids]
+        return surfaces + [self.simulation.passenger(p.id) for p in self.passengers]
 
 
 def build_simulation(scene: Scene, threads: int, memory_limit: int, log: Log) -> Build:

@@ -5,11 +5,20 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-_PUBLIC = {"Mesh": ".simulation", "Simulation": ".simulation", "Surface": ".simulation", "load_mesh": ".simulation"}
+__all__ = [  # noqa: F822 - imported when they are asked for
+    "Mesh",
+    "Simulation",
+    "Surface",
+    "estimate_memory",
+    "load_mesh",
+    "nearest_on_triangles",
+    "slab_axis",
+    "step_limits",
+]
 
 
 def __getattr__(name: str) -> Any:
     """Public names, imported when they are asked for: a start that needs none of them stays quick."""
-    if name not in _PUBLIC:
+    if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_PUBLIC[name], __name__), name)
+    return getattr(import_module(".simulation", __name__), name)

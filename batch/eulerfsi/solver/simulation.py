@@ -25,7 +25,11 @@ ProgressFunction = Callable[[float, dict], bool]
 
 @dataclasses.dataclass
 class Mesh:
-    """A polygon mesh. points: (n, 3) float32 [m]; counts: (faces,) int32; indices: (sum of counts,) int32."""
+    """A polygon mesh.
+
+    points: (n, 3) float32 [m]; counts: corners of each face, (faces,) int32; indices: points of the faces, one face
+    after the other, (sum of counts,) int32. Other arrays and lists are converted.
+    """
 
     points: np.ndarray
     counts: np.ndarray
@@ -98,7 +102,8 @@ def _fill(struct: ctypes.Structure, values: Mapping[str, Any]) -> None:
 def load_mesh(path: str | Path, memory_limit: int | None = None) -> Mesh:
     """Reads a mesh file (`mesh_file.FORMATS`) in the file's own units, in a child process (`mesh_file.read`).
 
-    memory_limit: bytes, default what a simulation may take. Raises LibraryError.
+    memory_limit: bytes, default what a simulation may take. Raises LibraryError with status ERROR_IO for a file that
+    cannot be read, ERROR_MESH for another suffix or damaged content, ERROR_MEMORY beyond the limit.
     """
     return Mesh(*mesh_file.read(path, memory_limit))
 
@@ -106,9 +111,11 @@ def load_mesh(path: str | Path, memory_limit: int | None = None) -> Mesh:
 class Surface:
     """The solid bounded by a mesh, prepared for one voxel size [m]. Constant; any number of simulations may use it.
 
-    report: fields of EfsiMeshReport. repairs: description of the repairs, "" without any. threads: 0 for one per
-    processor. progress(completed fraction) is called repeatedly on this thread; returning True cancels, which raises
-    LibraryError with status ERROR_CANCELLED. An exception inside it cancels too and is raised here.
+    threads: 0 for one per processor. progress(completed fraction) is called repeatedly on this thread; returning True
+    cancels. An exception inside it cancels too and is raised here. Raises LibraryError with status ERROR_MESH for a
+    mesh that bounds no solid, ERROR_CANCELLED after a cancellation.
+
+    Attributes: mesh; report, the fields of EfsiMeshReport; repairs, the description of the repairs, "" without any.
     """
 
     def __init__(
@@ -138,7 +145,7 @@ class Surface:
     def extrude_in_slab(self, axis: int, low: float, high: float) -> Surface:
         """Extrudes the section of the surface for a slab, a domain one cell thick along the axis, from low to high [m].
 
-        Raises LibraryError for a mesh that does not extend through the slab.
+        axis: 0 to 2. Raises LibraryError with status ERROR_MESH for a mesh that does not extend through the slab.
         """
         slab, error = Surface.__new__(Surface), c_api.Error()
         slab.mesh, slab._lib, slab._handle = self.mesh, self._lib, c_void_p()
@@ -178,17 +185,25 @@ def _stops(raised: list[BaseException], ask: Callable[[], Any]) -> int:
 
 
 class Simulation:
-    """A simulation. `values`: fields of EfsiSimulationDef by name (SI); omitted ones keep their defaults.
+    """Solids and a fluid in a box. A context manager: leaving it frees the memory, as close() does.
 
-    log(level, message): receives the library's messages. A context manager; close() frees the memory.
-    names: {"solid 1": the caller's name for it}, likewise "collider 1" and "pin 1"; messages of the library append it
-    to the number.
+    values: fields of EfsiSimulationDef by name (SI); omitted ones keep their defaults. An element of an array field is
+    "wall[2]". log(level, message): receives the library's messages.
+
+    Attribute names: {"solid 1": the caller's name for it}, likewise "collider 1" and "pin 1"; messages of the library
+    append it to the number.
+
+    A method that fails raises LibraryError. Its status (`binding.ERROR_*`) is ERROR_ARGUMENT for an unknown id, a value
+    outside its limits and a call at the wrong time, ERROR_MEMORY when memory runs out; docstrings name the others. A
+    name that is no field of a definition raises KeyError. Ids count from 1.
     """
 
     def __init__(self, values: Mapping[str, Any], log: LogFunction | None = None) -> None:
         self._lib = library()
         self._handle = c_void_p()
         self.names: dict[str, str] = {}
+        self._surface_points: dict[int, int] = {}  # number of points by id
+        self._passenger_points: dict[int, int] = {}
         self._log = (
             c_api.LogCallback(lambda _user, level, text: log(level, self._named(text.decode("utf-8", "replace"))))
             if log
@@ -222,12 +237,15 @@ class Simulation:
         return re.sub(r"\b(?:solid|collider|pin) \d+\b", with_name, text)
 
     def add_solid(self, shape: Mesh | Surface, **values: Any) -> tuple[int, dict[str, Any]]:
-        """Adds a solid before the first step. values: fields of EfsiSolidDef (SI). Returns (id, mesh report).
+        """Adds a solid before the first step. Returns its id and the fields of EfsiMeshReport.
 
-        shape: a mesh, or a surface prepared for this voxel size.
+        shape: a mesh, or a surface prepared for this voxel size. values: fields of EfsiSolidDef (SI). ERROR_ARGUMENT as
+        well where it extends beyond the box or overlaps another solid by more than half a voxel; ERROR_MESH for a mesh
+        that bounds no solid or contains no cell.
         """
         definition, identifier = self._solid_def(shape, values), c_uint32()
         self._check(self._lib.efsi_solid_add(self._handle, byref(definition), byref(identifier)))
+        self._surface_points[identifier.value] = _point_count(shape)
         return identifier.value, self._read(c_api.MeshReport, self._lib.efsi_solid_get_mesh_report, identifier)
 
     def _solid_def(self, shape: Mesh | Surface, values: Mapping[str, Any]) -> c_api.SolidDef:
@@ -240,16 +258,21 @@ class Simulation:
         return definition
 
     def add_collider(self, shape: Mesh | Surface, **values: Any) -> tuple[int, int]:
-        """Adds a collider before the first step. values: friction. Returns (solid id, pin id)."""
+        """Adds a collider, a body of given motion, before the first step. Returns its ids as a solid and as a pin.
+
+        shape: as in add_solid; it may extend beyond the box. values: friction. ERROR_MESH for a mesh without a volume.
+        """
         definition, solid, pin = self._solid_def(shape, values), c_uint32(), c_uint32()
         status = self._lib.efsi_collider_add(self._handle, byref(definition), byref(solid), byref(pin))
         self._check(status)
+        self._surface_points[solid.value] = _point_count(shape)
         return solid.value, pin.value
 
     def add_pin(self, solid: int, where: Surface | np.ndarray) -> int:
         """Pins a part of a solid, before the first step. Returns the pin's id.
 
         where: a volume in the space of the rest shape, or (vertices,) true where a vertex of its mesh is pinned.
+        ERROR_ARGUMENT as well for a volume without a node of the solid.
         """
         pin = c_uint32()
         if isinstance(where, Surface):
@@ -263,7 +286,8 @@ class Simulation:
     def set_motion(self, pin: int, start: float, end: float, poses: tuple[np.ndarray, np.ndarray]) -> None:
         """Moves a pin or a collider from one pose to another between two times [s].
 
-        poses: (4, 4) each, rigid, for column vectors; they are applied to the rest position.
+        poses: (4, 4) each, rigid, for column vectors; they are applied to the rest position [m], and the first has to
+        be the current one. Called between two calls of advance; not part of the state.
         """
         before, after = (np.ascontiguousarray(pose, np.float64) for pose in poses)
         status = self._lib.efsi_pin_set_motion(self._handle, pin, start, end, before.ctypes.data, after.ctypes.data)
@@ -272,7 +296,8 @@ class Simulation:
     def set_points(self, pin: int, start: float, end: float, points: tuple[np.ndarray, np.ndarray]) -> None:
         """Moves the points of a collider along straight lines between two times [s].
 
-        points: (n, 3) each, in the order of its mesh, simulation space [m]; set_motion's poses are applied to them.
+        points: (n, 3) each, in the order of its mesh, simulation space [m]; set_motion's poses are applied to them. The
+        first have to be the current ones. ERROR_MESH, here or from advance, where they bound no volume.
         """
         before, after = (np.ascontiguousarray(part, np.float32) for part in points)
         status = self._lib.efsi_collider_set_points(
@@ -281,14 +306,14 @@ class Simulation:
         self._check(status)
 
     def pin_reaction(self, pin: int) -> dict[str, Any]:
-        """Returns the fields of EfsiPinReaction: the reaction of a pin in the last step."""
+        """Returns the fields of EfsiPinReaction: what a pin exerted in the last step [kg m/s, kg m^2/s, m, J]."""
         return self._read(c_api.PinReaction, self._lib.efsi_pin_get_reaction, pin)
 
     def add_emitter(self, volume: Surface | None = None, keys: Sequence[Mapping] = (), **values: Any) -> int:
         """Adds an emitter before the first step. values: fields of EfsiEmitterDef (SI). Returns its id.
 
         volume: a closed mesh instead of a box or a ball. keys: fields of EfsiEmitterKey in the order of their times,
-        instead of constant values.
+        instead of constant values. ERROR_ARGUMENT as well for a region without a cell centre.
         """
         definition, identifier = define(c_api.EmitterDef), c_uint32()
         _fill(definition, values)
@@ -315,20 +340,24 @@ class Simulation:
         return out.value
 
     def add_passenger(self, solid: int, points: np.ndarray) -> int:
-        """Adds points, (n, 3) [m] in the solid's rest shape, that follow its material. Returns their id."""
+        """Adds points, (n, 3) [m] in the solid's rest shape, that follow its material. Returns their id.
+
+        ERROR_ARGUMENT as well for a point more than 6 voxels outside the solid.
+        """
         identifier, rest = c_uint32(), np.ascontiguousarray(points, np.float32)
         status = self._lib.efsi_passenger_add(self._handle, solid, rest.ctypes.data, len(rest), byref(identifier))
         self._check(status)
+        self._passenger_points[identifier.value] = len(rest)
         return identifier.value
 
-    def passenger(self, identifier: int, point_count: int) -> tuple[np.ndarray, np.ndarray]:
-        """Returns positions [m] and velocities [m/s] of a passenger's points, (point_count, 3) float32 each."""
-        points, velocities = (np.empty((point_count, 3), np.float32) for _ in range(2))
-        self._check(
-            self._lib.efsi_passenger_get_points(
-                self._handle, identifier, points.ctypes.data, velocities.ctypes.data, point_count
-            )
-        )
+    def passenger(self, identifier: int) -> tuple[np.ndarray, np.ndarray]:
+        """Returns current positions [m] and velocities [m/s] of a passenger's points, (n, 3) float32 each."""
+        return self._points(self._lib.efsi_passenger_get_points, identifier, self._passenger_points)
+
+    def _points(self, call: Callable[..., int], identifier: int, counts: dict[int, int]) -> tuple[np.ndarray, ...]:
+        count = counts.get(identifier, 0)
+        points, velocities = (np.empty((count, 3), np.float32) for _ in range(2))
+        self._check(call(self._handle, identifier, points.ctypes.data, velocities.ctypes.data, count))
         return points, velocities
 
     def add_force(self, **values: Any) -> int:
@@ -339,14 +368,18 @@ class Simulation:
         return identifier.value
 
     def step(self, max_dt: float) -> dict[str, Any]:
-        """Makes one step of at most max_dt seconds; returns the fields of EfsiStepInfo."""
+        """Makes one step of at most max_dt seconds. Returns the fields of EfsiStepInfo.
+
+        ERROR_DIVERGED as in advance.
+        """
         return self._read(c_api.StepInfo, self._lib.efsi_simulation_step, max_dt)
 
     def advance(self, duration: float, progress: ProgressFunction | None = None) -> dict[str, Any]:
         """Advances by `duration` seconds; returns EfsiStepInfo, counters summed over the steps.
 
-        progress(fraction, step info) is called between steps; True asks to stop, which raises LibraryError with
-        status ERROR_CANCELLED. An exception inside it stops the run and is raised here.
+        progress(fraction, step info) is called between steps; True asks to stop, which is ERROR_CANCELLED: the state is
+        that of the last step. An exception inside it stops the run and is raised here. ERROR_DIVERGED where a step
+        failed at its smallest size or a solid lost its shape: the state is that of the last valid step.
         """
         info, raised = c_api.StepInfo(), []
 
@@ -382,37 +415,40 @@ class Simulation:
         return f"{value.value:016x}"
 
     def save_checkpoint(self, path: str | Path) -> None:
-        """Writes the state."""
+        """Writes the state to a file. ERROR_IO where it cannot be written."""
         self._check(self._lib.efsi_simulation_save_checkpoint(self._handle, str(path).encode()))
 
     def restore_checkpoint(self, path: str | Path) -> None:
-        """Restores a state of the same definitions."""
+        """Restores a state of the same definitions; allowed at any time.
+
+        ERROR_IO for a file that cannot be read, ERROR_CHECKPOINT for one of another scene or version.
+        """
         self._check(self._lib.efsi_simulation_restore_checkpoint(self._handle, str(path).encode()))
 
     def restore_solids(self, path: str | Path) -> None:
-        """Restores the solids' shape, velocity and plastic strain from a checkpoint, before the first step."""
+        """Restores the solids' shape, velocity and plastic strain from a checkpoint, before the first step.
+
+        The box, the voxel size and the solids have to be the same. ERROR_IO, ERROR_CHECKPOINT as in restore_checkpoint.
+        """
         self._check(self._lib.efsi_simulation_restore_solids(self._handle, str(path).encode()))
 
-    def surface(self, solid: int, point_count: int) -> tuple[np.ndarray, np.ndarray]:
-        """Returns positions [m] and velocities [m/s] of a solid's surface, (point_count, 3) float32 each."""
-        points, velocities = (np.empty((point_count, 3), np.float32) for _ in range(2))
-        self._check(
-            self._lib.efsi_solid_get_surface(
-                self._handle, solid, points.ctypes.data, velocities.ctypes.data, point_count
-            )
-        )
-        return points, velocities
+    def surface(self, solid: int) -> tuple[np.ndarray, np.ndarray]:
+        """Returns current positions [m] and velocities [m/s] of the points of a solid's mesh, (n, 3) float32 each.
+
+        solid: the id of a solid or collider.
+        """
+        return self._points(self._lib.efsi_solid_get_surface, solid, self._surface_points)
 
     def solid_diagnostics(self, solid: int) -> dict[str, Any]:
-        """Returns the fields of EfsiSolidDiagnostics."""
+        """Returns the fields of EfsiSolidDiagnostics: integrals and extrema of a solid now (SI)."""
         return self._read(c_api.SolidDiagnostics, self._lib.efsi_solid_get_diagnostics, solid)
 
     def fluid_diagnostics(self) -> dict[str, Any]:
-        """Returns the fields of EfsiFluidDiagnostics."""
+        """Returns the fields of EfsiFluidDiagnostics: integrals and extrema of the fluid now (SI)."""
         return self._read(c_api.FluidDiagnostics, self._lib.efsi_simulation_get_fluid_diagnostics)
 
     def repairs(self) -> dict[str, Any]:
-        """Returns the fields of EfsiRepairs, of the last step."""
+        """Returns the fields of EfsiRepairs: cells with an invalid map in the last step."""
         return self._read(c_api.Repairs, self._lib.efsi_simulation_get_repairs)
 
     def contacts(self) -> list[dict[str, Any]]:
@@ -420,14 +456,14 @@ class Simulation:
         return self._read_array(c_api.ContactPair, self._lib.efsi_simulation_get_contacts)
 
     def transport_error(self, solid: int) -> dict[str, Any]:
-        """Returns the fields of EfsiTransportError, of the last step."""
+        """Returns the fields of EfsiTransportError: errors of the transport in the last step, before a correction."""
         return self._read(c_api.TransportError, self._lib.efsi_solid_get_transport_error, solid)
 
     def energy_ledger(self) -> dict[str, Any]:
-        """Of the last step [J]: {"at_end": {form: energy}, "at_start": the same, "change": {stage: {form: change}},
-        "source_work": work}.
+        """Returns the energies of the last step [J].
 
-        Forms: fields of EfsiEnergy; stages: binding.ENERGY_STAGES. Raises LibraryError where energy_ledger is off.
+        {"at_end": {form: energy}, "at_start": the same, "change": {stage: {form: change}}, "source_work": work}. Forms:
+        fields of EfsiEnergy; stages: binding.ENERGY_STAGES. ERROR_ARGUMENT where energy_ledger is off.
         """
         ledger = self._read(c_api.EnergyLedger, self._lib.efsi_simulation_get_energy_ledger)
         changes = (c_api.Energy * len(binding.ENERGY_STAGES))()
@@ -461,34 +497,60 @@ class Simulation:
         self._check(self._lib.efsi_simulation_reset_profile(self._handle))
 
     def field(self, name: str, solid: int = 0) -> tuple[np.ndarray, dict[str, Any]]:
-        """A copy of a field as (components, nx, ny, nz) float32, and where it lies (origin, spacing, cell_centered).
+        """Returns a copy of a field, (components, nx, ny, nz) float32, and its place, as field_view does."""
+        views, place = self.field_view(name, solid)
+        return np.stack(views), place
 
-        name: a key of binding.FIELDS. A field that the scene does not use has shape (components, 0, 0, 0).
+    def field_view(self, name: str, solid: int = 0) -> tuple[tuple[np.ndarray, ...], dict[str, Any]]:
+        """Returns a field without copying it: a read-only array (nx, ny, nz) float32 per component, and its place.
+
+        name: a key of binding.FIELDS, the names of EfsiField; solid: the id for a field of one solid. Place:
+        {"origin": position of element (0, 0, 0) [m], "spacing": [m], "cell_centered": False for values at nodes}.
+        Arrays of a field that the scene does not use are empty, (0, 0, 0).
+
+        The arrays are the library's memory, valid until the next call that steps, restores, sets or closes. Reading
+        them later is undefined; `field` copies.
         """
         status, view = read(c_api.FieldView, self._lib.efsi_field_get_view, self._handle, binding.FIELDS[name], solid)
         self._check(status)
-        size, stride = tuple(view.size), tuple(4 * s for s in view.stride)
         place = {"origin": list(view.origin), "spacing": view.spacing, "cell_centered": bool(view.cell_centered)}
-        if 0 in size or not view.data[0]:
-            return np.zeros((view.components, 0, 0, 0), np.float32), place
-        extent = 1 + sum((n - 1) * s for n, s in zip(size, view.stride, strict=True))
-        parts = []
-        for component in range(view.components):
-            flat = np.ctypeslib.as_array(ctypes.cast(view.data[component], POINTER(c_float)), (extent,))
-            parts.append(np.lib.stride_tricks.as_strided(flat, size, stride).copy())
-        return np.stack(parts), place
+        return tuple(_component(view, k) for k in range(view.components)), place
 
     def set_field(self, name: str, values: np.ndarray, solid: int = 0) -> None:
-        """Replaces a field; values: (components, nx, ny, nz) as `field` returns it."""
+        """Replaces a field; values: (components, nx, ny, nz) as `field` returns it.
+
+        name: velocity, smoke_density, smoke_temperature, solid_displacement or solid_velocity; the first three need
+        ambient fluid. ERROR_ARGUMENT as well for another shape and for a value that is not finite.
+        """
         flat = np.concatenate([np.asarray(part, np.float32).ravel(order="F") for part in values])
         self._check(self._lib.efsi_field_set(self._handle, binding.FIELDS[name], solid, flat.ctypes.data, len(flat)))
 
     def write_vdb(self, path: str | Path, **values: Any) -> str:
-        """Writes one .vdb with all grids. values: fields of EfsiVdbDef. Returns the content hash."""
+        """Writes one .vdb with all grids. Returns the content hash, 16 hexadecimal digits.
+
+        values: fields of EfsiVdbDef. ERROR_IO where the file cannot be written.
+        """
         definition, content = define(c_api.VdbDef), c_uint64()
         _fill(definition, values)
         self._check(self._lib.efsi_vdb_write(self._handle, str(path).encode(), byref(definition), byref(content)))
         return f"{content.value:016x}"
+
+
+def _point_count(shape: Mesh | Surface) -> int:
+    return len((shape.mesh if isinstance(shape, Surface) else shape).points)
+
+
+def _component(view: c_api.FieldView, index: int) -> np.ndarray:
+    """One component of a field: the library's memory, read-only; empty where there is none."""
+    size, data = tuple(view.size), view.data[index]
+    if 0 in size or not data:
+        empty = np.zeros((0, 0, 0), np.float32)
+        empty.flags.writeable = False
+        return empty
+    extent = 1 + sum((n - 1) * stride for n, stride in zip(size, view.stride, strict=True))
+    flat = np.ctypeslib.as_array(ctypes.cast(data, POINTER(c_float)), (extent,))
+    strides = tuple(flat.itemsize * stride for stride in view.stride)
+    return np.lib.stride_tricks.as_strided(flat, size, strides, writeable=False)
 
 
 def _simulation_def(values: Mapping[str, Any]) -> c_api.SimulationDef:
@@ -498,9 +560,10 @@ def _simulation_def(values: Mapping[str, Any]) -> c_api.SimulationDef:
 
 
 def estimate_memory(values: Mapping[str, Any], solid_volume: float) -> tuple[int, float]:
-    """(bytes a simulation will need, smallest voxel size that fits values["memory_limit"] or 0).
+    """Returns the bytes that a simulation will need, and the smallest voxel size [m] within the memory limit or 0.
 
-    solid_volume: sum of the bounding-box volumes of the solids [m^3]. Raises LibraryError.
+    values: fields of EfsiSimulationDef; solid_volume: sum of the bounding-box volumes of the solids [m^3]. Raises
+    LibraryError with status ERROR_MEMORY where no voxel size is within values["memory_limit"].
     """
     error, count, fitting, definition = c_api.Error(), c_uint64(), c_double(), _simulation_def(values)
     check_error(
@@ -513,7 +576,7 @@ def estimate_memory(values: Mapping[str, Any], solid_volume: float) -> tuple[int
 
 
 def slab_axis(values: Mapping[str, Any]) -> int | None:
-    """The axis along which a domain is one cell thick between slip walls: a scene in 2-D; None: there is none.
+    """Returns the axis along which a domain is one cell thick between slip walls, a scene in 2-D; None: there is none.
 
     values: fields of EfsiSimulationDef. None as well where they are invalid.
     """
@@ -523,7 +586,10 @@ def slab_axis(values: Mapping[str, Any]) -> int | None:
 
 
 def step_limits(values: Mapping[str, Any], lightest_density: float) -> dict[str, float]:
-    """The fields of EfsiStepLimits. values: fields of EfsiSimulationDef; lightest_density: of the solids [kg/m^3]."""
+    """Returns the fields of EfsiStepLimits: limits of the step that a simulation keeps [cells].
+
+    values: fields of EfsiSimulationDef; lightest_density: of the solids [kg/m^3]. Raises LibraryError.
+    """
     limits, error = c_api.StepLimits(), c_api.Error()
     call = library().efsi_simulation_def_get_step_limits
     status = call(byref(_simulation_def(values)), lightest_density, byref(limits), sizeof(limits), byref(error))
@@ -532,9 +598,10 @@ def step_limits(values: Mapping[str, Any], lightest_density: float) -> dict[str,
 
 
 def nearest_on_triangles(corners: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangle (n,) and weights of its corners (n, 3) of the nearest point of a mesh; of equally near ones the first.
+    """Returns the triangle nearest to each point, (n,) int64, and the weights of its corners there, (n, 3) float64.
 
-    corners: (m, 3, 3) of triangles, m > 0; points: (n, 3). Raises LibraryError for a value that is not finite.
+    corners: (m, 3, 3) of triangles, m > 0; points: (n, 3). Of equally near triangles the first. Raises LibraryError for
+    a value that is not finite.
     """
     corners, points = (np.ascontiguousarray(values, np.float64) for values in (corners, points))
     triangles, weights, error = np.zeros(len(points), np.uint32), np.zeros((len(points), 3)), c_api.Error()

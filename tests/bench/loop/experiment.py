@@ -260,7 +260,7 @@ class Observer:
 
     def __call__(self, simulation: Simulation) -> dict[str, Any]:
         fluid, seen = simulation.fluid_diagnostics(), {}
-        surfaces = [simulation.surface(k, len(rest))[0].astype(float) for k, rest in enumerate(self.rest, 1)]
+        surfaces = [simulation.surface(k + 1)[0].astype(float) for k in range(len(self.rest))]
         for k, points in enumerate(surfaces, 1):
             seen |= {of(name, k): value for name, value in self.solid(simulation, k, points).items()}
         seen |= {"fluid_energy": fluid["kinetic_energy"], "fluid_momentum": fluid["momentum"]}

@@ -65,7 +65,7 @@ def cantilever(run: Experiment, simulation: Simulation) -> Probe:
     upper = mesh.points[:, 1] > BAR_LOWEST + 0.5 * BAR_HIGH
 
     def tip(s: Simulation) -> dict[str, Any]:
-        points = s.surface(solid, len(mesh.points))[0].astype(float)
+        points = s.surface(solid)[0].astype(float)
         low, high = points[end & ~upper].mean(axis=0), points[end & upper].mean(axis=0)
         sag = BAR_LOWEST + 0.5 * BAR_HIGH - 0.5 * (low + high)[1]
         return {"sag": sag / BAR_LONG, "angle": float(np.arctan2(*(high - low)[:2]))}

@@ -101,7 +101,7 @@ class Company(experiment.Company):
 
     def observe(self) -> dict[str, Any]:
         time = self.simulation.time
-        surfaces = [self.simulation.surface(k, len(rest))[0].astype(float) for k, rest in enumerate(self.rest, 1)]
+        surfaces = [self.simulation.surface(k + 1)[0].astype(float) for k in range(len(self.rest))]
         seen: dict[str, Any] = {"prescribed_work": self.work()}
         if self.scene.pin:
             seen["pin_gap"] = self.pin_gap(surfaces[0], time)
