@@ -42,7 +42,7 @@ def more_steps(larger: Plan, smaller: Plan) -> bool:
         (changed({"wave": 20.0}), changed({"wave": 20.0}, limits=UNRESOLVED)),
         (changed(longest_step=1e-4), PLAN),
         (changed(fluid_speed=20.0), PLAN),
-        (PLAN, changed(fluid=False, cfl_solid=4.0, limits=UNRESOLVED)),
+        (PLAN, changed(fluid=False, cfl_solid=4.0, limits={**UNRESOLVED, "flight_cfl": 4.0})),
     ],
 )
 def test_steps_grow_with_what_makes_them_short(larger, smaller):

@@ -71,8 +71,8 @@ def test_faulty_table_is_refused_with_a_message(tmp_path: Path, old: str, new: s
 
 def test_token_order_equals_the_constants_of_the_c_headers() -> None:
     text = "".join(path.read_text(encoding="utf-8") for path in parameter_table.HEADERS.glob("*.h"))
-    constants = dict(re.findall(r"#define (EFSI_[A-Z0-9_]+) (\d+)", text))
-    families = {"preset": "PRESET", "material": "MATERIAL", "mode": "EMIT", "kind": "FORCE", "actsOn": "ACTS_ON"}
+    constants = dict(re.findall(r"^  (EFSI_[A-Z0-9_]+) = (\d+)", text, flags=re.M))
+    families = {"preset": "PRESET", "material": "MATERIAL", "mode": "EMITTER", "kind": "FORCE", "actsOn": "ACTS_ON"}
     compared = 0
     for section in parameter_table.load_table().values():
         for row in section["parameter"]:

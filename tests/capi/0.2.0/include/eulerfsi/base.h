@@ -19,6 +19,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/** Marks the functions that the library exports. */
 #if defined(_WIN32)
 #if defined(EFSI_BUILDING)
 #define EFSI_API __declspec(dllexport)
@@ -33,8 +34,11 @@
 extern "C" {
 #endif
 
+/** Version of the headers: changes with the ABI. */
 #define EFSI_VERSION_MAJOR 0
+/** Version of the headers: changes with additions. */
 #define EFSI_VERSION_MINOR 2
+/** Version of the headers: changes with corrections. */
 #define EFSI_VERSION_PATCH 0
 
 /** Result of a call. */
@@ -49,37 +53,45 @@ typedef enum EfsiStatusCode {
   EFSI_ERROR_CANCELLED = 7,  /**< stopped by the progress callback; the state is that of the last completed step */
   EFSI_ERROR_CHECKPOINT = 8, /**< a checkpoint of another scene or another version */
 } EfsiStatusCode;
+
 /** A value of EfsiStatusCode. */
 typedef int32_t EfsiStatus;
 
-/** Error of a function that does not act on a simulation. `status` repeats the return value. */
+/** Error of a function that does not act on a simulation. */
 typedef struct EfsiError {
-  EfsiStatus status;
+  EfsiStatus status;  /**< that the call returned */
   char message[1020]; /**< UTF-8, zero-terminated */
 } EfsiError;
 
 /** Shapes of the region of an emitter or a force. */
 typedef enum EfsiRegionShape {
-  EFSI_REGION_BOX = 0,
-  EFSI_REGION_SPHERE = 1,
+  EFSI_REGION_BOX = 0,    /**< [-1/2,1/2]^3 */
+  EFSI_REGION_SPHERE = 1, /**< of radius 1/2 */
+  EFSI_REGION_COUNT = 2,  /**< number of shapes */
 } EfsiRegionShape;
 
 /** A vector. */
 typedef struct EfsiVec3 {
-  double x, y, z;
+  double x, y, z; /**< component along the axis */
 } EfsiVec3;
 
 /** Levels of log messages. */
 typedef enum EfsiLogLevel {
-  EFSI_LOG_INFO = 0,
-  EFSI_LOG_WARNING = 1,
+  EFSI_LOG_INFO = 0,    /**< what happens */
+  EFSI_LOG_WARNING = 1, /**< what may not be as wanted */
 } EfsiLogLevel;
-/** Receives a log message. Runs on the caller's thread, during a call into the library. */
+
+/** Receives a log message, a `level` of EfsiLogLevel. Runs on the caller's thread, during a call into the library. */
 typedef void (*EfsiLogCallback)(void* user, int32_t level, const char* message);
 
-/** Returns the version of the loaded library; any pointer may be NULL. */
+/** Returns the version of the loaded library; any pointer may be NULL.
+ * @param[out] major EFSI_VERSION_MAJOR of the headers that it was built from
+ * @param[out] minor likewise
+ * @param[out] patch likewise */
 EFSI_API EfsiStatus efsi_version(int32_t* major, int32_t* minor, int32_t* patch);
-/** Returns a short English name of a status, never NULL; valid as long as the library is loaded. */
+
+/** Returns a short English name of a status, never NULL; valid as long as the library is loaded.
+ * @param status any number */
 EFSI_API const char* efsi_status_text(EfsiStatus status);
 
 #ifdef __cplusplus

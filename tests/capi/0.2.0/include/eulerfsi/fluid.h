@@ -23,28 +23,34 @@ typedef enum EfsiEmitterMode {
  * Emitters do not act on solids. The region is the image of the box [-1/2,1/2]^3 or of the ball of radius 1/2 under
  * `transform` (row-major 4x4, applied to column vectors (x,y,z,1), metres). */
 typedef struct EfsiEmitterDef {
-  uint32_t struct_size;
-  uint32_t magic;
-  int32_t shape; /**< EfsiRegionShape */
-  int32_t mode;  /**< EfsiEmitterMode */
-  double transform[16];
+  uint32_t struct_size; /**< set by the function that fills the definition */
+  uint32_t magic;       /**< the same */
+  int32_t shape;        /**< EfsiRegionShape */
+  int32_t mode;         /**< EfsiEmitterMode */
+  double transform[16]; /**< of the region */
   double density;       /**< smoke density inside, dimensionless, >= 0 */
   double temperature;   /**< difference from ambient inside [K] */
   EfsiVec3 velocity;    /**< [m/s], used when has_velocity is 1 */
   double start_time;    /**< [s] */
   double end_time;      /**< [s] */
   int32_t has_velocity; /**< 1: `velocity` is prescribed */
-  int32_t padding;
+  int32_t padding;      /**< unused */
 } EfsiEmitterDef;
 
-/** Fills a definition with its header, the defaults and the identity as transform. size: sizeof *def. */
+/** Fills a definition with its header, the defaults and the identity as transform.
+ * @param size sizeof *def */
 EFSI_API EfsiStatus efsi_emitter_def_init(EfsiEmitterDef* def, size_t size);
-/** Adds an emitter; allowed before the first step only. id: out, 1-based; may be NULL. EFSI_ERROR_ARGUMENT where the
- * region contains no cell centre. */
+
+/** Adds an emitter; allowed before the first step only.
+ * @param def the emitter, copied
+ * @param[out] id 1-based; may be NULL
+ * @retval EFSI_ERROR_ARGUMENT the region contains no cell centre */
 EFSI_API EfsiStatus efsi_emitter_add(struct EfsiSim* sim, const EfsiEmitterDef* def, uint32_t* id);
 
-/** Adds an emitter whose region is a closed mesh; allowed before the first step only. volume: made for the simulation's
- * voxel size; shape and transform of the definition are ignored. id: out, 1-based; may be NULL. */
+/** Adds an emitter whose region is a closed mesh; allowed before the first step only.
+ * @param def shape and transform are ignored
+ * @param volume made for the simulation's voxel size
+ * @param[out] id 1-based; may be NULL */
 EFSI_API EfsiStatus efsi_emitter_add_volume(struct EfsiSim* sim, const EfsiEmitterDef* def, const EfsiSurface* volume,
                                             uint32_t* id);
 
@@ -56,15 +62,23 @@ typedef struct EfsiEmitterKey {
   double temperature; /**< [K] */
   EfsiVec3 velocity;  /**< [m/s] */
   int32_t on;         /**< 0: off until the next key */
-  int32_t padding;
+  int32_t padding;    /**< unused */
 } EfsiEmitterKey;
+
 /** Sets the keys of an emitter, which replace the values of its definition; start_time and end_time still apply.
- * Allowed before the first step only. keys: in the order of their times; key_size: sizeof *keys; count: at least 1.
- * EFSI_ERROR_ARGUMENT for keys that are out of order. */
+ * Allowed before the first step only.
+ * @param id of the emitter
+ * @param keys in the order of their times
+ * @param key_size sizeof *keys
+ * @param count at least 1
+ * @retval EFSI_ERROR_ARGUMENT keys that are out of order */
 EFSI_API EfsiStatus efsi_emitter_set_keys(struct EfsiSim* sim, uint32_t id, const EfsiEmitterKey* keys, size_t key_size,
                                           uint64_t count);
-/** Returns the volume flux of an emitter into the box in the last step [m^3/s]; 0 before the first step, and where no
- * face of the box is open. */
+
+/** Returns the volume flux of an emitter into the box in the last step; 0 before the first step, and where no face of
+ * the box is open.
+ * @param id of the emitter
+ * @param[out] flux [m^3/s] */
 EFSI_API EfsiStatus efsi_emitter_get_flux(const struct EfsiSim* sim, uint32_t id, double* flux);
 
 /** The current state of the fluid. */
@@ -76,7 +90,9 @@ typedef struct EfsiFluidDiagnostics {
   double max_divergence; /**< [1/s] */
 } EfsiFluidDiagnostics;
 
-/** Returns integrals and extrema of the fluid. size: sizeof *out. */
+/** Returns integrals and extrema of the fluid.
+ * @param[out] out the current state
+ * @param size sizeof *out */
 EFSI_API EfsiStatus efsi_simulation_get_fluid_diagnostics(struct EfsiSim* sim, EfsiFluidDiagnostics* out, size_t size);
 
 #ifdef __cplusplus

@@ -20,22 +20,22 @@ typedef enum EfsiForceKind {
 
 /** What a force acts on. */
 typedef enum EfsiActsOn {
-  EFSI_ACTS_ON_BOTH = 0,
-  EFSI_ACTS_ON_FLUID = 1,
-  EFSI_ACTS_ON_SOLIDS = 2,
+  EFSI_ACTS_ON_BOTH = 0,   /**< fluid and solids */
+  EFSI_ACTS_ON_FLUID = 1,  /**< the fluid */
+  EFSI_ACTS_ON_SOLIDS = 2, /**< the solids */
 } EfsiActsOn;
 
 /** A body force in a region, the image of the box [-1/2,1/2]^3 or of the ball of radius 1/2 under `transform`
  * (row-major 4x4, applied to column vectors (x,y,z,1), metres). Fields and limits: libeulerfsi/parameters.toml, scope
  * "force". */
 typedef struct EfsiForceDef {
-  uint32_t struct_size;
-  uint32_t magic;
-  int32_t shape;   /**< EFSI_REGION_BOX, EFSI_REGION_SPHERE */
-  int32_t kind;    /**< EfsiForceKind */
-  int32_t acts_on; /**< EfsiActsOn */
-  int32_t padding;
-  double transform[16];
+  uint32_t struct_size;       /**< set by the function that fills the definition */
+  uint32_t magic;             /**< the same */
+  int32_t shape;              /**< EFSI_REGION_BOX, EFSI_REGION_SPHERE */
+  int32_t kind;               /**< EfsiForceKind */
+  int32_t acts_on;            /**< EfsiActsOn */
+  int32_t padding;            /**< unused */
+  double transform[16];       /**< of the region */
   EfsiVec3 acceleration;      /**< of a constant force [m/s^2] */
   double radial_acceleration; /**< of a radial force; negative: towards the centre [m/s^2] */
   EfsiVec3 wind_velocity;     /**< of a wind [m/s] */
@@ -47,9 +47,13 @@ typedef struct EfsiForceDef {
   double end_time;            /**< [s] */
 } EfsiForceDef;
 
-/** Fills a definition with its header, the defaults and the identity as transform. size: sizeof *def. */
+/** Fills a definition with its header, the defaults and the identity as transform.
+ * @param size sizeof *def */
 EFSI_API EfsiStatus efsi_force_def_init(EfsiForceDef* def, size_t size);
-/** Adds a force; allowed before the first step only. id: out, 1-based; may be NULL. */
+
+/** Adds a force; allowed before the first step only.
+ * @param def the force, copied
+ * @param[out] id 1-based; may be NULL */
 EFSI_API EfsiStatus efsi_force_add(struct EfsiSim* sim, const EfsiForceDef* def, uint32_t* id);
 
 #ifdef __cplusplus

@@ -21,37 +21,63 @@ typedef struct EfsiPinReaction {
   double work;              /**< done by the prescribed motion [J] */
 } EfsiPinReaction;
 
-/** Pins the material of a solid that lies in a volume; allowed before the first step only. solid: its id. volume: in
- * the space of the rest shape, made for the simulation's voxel size. id: out, of the pin, 1-based and stable; may be
- * NULL. EFSI_ERROR_ARGUMENT where the volume contains no node of the solid. */
+/** Pins the material of a solid that lies in a volume; allowed before the first step only.
+ * @param solid its id
+ * @param volume in the space of the rest shape, made for the simulation's voxel size
+ * @param[out] id of the pin, 1-based and stable; may be NULL
+ * @retval EFSI_ERROR_ARGUMENT the volume contains no node of the solid */
 EFSI_API EfsiStatus efsi_pin_add_volume(struct EfsiSim* sim, uint32_t solid, const EfsiSurface* volume, uint32_t* id);
+
 /** Pins the material of a solid within one voxel of marked vertices of its mesh, or of edges and triangles between
- * marked vertices; allowed before the first step only. solid: its id. marked: one byte per vertex, non-zero where it is
- * marked; count: number of vertices of the mesh. id: out, of the pin, 1-based and stable; may be NULL. */
+ * marked vertices; allowed before the first step only.
+ * @param solid its id
+ * @param marked one byte per vertex, non-zero where it is marked
+ * @param count number of vertices of the mesh
+ * @param[out] id of the pin, 1-based and stable; may be NULL */
 EFSI_API EfsiStatus efsi_pin_add_vertices(struct EfsiSim* sim, uint32_t solid, const uint8_t* marked, uint64_t count,
                                           uint32_t* id);
-/** Adds a collider, a body with prescribed motion that acts on solids and fluid; allowed before the first step only.
- * Mesh or surface and friction of the definition are used, the rest is ignored. It may cross the faces of the box, lie
- * outside it and overlap other colliders. solid: out, its id among the solids; pin: out, the id for efsi_pin_set_motion
- * and efsi_collider_set_points. solid and pin may be NULL. EFSI_ERROR_MESH for a mesh that bounds no volume. */
+
+/** Adds a collider, a body with prescribed motion that acts on solids and fluid; allowed before the first step only. It
+ * may cross the faces of the box, lie outside it and overlap other colliders.
+ * @param def mesh or surface and friction are used, the rest is ignored
+ * @param[out] solid its id among the solids; may be NULL
+ * @param[out] pin its id for efsi_pin_set_motion and efsi_collider_set_points; may be NULL
+ * @retval EFSI_ERROR_MESH the mesh bounds no volume */
 EFSI_API EfsiStatus efsi_collider_add(struct EfsiSim* sim, const EfsiSolidDef* def, uint32_t* solid, uint32_t* pin);
-/** Moves a pin or a collider from one pose to another between two times [s]: its centre at constant velocity, with a
- * rotation about the centre at constant rate by the smaller angle. Before start and after end it is at rest. from, to:
- * row-major 4x4, rigid, applied to the rest position: both are the identity for what has not moved yet; `from` has to
- * be the current pose. Call it between two calls of efsi_simulation_advance. The motion is not part of the state and
- * has to be set again after efsi_simulation_restore_checkpoint. EFSI_ERROR_ARGUMENT for a matrix that is not rigid. */
+
+/** Moves a pin or a collider from one pose to another between two times: its centre at constant velocity, with a
+ * rotation about the centre at constant rate by the smaller angle. Before start and after end it is at rest. Call it
+ * between two calls of efsi_simulation_advance. The motion is not part of the state and has to be set again after
+ * efsi_simulation_restore_checkpoint.
+ * @param id of the pin
+ * @param start [s]
+ * @param end [s]
+ * @param from row-major 4x4, rigid, applied to the rest position: the current pose, the identity for what has not moved
+ *   yet
+ * @param to likewise
+ * @retval EFSI_ERROR_ARGUMENT a matrix that is not rigid */
 EFSI_API EfsiStatus efsi_pin_set_motion(struct EfsiSim* sim, uint32_t id, double start, double end,
                                         const double from[16], const double to[16]);
-/** Deforms the surface of a collider from one set of points to another between two times [s]: each point moves at
- * constant velocity. Before start and after end it is at rest. pin: its id from efsi_collider_add. from, to:
- * 3*point_count floats each, positions of the mesh's points in the rest pose [m], to which the poses of
- * efsi_pin_set_motion are applied; `from` has to be the current positions. point_count: number of points of the mesh;
- * its faces do not change. Call it between two calls of efsi_simulation_advance. The motion is not part of the state
- * and has to be set again after efsi_simulation_restore_checkpoint. EFSI_ERROR_MESH, here or from
- * efsi_simulation_advance, where the points bound no volume. */
+
+/** Deforms the surface of a collider from one set of points to another between two times: each point moves at constant
+ * velocity. Before start and after end it is at rest. Its faces do not change. Call it between two calls of
+ * efsi_simulation_advance. The motion is not part of the state and has to be set again after
+ * efsi_simulation_restore_checkpoint.
+ * @param pin its id from efsi_collider_add
+ * @param start [s]
+ * @param end [s]
+ * @param from 3*point_count floats, the current positions of the mesh's points in the rest pose [m], to which the poses
+ *   of efsi_pin_set_motion are applied
+ * @param to likewise, the positions at `end`
+ * @param point_count number of points of the mesh
+ * @retval EFSI_ERROR_MESH here or from efsi_simulation_advance: the points bound no volume */
 EFSI_API EfsiStatus efsi_collider_set_points(struct EfsiSim* sim, uint32_t pin, double start, double end,
                                              const float* from, const float* to, uint64_t point_count);
-/** Returns the reaction of a pin in the last step; zeros before the first step. size: sizeof *reaction. */
+
+/** Returns the reaction of a pin in the last step; zeros before the first step.
+ * @param id of the pin
+ * @param[out] reaction the reaction
+ * @param size sizeof *reaction */
 EFSI_API EfsiStatus efsi_pin_get_reaction(const struct EfsiSim* sim, uint32_t id, EfsiPinReaction* reaction,
                                           size_t size);
 

@@ -13,24 +13,24 @@ struct EfsiSim;
 
 /** Counters and extrema of the steps of one call. */
 typedef struct EfsiStepInfo {
-  double time;    /**< at the end of the step [s] */
-  double dt;      /**< of the last step [s] */
-  uint64_t steps; /**< number of steps of this call */
-  uint64_t velocity_iterations;
-  uint64_t pressure_iterations;
-  double velocity_residual;      /**< relative, of the last solve, in the norm of the preset's criterion */
-  double pressure_residual;      /**< relative, of the last solve, in the norm of the preset's criterion */
-  double divergence_before;      /**< 2-norm of div v before the projection [1/s] */
-  double divergence_after;       /**< 2-norm of the divergence of the velocity that transports u and smoke [1/s] */
-  double divergence_after_solid; /**< the same over cells owned by solids */
-  double divergence_before_solid;
-  double max_speed_solid; /**< [m/s] */
-  double max_speed_fluid; /**< [m/s] */
-  double min_det_f;       /**< over the elements of all solids; 1 without elements */
-  double max_det_f;
-  uint64_t degenerate_cells; /**< cells whose F was clamped, or whose map was rejected or rebuilt */
-  uint64_t retries;          /**< steps that were rolled back and repeated at half the size */
-  uint64_t unconverged;      /**< solves that stopped at their iteration limit */
+  double time;                    /**< at the end of the step [s] */
+  double dt;                      /**< of the last step [s] */
+  uint64_t steps;                 /**< number of steps of this call */
+  uint64_t velocity_iterations;   /**< of the velocity solves */
+  uint64_t pressure_iterations;   /**< of the pressure solves */
+  double velocity_residual;       /**< relative, of the last solve, in the norm of the preset's criterion */
+  double pressure_residual;       /**< relative, of the last solve, in the norm of the preset's criterion */
+  double divergence_before;       /**< 2-norm of div v before the projection [1/s] */
+  double divergence_after;        /**< 2-norm of the divergence of the velocity that transports u and smoke [1/s] */
+  double divergence_after_solid;  /**< divergence_after over cells owned by solids */
+  double divergence_before_solid; /**< divergence_before over the same cells */
+  double max_speed_solid;         /**< [m/s] */
+  double max_speed_fluid;         /**< [m/s] */
+  double min_det_f;               /**< over the elements of all solids; 1 without elements */
+  double max_det_f;               /**< likewise */
+  uint64_t degenerate_cells;      /**< cells whose F was clamped, or whose map was rejected or rebuilt */
+  uint64_t retries;               /**< steps that were rolled back and repeated at half the size */
+  uint64_t unconverged;           /**< solves that stopped at their iteration limit */
 } EfsiStepInfo;
 
 /** Stages of a step in the profile. */
@@ -48,7 +48,7 @@ typedef enum EfsiStage {
   EFSI_STAGE_SURFACE = 10,        /**< embedded surface meshes */
   EFSI_STAGE_CHECK = 11,          /**< state check, backup for the retry */
   EFSI_STAGE_OTHER = 12,          /**< total minus all of the above */
-  EFSI_STAGE_COUNT = 13,
+  EFSI_STAGE_COUNT = 13,          /**< number of stages */
 } EfsiStage;
 
 /** Sums of one stage over all steps since creation or the last reset. */
@@ -60,8 +60,8 @@ typedef struct EfsiStageProfile {
 
 /** Sums over all steps since creation or the last reset. */
 typedef struct EfsiProfile {
-  double total_seconds; /**< wall time of the steps [s] */
-  uint64_t steps;
+  double total_seconds;  /**< wall time of the steps [s] */
+  uint64_t steps;        /**< number of steps */
   uint64_t memory_bytes; /**< currently held by fields and workspace [bytes] */
 } EfsiProfile;
 
@@ -72,8 +72,8 @@ typedef struct EfsiRepairs {
   uint64_t rejected;       /**< cells whose map was rejected after the transport */
   uint64_t broken;         /**< cells of incompressible solids with det F out of bounds after the transport */
   uint64_t repaired_cells; /**< cells that the repair moved, including those that it put out of bounds itself */
-  double min_det_f_before, max_det_f_before;
-  double min_det_f_after, max_det_f_after;
+  double min_det_f_before, max_det_f_before; /**< after the transport */
+  double min_det_f_after, max_det_f_after;   /**< after the repair */
 } EfsiRepairs;
 
 /** Contact between two solids. A row is a candidate contact point; rows are found anew in every step. Overlaps are the
@@ -109,7 +109,7 @@ typedef enum EfsiEnergyStage {
   EFSI_ENERGY_MOMENTUM = 10,       /**< restoration of the solids' momenta */
   EFSI_ENERGY_PLASTIC_FLOW = 11,   /**< dissipation by plastic flow */
   EFSI_ENERGY_VISCOSITY = 12,      /**< dissipation by viscosity minus the work of moving walls */
-  EFSI_ENERGY_STAGE_COUNT = 13,
+  EFSI_ENERGY_STAGE_COUNT = 13,    /**< number of stages */
 } EfsiEnergyStage;
 
 /** Energies of the whole scene. */
@@ -121,34 +121,53 @@ typedef struct EfsiEnergy {
  * step. A step ends with the velocity that transported u, which belongs to a time half a step earlier; `at_start` takes
  * u and v at the same time, that of the beginning of the step. */
 typedef struct EfsiEnergyLedger {
-  EfsiEnergy at_end;
-  EfsiEnergy at_start;
-  double source_work; /**< work of the pressure on the volume source, a part of EFSI_ENERGY_PRESSURE [J] */
+  EfsiEnergy at_end;   /**< after the step */
+  EfsiEnergy at_start; /**< before it, u and v at the same time */
+  double source_work;  /**< work of the pressure on the volume source, a part of EFSI_ENERGY_PRESSURE [J] */
 } EfsiEnergyLedger;
 
-/** Returns time, steps and memory since creation or the last reset. size: sizeof *profile. */
+/** Returns time, steps and memory since creation or the last reset.
+ * @param[out] profile the sums
+ * @param size sizeof *profile */
 EFSI_API EfsiStatus efsi_simulation_get_profile(const struct EfsiSim* sim, EfsiProfile* profile, size_t size);
-/** Returns times, tiles and bytes of the stages since creation or the last reset, in the order of EfsiStage. stages:
- * out, the first `capacity` of them, each stage_size = sizeof *stages bytes; may be NULL where capacity is 0. count:
- * out, number of stages that the library knows; may be NULL. */
+
+/** Returns times, tiles and bytes of the stages since creation or the last reset, in the order of EfsiStage.
+ * @param[out] stages the first `capacity` of them; may be NULL where capacity is 0
+ * @param stage_size sizeof *stages
+ * @param capacity number of elements of `stages`
+ * @param[out] count number of stages that the library knows; may be NULL */
 EFSI_API EfsiStatus efsi_simulation_get_stages(const struct EfsiSim* sim, EfsiStageProfile* stages, size_t stage_size,
                                                uint64_t capacity, uint64_t* count);
+
 /** Resets the sums of the profile to 0. */
 EFSI_API EfsiStatus efsi_simulation_reset_profile(struct EfsiSim* sim);
-/** Returns the repairs of the last step. size: sizeof *out. */
+
+/** Returns the repairs of the last step.
+ * @param[out] out the repairs
+ * @param size sizeof *out */
 EFSI_API EfsiStatus efsi_simulation_get_repairs(const struct EfsiSim* sim, EfsiRepairs* out, size_t size);
+
 /** Returns the pairs of solids with a contact impulse in the last call of efsi_simulation_step or
- * efsi_simulation_advance, in the order of their ids; from a progress callback those of the call so far. count: out,
- * number of pairs. pairs: out, the first `capacity` of them, each pair_size = sizeof *pairs bytes; may be NULL where
- * capacity is 0. */
+ * efsi_simulation_advance, in the order of their ids; from a progress callback those of the call so far.
+ * @param[out] pairs the first `capacity` of them; may be NULL where capacity is 0
+ * @param pair_size sizeof *pairs
+ * @param capacity number of elements of `pairs`
+ * @param[out] count number of pairs */
 EFSI_API EfsiStatus efsi_simulation_get_contacts(const struct EfsiSim* sim, EfsiContactPair* pairs, size_t pair_size,
                                                  uint64_t capacity, uint64_t* count);
-/** Returns the energy ledger of the last step; zeros before the first step. size: sizeof *out. EFSI_ERROR_ARGUMENT
- * where EfsiSimulationDef.energy_ledger is 0. */
+
+/** Returns the energy ledger of the last step; zeros before the first step.
+ * @param[out] out the ledger
+ * @param size sizeof *out
+ * @retval EFSI_ERROR_ARGUMENT EfsiSimulationDef.energy_ledger is 0 */
 EFSI_API EfsiStatus efsi_simulation_get_energy_ledger(const struct EfsiSim* sim, EfsiEnergyLedger* out, size_t size);
+
 /** Returns the energy changes of the stages of the last step, in the order of EfsiEnergyStage; zeros before the first
- * step. changes: out, the first `capacity` of them; may be NULL where capacity is 0. count: out, number of stages that
- * the library knows; may be NULL. EFSI_ERROR_ARGUMENT where EfsiSimulationDef.energy_ledger is 0. */
+ * step.
+ * @param[out] changes the first `capacity` of them; may be NULL where capacity is 0
+ * @param capacity number of elements of `changes`
+ * @param[out] count number of stages that the library knows; may be NULL
+ * @retval EFSI_ERROR_ARGUMENT EfsiSimulationDef.energy_ledger is 0 */
 EFSI_API EfsiStatus efsi_simulation_get_energy_changes(const struct EfsiSim* sim, EfsiEnergy* changes,
                                                        uint64_t capacity, uint64_t* count);
 

@@ -29,8 +29,8 @@ typedef enum EfsiWall {
 
 /** Settings of the whole scene. Fields and limits: libeulerfsi/parameters.toml, scope "domain". */
 typedef struct EfsiSimulationDef {
-  uint32_t struct_size;
-  uint32_t magic;
+  uint32_t struct_size;      /**< set by the function that fills the definition */
+  uint32_t magic;            /**< the same */
   EfsiVec3 domain_min;       /**< lower corner of the box [m] */
   EfsiVec3 domain_size;      /**< edge lengths [m]; rounded up to whole voxels */
   double voxel_size;         /**< h [m] */
@@ -54,25 +54,32 @@ typedef struct EfsiSimulationDef {
   int32_t energy_ledger;        /**< 1: records the energy change of each stage; no effect on results */
   uint64_t memory_limit;        /**< [bytes]; 0: no check */
   EfsiLogCallback log;          /**< may be NULL */
-  void* log_user;
-  int32_t volume_source; /**< 1: a volume source restores the rest volume of solids; not in preset paper2016 */
-  int32_t padding;
+  void* log_user;               /**< passed to `log` */
+  int32_t volume_source;        /**< 1: a volume source restores the rest volume of solids; not in preset paper2016 */
+  int32_t padding;              /**< unused */
 } EfsiSimulationDef;
 
 /** Reports progress. Called after each step on the caller's thread. fraction: completed part of the requested duration,
  * 0 to 1. Returns non-zero to cancel. */
 typedef int32_t (*EfsiProgressCallback)(void* user, double fraction, const EfsiStepInfo* last_step);
 
-/** Fills a definition with its header and the defaults: a box of 1 m, no gravity. size: sizeof *def. */
+/** Fills a definition with its header and the defaults: a box of 1 m, no gravity.
+ * @param size sizeof *def */
 EFSI_API EfsiStatus efsi_simulation_def_init(EfsiSimulationDef* def, size_t size);
-/** Estimates the memory of a simulation. solid_volume: sum of the bounding-box volumes of the solids [m^3]; without
- * ambient fluid the space between distant solids takes memory, too, and is not included. bytes: out;
- * fitting_voxel_size: out, the smallest voxel size within def->memory_limit [m], 0 without a limit; error: out; all
- * three may be NULL. EFSI_ERROR_MEMORY where no voxel size is within the limit. */
+
+/** Estimates the memory of a simulation. Without ambient fluid the space between distant solids takes memory, too, and
+ * is not included.
+ * @param solid_volume sum of the bounding-box volumes of the solids [m^3]
+ * @param[out] bytes may be NULL
+ * @param[out] fitting_voxel_size the smallest voxel size within def->memory_limit [m], 0 without a limit; may be NULL
+ * @param[out] error may be NULL
+ * @retval EFSI_ERROR_MEMORY no voxel size is within the limit */
 EFSI_API EfsiStatus efsi_simulation_estimate_memory(const EfsiSimulationDef* def, double solid_volume, uint64_t* bytes,
                                                     double* fitting_voxel_size, EfsiError* error);
-/** Returns the axis (0 to 2) along which a domain is one cell thick between slip walls, a slab: a scene in 2-D; -1
- * where there is none. axis: out; error may be NULL. */
+
+/** Returns the axis along which a domain is one cell thick between slip walls, a slab: a scene in 2-D.
+ * @param[out] axis 0 to 2; -1 where there is none
+ * @param[out] error may be NULL */
 EFSI_API EfsiStatus efsi_simulation_def_get_slab_axis(const EfsiSimulationDef* def, int32_t* axis, EfsiError* error);
 
 /** Limits of the time step that a simulation keeps by itself. */
@@ -82,43 +89,71 @@ typedef struct EfsiStepLimits {
   double contact_pace; /**< distance that shear waves travel per step in a solid that was struck [cells]; 0: no limit */
   double flight_cfl;   /**< displacement of a single solid away from walls per step [cells] */
 } EfsiStepLimits;
-/** Returns the limits of the time step. lightest_density: of the solids [kg/m^3]; limits: out; size: sizeof *limits;
- * error may be NULL. */
+
+/** Returns the limits of the time step.
+ * @param lightest_density of the solids [kg/m^3]
+ * @param[out] limits the limits
+ * @param size sizeof *limits
+ * @param[out] error may be NULL */
 EFSI_API EfsiStatus efsi_simulation_def_get_step_limits(const EfsiSimulationDef* def, double lightest_density,
                                                         EfsiStepLimits* limits, size_t size, EfsiError* error);
 
-/** Creates a simulation at time 0. sim: out; error may be NULL. EFSI_ERROR_MEMORY for a box that exceeds
- * def->memory_limit. */
+/** Creates a simulation at time 0.
+ * @param[out] sim to be destroyed with efsi_simulation_destroy
+ * @param[out] error may be NULL
+ * @retval EFSI_ERROR_MEMORY the box exceeds def->memory_limit */
 EFSI_API EfsiStatus efsi_simulation_create(const EfsiSimulationDef* def, EfsiSim** sim, EfsiError* error);
+
 /** Destroys a simulation; NULL is allowed. */
 EFSI_API void efsi_simulation_destroy(EfsiSim* sim);
+
 /** Returns the message of the last failed call on a simulation, "" when there is none. Valid until the next call. */
 EFSI_API const char* efsi_simulation_last_error(const EfsiSim* sim);
 
-/** Makes one step (Algorithm 1) of at most max_dt [s]. info: out; may be NULL. size: sizeof *info. EFSI_ERROR_DIVERGED
- * as in efsi_simulation_advance. */
+/** Makes one step (Algorithm 1).
+ * @param max_dt upper limit of its size [s]
+ * @param[out] info may be NULL
+ * @param size sizeof *info
+ * @retval EFSI_ERROR_DIVERGED as in efsi_simulation_advance */
 EFSI_API EfsiStatus efsi_simulation_step(EfsiSim* sim, double max_dt, EfsiStepInfo* info, size_t size);
-/** Advances by duration [s] in equal steps that end exactly at its end. info: out, values of the last step and counters
- * summed over the steps, also when the call fails; may be NULL. size: sizeof *info. progress may be NULL; user is
- * passed to it. EFSI_ERROR_DIVERGED where a step failed at its smallest size or a solid lost its shape;
- * EFSI_ERROR_CANCELLED after a cancellation by progress. */
+
+/** Advances in equal steps that end exactly at the end of a duration.
+ * @param duration [s]
+ * @param[out] info values of the last step and counters summed over the steps, also when the call fails; may be NULL
+ * @param size sizeof *info
+ * @param progress may be NULL
+ * @param user passed to `progress`
+ * @retval EFSI_ERROR_DIVERGED a step failed at its smallest size, or a solid lost its shape
+ * @retval EFSI_ERROR_CANCELLED `progress` cancelled */
 EFSI_API EfsiStatus efsi_simulation_advance(EfsiSim* sim, double duration, EfsiStepInfo* info, size_t size,
                                             EfsiProgressCallback progress, void* user);
-/** Returns the time [s] and the number of steps so far; either may be NULL. */
+
+/** Returns the time and the number of steps so far.
+ * @param[out] time [s]; may be NULL
+ * @param[out] steps may be NULL */
 EFSI_API EfsiStatus efsi_simulation_get_time(const EfsiSim* sim, double* time, uint64_t* steps);
 
-/** Returns a 64-bit hash of the state, which does not depend on the number of threads. */
+/** Returns a hash of the state, which does not depend on the number of threads.
+ * @param[out] hash 64 bits */
 EFSI_API EfsiStatus efsi_simulation_get_hash(EfsiSim* sim, uint64_t* hash);
-/** Writes the state to a file, under a temporary name that is then renamed. path: UTF-8. EFSI_ERROR_IO where it cannot
- * be written. */
+
+/** Writes the state to a file, under a temporary name that is then renamed.
+ * @param path UTF-8
+ * @retval EFSI_ERROR_IO the file cannot be written */
 EFSI_API EfsiStatus efsi_simulation_save_checkpoint(EfsiSim* sim, const char* path);
-/** Restores the state from a checkpoint of a simulation with the same definitions; allowed at any time. path: UTF-8.
- * EFSI_ERROR_IO where the file cannot be read, EFSI_ERROR_CHECKPOINT for another scene or version. */
+
+/** Restores the state from a checkpoint of a simulation with the same definitions; allowed at any time.
+ * @param path UTF-8
+ * @retval EFSI_ERROR_IO the file cannot be read
+ * @retval EFSI_ERROR_CHECKPOINT a checkpoint of another scene or version */
 EFSI_API EfsiStatus efsi_simulation_restore_checkpoint(EfsiSim* sim, const char* path);
+
 /** Restores shape, velocity and plastic strain of the solids from a checkpoint of a simulation with the same box, voxel
  * size and solids in the same order; allowed before the first step only. Fluid, forces, walls, emitters, materials,
- * pins and colliders may differ. Time stays 0 and the fluid is not changed. path: UTF-8. EFSI_ERROR_IO,
- * EFSI_ERROR_CHECKPOINT as above. */
+ * pins and colliders may differ. Time stays 0 and the fluid is not changed.
+ * @param path UTF-8
+ * @retval EFSI_ERROR_IO the file cannot be read
+ * @retval EFSI_ERROR_CHECKPOINT a checkpoint of other solids or another version */
 EFSI_API EfsiStatus efsi_simulation_restore_solids(EfsiSim* sim, const char* path);
 
 #ifdef __cplusplus
