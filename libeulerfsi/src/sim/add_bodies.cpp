@@ -1,6 +1,7 @@
 // Purpose: what is added to a simulation before its first step: solids, colliders, pins, emitters, forces.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <sstream>
 
 #include "base/error.hpp"
@@ -211,14 +212,17 @@ std::size_t Simulation::add_collider(const SolidDesc& desc, geometry::MeshReport
 void Simulation::demand_inside(const geometry::MeshReport& report) const {
   constexpr const char* axis[3] = {"x", "y", "z"};
   const Vec3d top = params_.domain_min + params_.domain_size;
-  for (int a = 0; a < 3; ++a)
-    if (report.extent_min[a] < params_.domain_min[a] - 1e-6 * grid_.h ||
-        report.extent_max[a] > top[a] + 1e-6 * grid_.h) {
+  for (int a = 0; a < 3; ++a) {
+    // Points are floats: one on a face is off by the rounding of its coordinate, whatever the voxel size.
+    const double slack = 1e-6 * grid_.h + static_cast<double>(std::numeric_limits<float>::epsilon()) *
+                                              std::max(std::abs(params_.domain_min[a]), std::abs(top[a]));
+    if (report.extent_min[a] < params_.domain_min[a] - slack || report.extent_max[a] > top[a] + slack) {
       std::ostringstream text;
       text << "EfsiSolidDef.mesh: extends from " << report.extent_min[a] << " to " << report.extent_max[a] << " in "
            << axis[a] << ", the domain from " << params_.domain_min[a] << " to " << top[a];
       throw Error(ErrorCode::kArgument, text.str());
     }
+  }
 }
 
 // Of the next solid. Colliders may lie in each other.

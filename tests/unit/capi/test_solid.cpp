@@ -189,6 +189,23 @@ TEST_CASE("An open mesh is closed with a warning to the log callback") {
   CHECK_THAT(warnings[0], Contains("hole"));
 }
 
+TEST_CASE("A solid that stands on a face of the box is inside at every voxel size") {
+  float points[24];
+  for (std::size_t i = 0; i < 24; ++i) points[i] = i % 3 != 1 ? kPoints[i] : kPoints[i] < 0.3f ? -0.27f : -0.07f;
+  for (const double voxel : {0.05, 0.02, 0.01}) {
+    EfsiSimulationDef def = box();
+    def.domain_min.y = -0.27;
+    def.voxel_size = voxel;
+    const Sim sim = create(def);
+    EfsiSolidDef solid = cube_def();
+    solid.mesh.points = points;
+    CHECK(efsi_solid_add(sim.get(), &solid, nullptr) == EFSI_OK);
+    points[1] -= 1e-5f;  // not any more
+    CHECK(efsi_solid_add(create(def).get(), &solid, nullptr) == EFSI_ERROR_ARGUMENT);
+    points[1] += 1e-5f;
+  }
+}
+
 TEST_CASE("A surface serves many simulations with the bits of its mesh", "[law]") {
   const EfsiMeshView view = cube();
   std::vector<std::uint64_t> hashes;
