@@ -22,6 +22,10 @@ ERROR_CANCELLED, ERROR_CHECKPOINT = StatusCode["error_cancelled"], StatusCode["e
 LOG_INFO, LOG_WARNING = c_api.LogLevel["info"], c_api.LogLevel["warning"]
 
 
+# A vector iterates over its components, as lists and numpy expect.
+c_api.Vec3.__iter__ = lambda self: iter((self.x, self.y, self.z))
+
+
 def tokens(enum: dict[str, int]) -> dict[str, int]:
     """An enum by its tokens on a stage: "no_slip" -> "noSlip"."""
     words = {name: name.split("_") for name in enum}

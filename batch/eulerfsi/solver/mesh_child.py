@@ -20,7 +20,7 @@ from ctypes import byref, c_void_p
 from typing import Any, BinaryIO
 
 from ..errors import EulerFsiError, LibraryError
-from . import binding
+from . import binding, c_api
 
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 
@@ -65,7 +65,7 @@ def _limit(memory: int) -> None:
 
 
 def _read(path: str, out: BinaryIO) -> None:
-    lib, error, handle, view = binding.library(), binding.Error(), c_void_p(), binding.MeshView()
+    lib, error, handle, view = binding.library(), c_api.Error(), c_void_p(), c_api.MeshView()
     binding.check_error(lib.efsi_mesh_load(os.fsencode(path), byref(handle), byref(error)), error)
     binding.check_error(lib.efsi_mesh_get_view(handle, byref(view)), error)
     _write_line(out, points=view.point_count, faces=view.face_count, corners=view.index_count)
@@ -73,15 +73,15 @@ def _read(path: str, out: BinaryIO) -> None:
         out.write(memory)
 
 
-def _arrays(view: binding.MeshView) -> Iterator[ctypes.Array]:
+def _arrays(view: c_api.MeshView) -> Iterator[ctypes.Array]:
     """The library's own memory, array by array. Its views of files have packed points and counts of corners."""
     assert view.point_stride == 12 and view.face_vertex_counts
-    for pointer, size in (
+    for address, size in (
         (view.points, 12 * view.point_count),
         (view.face_vertex_counts, 4 * view.face_count),
         (view.face_vertex_indices, 4 * view.index_count),
     ):
-        yield (ctypes.c_char * size).from_address(ctypes.addressof(pointer.contents))
+        yield (ctypes.c_char * size).from_address(address)
 
 
 def _write_line(out: BinaryIO, **facts: Any) -> None:
