@@ -226,8 +226,8 @@ def test_a_frame_that_was_stopped_inside_counts_all_of_its_contacts(tmp_path, mo
     whole = frame_lines(run(scene))
     before = Progress.between_steps
 
-    def stop(self: Progress, frame: int, fraction: float) -> None:
-        before(self, frame, fraction)
+    def stop(self: Progress, frame: int, fraction: float, seconds: float) -> None:
+        before(self, frame, fraction, seconds)
         if frame == 4:
             os.kill(os.getpid(), signal.SIGTERM)
 

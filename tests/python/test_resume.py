@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from conftest import content_hashes, environment, make_scene
 from eulerfsi.cache import stats_file
-from eulerfsi.errors import CacheIOError, SceneError, UsageError
+from eulerfsi.errors import CacheIOError, MismatchError, UsageError
 from eulerfsi.log import Log
 from eulerfsi.run.simulate import Options, Result, simulate
 from pxr import Usd
@@ -57,8 +57,10 @@ def stop_after(process: subprocess.Popen, frame: int, number: int, delay: float 
     return process.returncode, errors
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
-@pytest.mark.parametrize("delay", [0.0, 0.02])
+@pytest.mark.parametrize(
+    ("number", "code", "delay"),
+    [(signal.SIGHUP, 129, 0.0), (signal.SIGINT, 130, 0.02), (signal.SIGTERM, 143, 0.0), (signal.SIGTERM, 143, 0.02)],
+)
 def test_signal_leaves_a_checkpoint_and_resume_gives_the_same_content(whole, tmp_path, number, code, delay):
     scene, expected = whole
     returned, errors = stop_after(start(scene, tmp_path / "cache"), 8, number, delay)
@@ -175,7 +177,7 @@ def test_range_that_begins_inside_the_cache_goes_on(whole, tmp_path):
 def test_other_first_frame_is_refused_by_name(whole, tmp_path):
     scene, _ = whole
     run(scene, tmp_path / "cache", frames="3-5", start=3)
-    with pytest.raises(SceneError, match=r"the first frame \(--start-frame\) was 3, is 1"):
+    with pytest.raises(MismatchError, match=r"the first frame \(--start-frame\) was 3, is 1"):
         run(scene, tmp_path / "cache", frames="1-6", resume=True)
     with pytest.raises(UsageError, match="the last frame 26 comes before the first, 30"):
         run(scene, tmp_path / "other", start=30)
@@ -227,7 +229,7 @@ def test_changed_scene_is_refused_with_the_parameter(whole, tmp_path):
     scene, _ = whole
     run(scene, tmp_path / "cache", frames="1-3")
     before = (tmp_path / "cache/manifest.json").read_text()
-    with pytest.raises(SceneError, match=r"/World/Ball: youngs_modulus was 23333\.0, is 50000\.0"):
+    with pytest.raises(MismatchError, match=r"/World/Ball: youngs_modulus was 23333\.0, is 50000\.0"):
         run(scene, tmp_path / "cache", resume=True, settings=("Ball.youngsModulus=50000",))
     assert (tmp_path / "cache/manifest.json").read_text() == before
 

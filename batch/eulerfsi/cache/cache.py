@@ -6,7 +6,6 @@ preview.png. Every file appears whole, and the folder can be moved.
 
 from __future__ import annotations
 
-import os
 import shutil
 from pathlib import Path
 from typing import Any
@@ -19,16 +18,16 @@ from ..frames import file_number
 from ..scene.parts import Scene
 from ..solver import binding
 from ..solver.simulation import Simulation
-from . import stats_file
+from . import preview, stats_file
 from .localize import localize_scene
+from .lock import LOCK
 from .manifest import FILE_NAME, Manifest
 from .start_from import Start
 from .usd_writer import UsdWriter
 
 _FOLDERS = ("frames", "vdb", "checkpoints", "scene")
-_FILES = (stats_file.NAME, "log", "preview.png", FILE_NAME)
+_FILES = (stats_file.NAME, "log", preview.NAME, FILE_NAME)
 _KEPT_CHECKPOINTS = 2
-LOCK = ".lock"
 
 
 class Cache:
@@ -82,7 +81,7 @@ class Cache:
         """Opens a cache for continuing at its latest intact checkpoint; what came after it is dropped.
 
         `checkpoint` is that checkpoint's manifest entry, or None when the run must begin again.
-        Raises SceneError when the scene has changed, CacheIOError for a damaged manifest.
+        Raises MismatchError when the scene has changed, CacheIOError for a damaged manifest.
         """
         manifest = Manifest.load(folder)
         manifest.check_same_scene(scene.hash(), scene.parameters(), scene.frames.first, scene.fps)
@@ -203,34 +202,3 @@ def remove_old(folder: Path) -> None:
                 shutil.rmtree(folder / name)
     except OSError as error:
         raise CacheIOError(f"{folder}: the old cache cannot be removed: {error.strerror}") from error
-
-
-class FolderLock:
-    """Keeps a second run out of the folder; the system releases it when the process ends, however it ends."""
-
-    def __init__(self, folder: Path) -> None:
-        self.path = folder / LOCK
-        self._file = None
-
-    def __enter__(self) -> FolderLock:
-        try:
-            import fcntl
-        except ImportError:
-            return self  # no such lock on this system
-        self._file = open(self.path, "a+", encoding="utf-8")  # noqa: SIM115 - held for the whole run
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            self._file.seek(0)
-            owner = self._file.read().strip() or "another process"
-            self._file.close()
-            raise UsageError(f"{self.path.parent}: {owner} is writing to this cache") from None
-        self._file.truncate(0)
-        self._file.write(f"process {os.getpid()} on {os.uname().nodename}\n")
-        self._file.flush()
-        return self
-
-    def __exit__(self, *_exc: object) -> None:
-        if self._file:
-            self.path.unlink(missing_ok=True)
-            self._file.close()

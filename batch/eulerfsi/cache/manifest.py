@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import files
-from ..errors import CacheIOError, SceneError, UsageError
+from ..errors import CacheIOError, MismatchError, SceneError
 
 FILE_NAME = "manifest.json"
 _FORMAT = "eulerfsi-cache"
@@ -73,7 +73,7 @@ class Manifest:
         files.write_text(self.folder / FILE_NAME, json.dumps(self.data, indent=1) + "\n")
 
     def check_same_scene(self, scene_hash: str, parameters: dict[str, dict[str, Any]], first: int, fps: float) -> None:
-        """Raises SceneError that names the parameter (or the geometry) which differs from the cache's."""
+        """Raises MismatchError that names the parameter (or the geometry) which differs from the cache's."""
         starts = (("first", "first frame (--start-frame)", first), ("fps", "frame rate", fps))
         if scene_hash == self.data["scene_hash"]:
             return
@@ -92,15 +92,15 @@ class Manifest:
             f"the {name} was {self.data[key]:g}, is {now:g}" for key, name, now in starts if self.data[key] != now
         ]
         what = "; ".join(changes[:5]) or "a mesh"
-        raise SceneError(f"{self.folder}: cannot resume, the scene has changed since the cache was started: {what}")
+        raise MismatchError(f"{self.folder}: cannot resume, the scene has changed since the cache was started: {what}")
 
     def check_same_start(self, start: dict[str, Any] | None) -> None:
-        """Raises UsageError for another `--start-from` than the cache's, and none where the run must begin again."""
+        """Raises MismatchError for another `--start-from` than the cache's, and none where the run must begin again."""
         before = self.data.get("start_from")
         if start == before or (start is None and self.usable_checkpoint()):
             return
         was = f"from frame {before['frame']} of another cache" if before else "without --start-from"
-        raise UsageError(f"{self.folder}: cannot resume, it was started {was}: give the same option")
+        raise MismatchError(f"{self.folder}: cannot resume, it was started {was}: give the same option")
 
     def damaged_files(self, frame: int) -> list[str]:
         """Files of a frame that are missing or differ from what was written."""
