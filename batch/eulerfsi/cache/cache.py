@@ -27,7 +27,6 @@ from .usd_writer import UsdWriter
 
 _FOLDERS = ("frames", "vdb", "checkpoints", "scene")
 _FILES = (stats_file.NAME, "log", preview.NAME, FILE_NAME)
-_KEPT_CHECKPOINTS = 2
 
 
 class Cache:
@@ -77,11 +76,12 @@ class Cache:
         self.manifest.save()
 
     @classmethod
-    def resume(cls, folder: Path, scene: Scene, start: Start | None = None) -> Cache:
+    def resume(cls, folder: Path, scene: Scene, start: Start | None = None, allow_restart: bool = False) -> Cache:
         """Opens a cache for continuing at its latest intact checkpoint; what came after it is dropped.
 
         `checkpoint` is that checkpoint's manifest entry, or None when the run must begin again.
-        Raises MismatchError when the scene has changed, CacheIOError for a damaged manifest.
+        Raises MismatchError when the scene has changed, and unless `allow_restart` where damage would drop finished
+        frames; CacheIOError for a damaged manifest.
         """
         manifest = Manifest.load(folder)
         manifest.check_same_scene(scene.hash(), scene.parameters(), scene.frames.first, scene.fps)
@@ -91,6 +91,8 @@ class Cache:
         manifest.data["last"] = max(scene.frames.last, manifest.last_frame or scene.frames.last)
         if not cache.is_complete():
             cache.checkpoint = manifest.usable_checkpoint()
+            if not allow_restart:
+                manifest.check_loss(cache.checkpoint)
             manifest.data["status"] = "running"
             frame = cache.checkpoint["frame"] if cache.checkpoint else scene.frames.first - 1
             manifest.forget_after(frame)
@@ -141,13 +143,13 @@ class Cache:
         self.writer.write_root(f"./{data['scene_copy']}", last, volumes, data["grids"], provenance, left)
         return self.folder / f"{self.scene.name}.usda"
 
-    def save_checkpoint(self, frame: int, simulation: Simulation) -> None:
-        """Writes the state after frame `frame` (and maybe some steps) and keeps the last two checkpoints."""
+    def save_checkpoint(self, frame: int, simulation: Simulation, keep: int | None) -> None:
+        """Writes the state after frame `frame` (and maybe some steps) and keeps the last checkpoints, None: all."""
         name = f"checkpoints/{file_number(frame)}.{simulation.steps}.efsi"
         with files.replacing(self.folder / name) as temporary:
             simulation.save_checkpoint(temporary)
         self._flush_stats()
-        self.manifest.add_checkpoint(frame, simulation.time, name, _KEPT_CHECKPOINTS)
+        self.manifest.add_checkpoint(frame, simulation.time, name, keep)
 
     def finish(self, status: str) -> None:
         """Registers how the run ended."""

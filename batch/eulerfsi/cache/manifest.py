@@ -124,6 +124,24 @@ class Manifest:
                 return checkpoint
         return None
 
+    def check_loss(self, checkpoint: dict[str, Any] | None) -> None:
+        """Raises MismatchError where damage is why a run goes on at `checkpoint`, and finished frames would be lost."""
+        kept = self.data["checkpoints"]
+        if not kept or checkpoint == kept[-1]:
+            return
+        frame = checkpoint["frame"] if checkpoint else self.data["first"] - 1
+        later = sorted(number for number in map(int, self.frames) if number > frame)
+        damaged = [number for number in later if self.damaged_files(number)]
+        lost = len(later) - len(damaged)
+        if lost:
+            what = f"frame {damaged[0]}" if damaged else "the last checkpoint"
+            count = f"{lost} finished frame{'s' if lost > 1 else ''}"
+            where = f"after frame {frame}" if checkpoint else "from the first frame"
+            raise MismatchError(
+                f"{self.folder}: {what} is damaged: --resume would drop {count} and continue {where}; "
+                "--allow-restart accepts that"
+            )
+
     def forget_after(self, frame: int) -> None:
         """Drops all frames and checkpoints after a frame, with their files."""
         for number in [n for n in self.frames if int(n) > frame]:
@@ -133,11 +151,12 @@ class Manifest:
             self.data["checkpoints"].remove(checkpoint)
             (self.folder / checkpoint["file"]).unlink(missing_ok=True)
 
-    def add_checkpoint(self, frame: int, time: float, name: str, keep: int) -> None:
-        """Registers a checkpoint file (relative name) and removes the oldest beyond `keep`."""
+    def add_checkpoint(self, frame: int, time: float, name: str, keep: int | None) -> None:
+        """Registers a checkpoint file (relative name) and removes the oldest beyond `keep`, None: none."""
         kept = [c for c in self.data["checkpoints"] if c["file"] != name]
         kept.append({"frame": frame, "time": time, "file": name, **files.record(self.folder / name)})
-        self.data["checkpoints"] = kept[-keep:]
+        old = len(kept) - (len(kept) if keep is None else min(keep, len(kept)))
+        self.data["checkpoints"] = kept[old:]
         self.save()
-        for checkpoint in kept[:-keep]:
+        for checkpoint in kept[:old]:
             (self.folder / checkpoint["file"]).unlink(missing_ok=True)

@@ -47,8 +47,8 @@ def find_start(text: str) -> Start:
         there = " and ".join(str(c["frame"]) for c in whole) or "none"
         raise UsageError(
             f"--start-from {text}: {folder} contains no checkpoint{'' if frame is None else f' of frame {frame}'}; it "
-            f"has those of frames: {there}. A run keeps the last two, of every tenth frame and of its last: "
-            "simulate it with --frames up to the wanted frame"
+            f"has those of frames: {there}. A run keeps the last two: simulate it with --frames up to "
+            "the wanted frame, or with --keep-checkpoints all"
         )
     path = folder / found[-1]["file"]
     if not path.is_file() or files.digest(path) != found[-1]["sha256"]:

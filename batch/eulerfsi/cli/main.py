@@ -47,6 +47,16 @@ def build_parser() -> argparse.ArgumentParser:
     group = simulate.add_mutually_exclusive_group()
     group.add_argument("--overwrite", action="store_true", help="replace an existing cache in the folder")
     group.add_argument("--resume", action="store_true", help="continue the cache at its latest checkpoint")
+    simulate.add_argument(
+        "--allow-restart", action="store_true", help="with --resume: drop finished frames where others are damaged"
+    )
+    simulate.add_argument(
+        "--checkpoint-every",
+        default="10",
+        metavar="N|Ts",
+        help="a checkpoint every N frames or T seconds, after the first frame and the last one; default: 10",
+    )
+    simulate.add_argument("--keep-checkpoints", default="2", metavar="N|all", help="the last N checkpoints; default: 2")
 
     validate = add("validate", "Check a scene: schema, meshes, memory; estimate the run time from a few steps.")
     validate.add_argument("scene", type=Path, metavar="SCENE")
@@ -161,6 +171,9 @@ def _simulate(options: argparse.Namespace) -> int:
         progress=options.progress,
         overwrite=options.overwrite,
         resume=options.resume,
+        allow_restart=options.allow_restart,
+        checkpoint_every=options.checkpoint_every,
+        keep_checkpoints=options.keep_checkpoints,
     )
     result = simulate(options.scene, wanted)
     if options.progress != "json":

@@ -20,9 +20,9 @@ from ..scene.parts import Collider, Scene, face_name, open_faces
 from ..signals import Signals
 from ..solver import binding
 from .build import Build
+from .checkpoints import Checkpoints
 from .contacts import FrameContacts
 
-CHECKPOINT_EVERY = 10  # frames
 # What moves as given, in a step of stats.jsonl: fields of its EfsiPinReaction.
 _GIVEN_COLUMNS = {"pin_impulses": "impulse", "pin_angular_impulses": "angular_impulse", "prescribed_work": "work"}
 _RESUME = "continue with --resume"
@@ -54,8 +54,11 @@ def _way_out(scene: Scene, facts: dict[str, Any]) -> str:
 class Run:
     """One run over the frames of a scene."""
 
-    def __init__(self, scene: Scene, cache: Cache, build: Build, log: Log, progress: Progress) -> None:
+    def __init__(
+        self, scene: Scene, cache: Cache, build: Build, log: Log, progress: Progress, checkpoints: Checkpoints
+    ) -> None:
         self.scene, self.cache, self.build, self.log = scene, cache, build, log
+        self.checkpoints = checkpoints
         self.simulation = build.simulation
         self.progress = progress
         self.signals = Signals()
@@ -118,19 +121,22 @@ class Run:
         self._start(done)
         if done < frames.first:
             self._finish_frame(frames.first, 0.0)
-            self.cache.write_root()
+            self._checkpoint(frames.first)
             done = frames.first
         for frame in range(done + 1, frames.last + 1):
             begun = time.monotonic()
             target = (frame - frames.first) / self.scene.fps
             self._advance(frame, target)
             self._finish_frame(frame, time.monotonic() - begun)
-            if (frame - frames.first) % CHECKPOINT_EVERY == 0 or frame == frames.last:
-                self.cache.save_checkpoint(frame, simulation)
-                self.cache.write_root()
+            if self.checkpoints.due(frame - frames.first) or frame == frames.last:
+                self._checkpoint(frame)
             if self.signals.number and frame < frames.last:
-                self.cache.save_checkpoint(frame, simulation)
+                self._checkpoint(frame)
                 raise Cancelled(self.signals.number, _RESUME)
+
+    def _checkpoint(self, frame: int) -> None:
+        self.cache.save_checkpoint(frame, self.simulation, self.checkpoints.keep)
+        self.cache.write_root()
 
     def _advance(self, frame: int, target: float) -> None:
         """To `target` seconds; every step is a line of the statistics."""
@@ -213,7 +219,7 @@ class Run:
         if now == start or now + (target - now) == start + (target - start):
             part = self.contacts.part()
             self.cache.add_stats({"event": "stopped", "frame": frame, "time": now, "contacts": part})
-            self.cache.save_checkpoint(frame - 1, self.simulation)
+            self._checkpoint(frame - 1)
         else:
             self.log.info(
                 f"frame {frame}: stopped in its first steps; a resumed run continues from an earlier checkpoint"

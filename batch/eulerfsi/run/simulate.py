@@ -21,6 +21,7 @@ from ..scene.read import open_stage, read_scene, set_frames
 from ..system import available_memory, available_threads
 from ..usd_messages import usd_messages
 from .build import build_simulation
+from .checkpoints import Checkpoints
 from .run import Result, Run
 
 
@@ -29,7 +30,8 @@ class Options:
     """What `simulate` on the command line sets.
 
     start None: the scene's first frame; start_from: "CACHE" or "CACHE:FRAME", whose solids are taken over; threads
-    None: all that the cgroup allows.
+    None: all that the cgroup allows; checkpoint_every, keep_checkpoints: as Checkpoints takes them; allow_restart: a
+    resumed run may drop finished frames where others are damaged.
     """
 
     output: Path | None = None
@@ -42,6 +44,9 @@ class Options:
     progress: str = "auto"
     overwrite: bool = False
     resume: bool = False
+    allow_restart: bool = False
+    checkpoint_every: str = "10"
+    keep_checkpoints: str = "2"
 
 
 def load_scene(
@@ -73,6 +78,7 @@ def simulate(path: Path, options: Options, log: Log | None = None) -> Result:
 
 
 def _simulate(path: Path, options: Options, log: Log, progress: Progress) -> Result:
+    checkpoints = Checkpoints(options.checkpoint_every, options.keep_checkpoints)
     threads, memory_limit = options.threads or available_threads(), available_memory()
     folder = options.output or Path.cwd() / f"{path.stem}_cache"
     start = find_start(options.start_from) if options.start_from else None
@@ -90,12 +96,12 @@ def _simulate(path: Path, options: Options, log: Log, progress: Progress) -> Res
         folder.mkdir(parents=True, exist_ok=True)
         with FolderLock(folder), contextlib.closing(log), usd_messages(log.info):
             if mode == "resume":
-                cache = Cache.resume(folder, scene, start)
+                cache = Cache.resume(folder, scene, start, options.allow_restart)
             else:
                 cache_module.remove_old(folder)
                 cache = Cache.create(folder, scene, overrides, _grids(scene), start)
             log.open(folder / "log")
-            return Run(scene, cache, build, log, progress).execute(mode == "resume")
+            return Run(scene, cache, build, log, progress, checkpoints).execute(mode == "resume")
 
 
 def _last_checkpoint(folder: Path, mode: str) -> int | None:
