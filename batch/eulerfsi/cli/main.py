@@ -1,4 +1,4 @@
-"""The command line: simulate, validate, info, plot, new, bench, test. Exit codes: docs/exit-codes.md."""
+"""The command line: simulate, validate, info, plot, new, bench, test, package. Exit codes: docs/exit-codes.md."""
 
 from __future__ import annotations
 
@@ -86,6 +86,10 @@ def build_parser() -> argparse.ArgumentParser:
     bench.add_argument("name", choices=("speed", "loop", "random", "table", "estimate", "meshes"))
     bench.add_argument("rest", nargs=argparse.REMAINDER, help="options of the benchmark; --help lists them")
 
+    package = add("package", "Build a file that installs elsewhere without a system package (in a checkout).")
+    package.add_argument("what", choices=("wheel",))
+    package.add_argument("-o", "--output", type=Path, default=Path("dist"), metavar="DIR", help="default: ./dist")
+
     test = add("test", "Run the tests (in a checkout).")
     slow = "the slow tests instead: double precision, slow laws, whole scenes"
     test.add_argument("--slow", action="store_true", help=slow)
@@ -138,6 +142,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "new": _new,
         "bench": _bench,
         "test": _test,
+        "package": _package,
     }
     try:
         with signals.raised():
@@ -255,6 +260,12 @@ def _checkout() -> Path:
 def _bench(options: argparse.Namespace) -> int:
     script = _checkout() / "tests" / "bench" / f"bench_{options.name}.py"
     return int(runpy.run_path(str(script))["main"](options.rest))
+
+
+def _package(options: argparse.Namespace) -> int:
+    script = _checkout() / "packaging" / f"{options.what}.py"
+    say(str(runpy.run_path(str(script))["main"](options.output)), sys.stdout)
+    return errors.EXIT_OK
 
 
 def _test(options: argparse.Namespace) -> int:
