@@ -1,7 +1,7 @@
 """The wheel: command line and library in one file that needs no system package (`./eulerfsi package wheel`).
 
-scikit-build-core builds it, auditwheel puts the shared libraries in, and their notices are added. Needs what the launcher
-installs for the build; the tools come from packaging/requirements.txt.
+scikit-build-core builds it, auditwheel puts the shared libraries in, and their notices are added. Needs the system
+packages of the launcher; the tools come from packaging/requirements.txt.
 """
 
 from __future__ import annotations

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import time
 from pathlib import Path
+from typing import TextIO
 
 from ..errors import UsageError
 
@@ -24,7 +26,7 @@ class FolderLock:
             return self  # no such lock on this system
         self._file = open(self.path, "a+", encoding="utf-8")  # noqa: SIM115 - held for the whole run
         try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            _acquire(self._file, fcntl.LOCK_EX)
         except OSError:
             self._file.seek(0)
             owner = self._file.read().strip() or "another process"
@@ -39,6 +41,17 @@ class FolderLock:
         if self._file:
             self.path.unlink(missing_ok=True)
             self._file.close()
+
+
+def _acquire(file: TextIO, kind: int) -> None:
+    """Locks a file without waiting for a run; for one that asks `is_held` at this moment there is a second try."""
+    import fcntl
+
+    try:
+        fcntl.flock(file, kind | fcntl.LOCK_NB)
+    except BlockingIOError:
+        time.sleep(0.05)
+        fcntl.flock(file, kind | fcntl.LOCK_NB)
 
 
 def is_held(folder: Path) -> bool:
