@@ -31,7 +31,7 @@ class Checkpoints:
         if self._seconds is None:
             return count % self._frames == 0
         now = time.monotonic()
-        if count and now - self._last < self._seconds:
+        if now - self._last < self._seconds:
             return False
         self._last = now
         return True
