@@ -3,7 +3,7 @@
     from eulerfsi import Simulation, load_mesh            # the solver, SI units
     from eulerfsi.simulate import load_scene, simulate    # USD scene in, cache out
 
-The command line is `python -m eulerfsi`; see `eulerfsi.__main__`.
+The command line is `python -m eulerfsi`; see `eulerfsi.cli.main`.
 """
 
 from importlib import import_module

@@ -1,8 +1,30 @@
-"""`python -m eulerfsi`: the command line."""
+"""`python -m eulerfsi` and the installed `eulerfsi`: the command line."""
 
+import os
+import signal
 import sys
+from typing import Any, NoReturn
 
-from .cli.main import main
+
+def _leave(number: int, _frame: Any) -> NoReturn:
+    os.write(2, f"stopped by signal {number}\n".encode())
+    os._exit(128 + number)
+
+
+def start() -> int:
+    """Runs the command line. While it is loaded, a signal ends the process without a traceback."""
+    names = [name for name in ("SIGHUP", "SIGINT", "SIGTERM") if hasattr(signal, name)]
+    numbers = [getattr(signal, name) for name in names]
+    for number in numbers:
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _leave)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, numbers)  # the launcher holds them back until here
+
+    from .cli.main import main
+
+    return main()
+
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(start())

@@ -1,6 +1,9 @@
-"""Errors of the package, each with the exit code that the command line returns for it."""
+"""Errors of the package, each with the exit code that the command line returns for it (docs/exit-codes.md)."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
 
 EXIT_OK = 0
 EXIT_INTERNAL = 1
@@ -8,14 +11,43 @@ EXIT_USAGE = 2
 EXIT_SCENE = 3
 EXIT_DIVERGED = 4
 EXIT_IO = 5
+EXIT_MISMATCH = 7
+EXIT_SIGHUP = 129
 EXIT_SIGINT = 130
 EXIT_SIGTERM = 143
 
+# Every exit code: the word for it in events, and for --help. The launcher returns those of the set-up.
+EXIT_CODES = {
+    EXIT_OK: ("ok", "done"),
+    EXIT_INTERNAL: ("internal", "internal error"),
+    EXIT_USAGE: ("usage", "usage"),
+    EXIT_SCENE: ("scene", "scene"),
+    EXIT_DIVERGED: ("diverged", "diverged"),
+    EXIT_IO: ("io", "disk or damage"),
+    6: ("strict", "reserved"),
+    EXIT_MISMATCH: ("mismatch", "a cache or checkpoint that does not fit the scene"),
+    8: ("jobs", "reserved"),
+    10: ("packages", "set-up: system packages"),
+    11: ("python", "set-up: Python environment"),
+    12: ("build", "set-up: build"),
+    75: ("unfinished", "reserved"),
+    EXIT_SIGHUP: ("hangup", "SIGHUP"),
+    EXIT_SIGINT: ("interrupted", "SIGINT (Ctrl-C)"),
+    EXIT_SIGTERM: ("terminated", "SIGTERM"),
+}
+
 
 class EulerFsiError(Exception):
-    """A failure with a message for the user. `exit_code`: what the command line returns."""
+    """A failure with a message for the user. `exit_code`: what the command line returns.
+
+    issues: what a check has found, where one did; each is a line of the message.
+    """
 
     exit_code = EXIT_INTERNAL
+
+    def __init__(self, message: str, issues: Sequence[Any] = ()) -> None:
+        super().__init__(message)
+        self.issues = issues
 
 
 class UsageError(EulerFsiError):
@@ -37,13 +69,19 @@ class DivergedError(EulerFsiError):
 
 
 class CacheIOError(EulerFsiError):
-    """A file or folder cannot be read or written."""
+    """A file or folder cannot be read or written, or is damaged."""
 
     exit_code = EXIT_IO
 
 
-class Cancelled(EulerFsiError):
-    """A signal stopped the run. `signal_number`: which one; `hint`: how to go on."""
+class MismatchError(EulerFsiError):
+    """A cache or checkpoint is that of another scene, or cannot be continued as it is."""
+
+    exit_code = EXIT_MISMATCH
+
+
+class Cancelled(KeyboardInterrupt):
+    """A signal stopped the work. `signal_number`: which one; `hint`: how to go on."""
 
     def __init__(self, signal_number: int, hint: str = "") -> None:
         super().__init__(f"stopped by signal {signal_number}" + (f"; {hint}" if hint else ""))
@@ -54,10 +92,28 @@ class Cancelled(EulerFsiError):
 class LibraryError(EulerFsiError):
     """A call into the library failed. `status`: the EFSI_ERROR_* code."""
 
+    # EfsiStatus -> exit code: argument, mesh and memory faults come from the scene.
+    _EXIT_CODES = {2: EXIT_SCENE, 3: EXIT_SCENE, 4: EXIT_DIVERGED, 5: EXIT_IO, 6: EXIT_SCENE, 8: EXIT_MISMATCH}
+
     def __init__(self, status: int, message: str) -> None:
         super().__init__(message)
         self.status = status
-        # EfsiStatus -> exit code: argument, mesh and memory faults come from the scene.
-        self.exit_code = {2: EXIT_SCENE, 3: EXIT_SCENE, 4: EXIT_DIVERGED, 5: EXIT_IO, 6: EXIT_SCENE, 8: EXIT_IO}.get(
-            status, EXIT_INTERNAL
-        )
+        self.exit_code = self._EXIT_CODES.get(status, EXIT_INTERNAL)
+
+
+def exit_code(error: BaseException) -> int:
+    """What the command line returns after an error."""
+    if isinstance(error, (EulerFsiError, Cancelled)):
+        return error.exit_code
+    if isinstance(error, KeyboardInterrupt):
+        return EXIT_SIGINT
+    return EXIT_IO if isinstance(error, OSError) else EXIT_INTERNAL
+
+
+def describe(error: BaseException) -> str:
+    """What a user is told of an error; may have several lines."""
+    if isinstance(error, OSError):
+        return (f"{error.filename}: " if error.filename else "") + (error.strerror or str(error))
+    if isinstance(error, KeyboardInterrupt):
+        return str(error) or "stopped by signal 2"
+    return str(error) if isinstance(error, EulerFsiError) else f"{type(error).__name__}: {error}"

@@ -1,92 +1,195 @@
-"""How far a run is: a bar on a terminal, plain lines for farms, JSON lines for programs."""
+"""How far a command is: a bar on a terminal, plain lines for farms, events for programs (docs/progress.md)."""
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
+import re
 import sys
 import time
+from collections.abc import Iterator
 from typing import Any, TextIO
 
 from tqdm import tqdm
 
+from . import __version__, errors
 from .frames import FrameRange
 from .say import say
 
 MODES = ("auto", "plain", "json", "none")
+EVENTS_VERSION = 1
+_APART = 1.0  # seconds between two events `step`, and between two lines of one work
+
+
+class Progress:
+    """One command, from its start to its end; tells only what work takes longer than a second.
+
+    frames: those of the run, once it has started; last_frame: the last one on disk.
+    """
+
+    def __init__(self, out: TextIO | None = None, err: TextIO | None = None) -> None:
+        self.out, self.err = out or sys.stdout, err or sys.stderr
+        self.frames = FrameRange(0, 0)
+        self.last_frame: int | None = None
+
+    @contextlib.contextmanager
+    def told(self) -> Iterator[Progress]:
+        """Tells how the block ends."""
+        try:
+            yield self
+        except BaseException as error:
+            self.error(error)
+            stopped = isinstance(error, KeyboardInterrupt)
+            self.end("interrupted" if stopped else "failed", errors.exit_code(error), errors.describe(error))
+            raise
+        self.end("complete", errors.EXIT_OK, None)
+
+    def waiting(self, what: str, prim: str, fraction: float) -> None:
+        """A part 0..1 of some work before the first step is done."""
+        say(f"{prim}: {what}, {100 * fraction:.0f} %", self.err)
+
+    def warning(self, message: str, code: str, prim: str, field: str) -> None:
+        """Something is wrong that the run survives. code: name of the rule; prim, field: "" for none."""
+
+    def start(self, command: str, frames: FrameRange, done: int, **facts: Any) -> None:
+        """The scene is read; `done` of its frames are present already."""
+        self.frames = frames
+        if done:
+            self.last_frame = frames.first + done - 1
+
+    def between_steps(self, frame: int, fraction: float, seconds: float) -> None:
+        """Inside frame `frame`, with `fraction` of it done. seconds: simulated so far."""
+
+    def frame_done(self, frame: int, **facts: Any) -> None:
+        """Frame `frame` is on disk."""
+        self.last_frame = frame
+
+    def error(self, error: BaseException) -> None:
+        """The command ends with an error."""
+
+    def end(self, status: str, exit_code: int, error: str | None) -> None:
+        """The command is over."""
+
+
+class _Plain(Progress):
+    """Lines "25% frame 12 of 1-48", one whenever the whole percent changes."""
+
+    _percent = -1
+
+    def between_steps(self, frame: int, fraction: float, seconds: float) -> None:
+        done = frame - self.frames.first + min(max(fraction, 0.0), 1.0)
+        percent = int(100 * done / len(self.frames))
+        if percent > self._percent:
+            self._percent = percent
+            say(f"{percent}% frame {frame} of {self.frames}", self.out)
+
+    def frame_done(self, frame: int, **facts: Any) -> None:
+        super().frame_done(frame)
+        self.between_steps(frame, 1.0, 0.0)
+
+
+class _Bar(Progress):
+    """A bar on standard error."""
+
+    _bar: tqdm | None = None
+
+    def start(self, command: str, frames: FrameRange, done: int, **facts: Any) -> None:
+        super().start(command, frames, done)
+        self._bar = tqdm(total=len(frames), initial=done, unit="frame", file=sys.stderr, dynamic_ncols=True)
+
+    def between_steps(self, frame: int, fraction: float, seconds: float) -> None:
+        self._bar.set_postfix_str(f"frame {frame}, {100 * fraction:.0f}%")
+
+    def frame_done(self, frame: int, **facts: Any) -> None:
+        super().frame_done(frame)
+        self._bar.update(1)
+
+    def end(self, status: str, exit_code: int, error: str | None) -> None:
+        if self._bar is not None:
+            self._bar.close()
+
+
+class _Json(Progress):
+    """Events, an object a line, as docs/progress.schema.json has them."""
+
+    _begun = _next = 0.0
+    _before = 0.0  # frames that were there already, as _eta counts them
+
+    def waiting(self, what: str, prim: str, fraction: float) -> None:
+        super().waiting(what, prim, fraction)
+        self._tell("waiting", what=what, prim=prim, fraction=fraction)
+
+    def warning(self, message: str, code: str, prim: str, field: str) -> None:
+        self._tell("warning", **finding(message, code, prim, field))
+
+    def start(self, command: str, frames: FrameRange, done: int, **facts: Any) -> None:
+        super().start(command, frames, done)
+        self._begun, self._before = time.monotonic(), max(done - 1, 0)
+        versions = {"version": EVENTS_VERSION, "program": __version__, "host": os.uname().nodename}
+        numbers = {"first": frames.first, "last": frames.last, "done": done}
+        self._tell("start", **versions, command=command, **numbers, **facts)
+
+    def between_steps(self, frame: int, fraction: float, seconds: float) -> None:
+        now = time.monotonic()
+        if now >= self._next:
+            self._next = now + _APART
+            eta = self._eta(frame - 1 - self.frames.first + fraction)
+            self._tell("step", frame=frame, fraction=fraction, time=seconds, eta=eta)
+
+    def frame_done(self, frame: int, **facts: Any) -> None:
+        super().frame_done(frame)
+        count = frame - self.frames.first
+        percent = 100 * (count + 1) // len(self.frames)
+        self._tell("frame", frame=frame, percent=percent, **facts, eta=self._eta(count))
+
+    def error(self, error: BaseException) -> None:
+        for facts in findings(error):
+            self._tell("error", **facts)
+
+    def end(self, status: str, exit_code: int, error: str | None) -> None:
+        self._tell("end", status=status, exit_code=exit_code, last_frame=self.last_frame, error=error)
+
+    def _eta(self, done: float) -> float | None:
+        """Seconds until the last frame at the pace so far, None before anything was simulated. done: frames, the first
+        not counted."""
+        made, left = done - self._before, len(self.frames) - 1 - done
+        return round((time.monotonic() - self._begun) * left / made, 1) if made > 0 else None
+
+    def _tell(self, event: str, **facts: Any) -> None:
+        say(json.dumps({"event": event, **facts}), self.out)
+
+
+def finding(message: str, code: str, prim: str, field: str) -> dict[str, Any]:
+    """A warning or an error for programs, the code of its rule in the style of the other names: thin_feature."""
+    code = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", code).lower()
+    return {"code": code, "prim": prim or None, "field": field or None, "message": message}
+
+
+def findings(error: BaseException) -> list[dict[str, Any]]:
+    """An error for programs: what a check has found, else the exit code's word and the message."""
+    found = [finding(i.message, i.code, i.prim, i.field) for i in getattr(error, "issues", ())]
+    word, _ = errors.EXIT_CODES[errors.exit_code(error)]
+    return found or [finding(errors.describe(error), word, "", "")]
+
+
+def make_progress(mode: str, out: TextIO | None = None) -> Progress:
+    """mode: one of MODES; auto is a bar on a terminal and plain lines elsewhere."""
+    if mode == "auto":
+        mode = "bar" if sys.stderr.isatty() and (out or sys.stdout).isatty() else "plain"
+    return {"plain": _Plain, "bar": _Bar, "json": _Json, "none": Progress}[mode](out)
 
 
 class Waiting:
-    """Tells how far work is that takes longer than a second: "/World/Bunny: examining the surface, 35 %".
+    """Work that may take longer than a second: from then on it is told how far it is, at most once a second."""
 
-    At most one line a second, on `err` (standard error).
-    """
-
-    def __init__(self, what: str, err: TextIO | None = None) -> None:
-        self._what, self._err, self._next = what, err or sys.stderr, time.monotonic() + 1
+    def __init__(self, progress: Progress, what: str, prim: str) -> None:
+        self._progress, self._what, self._prim = progress, what, prim
+        self._next = time.monotonic() + _APART
 
     def at(self, fraction: float) -> None:
         """A part 0..1 of the work is done."""
         now = time.monotonic()
         if now >= self._next:
-            self._next = now + 1
-            say(f"{self._what}, {100 * fraction:.0f} %", self._err)
-
-
-class Progress:
-    """Reports frames of one run. mode: one of MODES; auto is a bar on a terminal and plain lines elsewhere.
-
-    plain: "25% frame 12 of 1-48", a new line whenever the whole percent changes. json: one object per event, "event"
-    being start, frame or end. Everything goes to `out`, flushed; a bar goes to standard error.
-    """
-
-    def __init__(self, mode: str, frames: FrameRange, out: TextIO | None = None) -> None:
-        self.out = out or sys.stdout
-        self.frames = frames
-        self.mode = ("bar" if sys.stderr.isatty() and self.out.isatty() else "plain") if mode == "auto" else mode
-        self._percent = -1
-        self._bar: tqdm | None = None
-
-    def start(self, done: int, **facts: Any) -> None:
-        """Begins with `done` frames present already."""
-        if self.mode == "json":
-            self._json(event="start", first=self.frames.first, last=self.frames.last, done=done, **facts)
-        elif self.mode == "bar":
-            self._bar = tqdm(total=len(self.frames), initial=done, unit="frame", file=sys.stderr, dynamic_ncols=True)
-
-    def between_steps(self, frame: int, fraction: float) -> None:
-        """Inside frame `frame`, with `fraction` of it done."""
-        if self.mode == "plain":
-            self._plain(frame, fraction)
-        elif self._bar is not None:
-            self._bar.set_postfix_str(f"frame {frame}, {100 * fraction:.0f}%")
-
-    def frame_done(self, frame: int, **facts: Any) -> None:
-        """Frame `frame` is on disk."""
-        if self.mode == "json":
-            percent = 100 * (frame - self.frames.first + 1) // len(self.frames)
-            self._json(event="frame", frame=frame, percent=percent, **facts)
-        elif self.mode == "plain":
-            self._plain(frame, 1.0)
-        elif self._bar is not None:
-            self._bar.update(1)
-
-    def end(self, status: str, **facts: Any) -> None:
-        """The run is over."""
-        if self._bar is not None:
-            self._bar.close()
-        if self.mode == "json":
-            self._json(event="end", status=status, **facts)
-
-    def _plain(self, frame: int, fraction: float) -> None:
-        done = frame - self.frames.first + min(max(fraction, 0.0), 1.0)
-        percent = int(100 * done / len(self.frames))
-        if percent > self._percent:
-            self._percent = percent
-            self._print(f"{percent}% frame {frame} of {self.frames}")
-
-    def _json(self, **event: Any) -> None:
-        self._print(json.dumps(event))
-
-    def _print(self, line: str) -> None:
-        if not say(line, self.out):
-            self.mode = "none"
+            self._next = now + _APART
+            self._progress.waiting(self._what, self._prim, fraction)

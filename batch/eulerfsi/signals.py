@@ -1,15 +1,46 @@
-"""SIGINT and SIGTERM as a number that long work looks at."""
+"""SIGHUP, SIGINT and SIGTERM: a number that long work looks at, or an exception."""
 
 from __future__ import annotations
 
 import contextlib
 import signal
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import Any, NoReturn
+
+from .errors import Cancelled
+
+NUMBERS = [getattr(signal, name) for name in ("SIGHUP", "SIGINT", "SIGTERM") if hasattr(signal, name)]
+
+
+@contextlib.contextmanager
+def _handled(handler: Callable[[int, Any], None]) -> Iterator[None]:
+    """Handles the signals inside the block (main thread only). A SIGHUP that `nohup` ignores stays so."""
+    old = {}
+    for number in NUMBERS:
+        if number != signal.SIGINT and signal.getsignal(number) is signal.SIG_IGN:
+            continue
+        with contextlib.suppress(ValueError):  # not the main thread: the caller handles signals
+            old[number] = signal.signal(number, handler)
+    try:
+        yield
+    finally:
+        for number, before in old.items():
+            signal.signal(number, before)
+
+
+@contextlib.contextmanager
+def raised() -> Iterator[None]:
+    """Inside the block a signal raises Cancelled."""
+
+    def stop(number: int, _frame: Any) -> NoReturn:
+        raise Cancelled(number)
+
+    with _handled(stop):
+        yield
 
 
 class Signals:
-    """SIGTERM and SIGINT set `number`; the work looks at it now and then."""
+    """A signal sets `number`; the work looks at it now and then."""
 
     def __init__(self) -> None:
         self.number = 0
@@ -19,13 +50,6 @@ class Signals:
 
     @contextlib.contextmanager
     def installed(self) -> Iterator[Signals]:
-        """Handles the signals inside the block (main thread only)."""
-        old = {}
-        for number in (signal.SIGTERM, signal.SIGINT):
-            with contextlib.suppress(ValueError):  # not the main thread: the caller handles signals
-                old[number] = signal.signal(number, self._note)
-        try:
+        """Notes the signals inside the block."""
+        with _handled(self._note):
             yield self
-        finally:
-            for number, handler in old.items():
-                signal.signal(number, handler)

@@ -177,7 +177,7 @@ def environment() -> dict[str, str]:
 @pytest.fixture
 def cli(tmp_path: Path, library, monkeypatch, capsys) -> Callable[..., subprocess.CompletedProcess]:
     """Runs `eulerfsi ARGUMENTS` in tmp_path, inside this process; returns exit code and output as a process would."""
-    from eulerfsi.__main__ import main
+    from eulerfsi.cli.main import main
 
     def run(*arguments: object) -> subprocess.CompletedProcess:
         monkeypatch.chdir(tmp_path)

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from conftest import content_hashes, environment, make_scene, write_obj
 from eulerfsi import system
-from eulerfsi.__main__ import main
+from eulerfsi.cli.main import main
 from pxr import Usd, UsdGeom
 
 
@@ -56,14 +56,6 @@ def test_plain_progress_is_whole_percents_that_grow(cli, scene):
 
 def test_auto_progress_is_plain_without_a_terminal(cli, scene):
     assert "100% frame 3 of 1-3" in lines(cli("simulate", scene).stdout)
-
-
-def test_json_progress_is_one_object_a_line(cli, scene, tmp_path):
-    done = cli("simulate", scene, "--progress", "json", "--frames", "1-2", "-o", tmp_path / "out")
-    events = [json.loads(line) for line in lines(done.stdout)]
-    assert [e["event"] for e in events] == ["start", "frame", "frame", "end"]
-    assert events[-1] == {"event": "end", "status": "complete", "folder": str(tmp_path / "out")}
-    assert [e.get("percent") for e in events[1:3]] == [50, 100]
 
 
 def test_no_progress_leaves_the_end_message(cli, scene):
@@ -180,7 +172,7 @@ def test_info_about_program_scene_and_cache(cli, scene, tmp_path):
     assert cache.returncode == 0 and "frames: 3 of 1-3" in cache.stdout and "complete" in cache.stdout
     (tmp_path / "small_cache/frames/small.0002.usdc").write_bytes(b"broken")
     broken = cli("info", tmp_path / "small_cache")
-    assert broken.returncode == 3
+    assert broken.returncode == 5
     assert broken.stderr == f"error: {tmp_path / 'small_cache'}: damaged or missing frames: 2\n"
     assert broken.stdout and cache.stdout.startswith(broken.stdout)
 

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import environment, make_scene, sphere, write_obj
-from eulerfsi.__main__ import main
-from eulerfsi.cli import report
+from eulerfsi.cli import info
+from eulerfsi.cli.main import main
 from eulerfsi.command import command_line
 from eulerfsi.errors import LibraryError, SceneError
 from eulerfsi.reasons import mesh_reason
@@ -323,7 +323,7 @@ def test_info_names_values_and_units(shown, tmp_path):
 
 
 def test_parameters_without_a_row_are_named_by_their_field():
-    lines = report.describe_parameters("/A", {"voxel_size": 0.1, "wall[3]": 3, "new_field": 2})
+    lines = info.describe_parameters("/A", {"voxel_size": 0.1, "wall[3]": 3, "new_field": 2})
     assert [" ".join(line.split()) for line in lines] == [
         "/A: domain",
         "voxelSize 0.1 m",

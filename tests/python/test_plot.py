@@ -8,7 +8,7 @@ import matplotlib
 import numpy as np
 import pytest
 from conftest import make_scene
-from eulerfsi.__main__ import main
+from eulerfsi.cli.main import main
 from eulerfsi.cli.plot import KINDS, Statistics, plot
 from eulerfsi.errors import CacheIOError, SceneError, UsageError
 from PIL import Image

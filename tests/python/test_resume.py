@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import random
 import resource
 import signal
 import subprocess
@@ -14,7 +15,8 @@ from pathlib import Path
 import pytest
 from conftest import content_hashes, environment, make_scene
 from eulerfsi.cache import stats_file
-from eulerfsi.errors import CacheIOError, SceneError, UsageError
+from eulerfsi.cache.manifest import Manifest
+from eulerfsi.errors import CacheIOError, MismatchError, UsageError
 from eulerfsi.log import Log
 from eulerfsi.run.simulate import Options, Result, simulate
 from pxr import Usd
@@ -57,8 +59,10 @@ def stop_after(process: subprocess.Popen, frame: int, number: int, delay: float 
     return process.returncode, errors
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
-@pytest.mark.parametrize("delay", [0.0, 0.02])
+@pytest.mark.parametrize(
+    ("number", "code", "delay"),
+    [(signal.SIGHUP, 129, 0.0), (signal.SIGINT, 130, 0.02), (signal.SIGTERM, 143, 0.0), (signal.SIGTERM, 143, 0.02)],
+)
 def test_signal_leaves_a_checkpoint_and_resume_gives_the_same_content(whole, tmp_path, number, code, delay):
     scene, expected = whole
     returned, errors = stop_after(start(scene, tmp_path / "cache"), 8, number, delay)
@@ -128,6 +132,47 @@ def test_statistics_that_do_not_fit_on_the_disk_leave_no_half_line(tmp_path):
     assert stats_file.read(tmp_path) == lines
 
 
+@pytest.mark.parametrize(("kills", "seed"), [(3, 1), pytest.param(20, 2, marks=pytest.mark.slow)])
+def test_a_run_killed_at_random_moments_loses_at_most_one_interval(whole, tmp_path, kills, seed):
+    scene, expected = whole
+    moments = random.Random(seed)
+    for _ in range(kills):
+        process = start(scene, tmp_path / "cache", "--overwrite", "--checkpoint-every", "3")
+        stop_after(process, moments.randint(0, 22), signal.SIGKILL, moments.uniform(0, 0.02))
+        manifest = Manifest.load(tmp_path / "cache")
+        finished, checkpoint = manifest.last_frame or 0, manifest.usable_checkpoint()
+        print(f"killed with frame {finished} finished, goes on from {checkpoint and checkpoint['frame']}")
+        assert finished - (checkpoint["frame"] if checkpoint else 0) <= 3
+    run(scene, tmp_path / "cache", resume=True)
+    assert content_hashes(tmp_path / "cache") == expected
+
+
+@pytest.mark.parametrize(
+    ("every", "keep", "frames"),
+    [
+        ("10", "2", [11, 12]),
+        ("4", "all", [1, 5, 9, 12]),
+        ("1", "3", [10, 11, 12]),
+        ("1e9s", "all", None),
+        ("3600s", "all", [1, 12]),
+        ("0s", "all", list(range(1, 13))),
+        ("0", "2", None),
+        ("10", "0", None),
+    ],
+)
+def test_checkpoints_follow_their_options(whole, tmp_path, every, keep, frames):
+    scene, _ = whole
+    options = {"frames": "1-12", "checkpoint_every": every, "keep_checkpoints": keep}
+    if frames is None:
+        with pytest.raises(UsageError, match="must be a"):
+            run(scene, tmp_path / "cache", **options)
+        return
+    run(scene, tmp_path / "cache", **options)
+    manifest = json.loads((tmp_path / "cache/manifest.json").read_text())
+    assert [c["frame"] for c in manifest["checkpoints"]] == frames
+    assert len(list((tmp_path / "cache/checkpoints").iterdir())) == len(frames)
+
+
 def test_two_checkpoints_are_kept_every_ten_frames(whole):
     scene, _ = whole
     manifest = json.loads((scene.parent / "cache/manifest.json").read_text())
@@ -139,7 +184,7 @@ def test_two_checkpoints_are_kept_every_ten_frames(whole):
 @pytest.mark.parametrize("damage", ["frame", "checkpoint", "truncated checkpoint"])
 def test_damaged_files_are_made_again(whole, tmp_path, damage):
     scene, expected = whole
-    run(scene, tmp_path / "cache", frames="1-22")
+    run(scene, tmp_path / "cache", frames="1-22", keep_checkpoints="all")
     manifest = json.loads((tmp_path / "cache/manifest.json").read_text())
     if damage == "frame":
         (tmp_path / "cache/vdb/small.0015.vdb").write_bytes(b"short")
@@ -147,7 +192,13 @@ def test_damaged_files_are_made_again(whole, tmp_path, damage):
         path = tmp_path / "cache" / manifest["checkpoints"][-1]["file"]
         content = path.read_bytes()
         path.write_bytes(content[: len(content) // 2] if "truncated" in damage else b"x" * len(content))
-    run(scene, tmp_path / "cache", resume=True)
+    loss = "frame 15 is damaged: --resume would drop 10 finished frames and continue after frame 11;"
+    if damage != "frame":
+        loss = "the last checkpoint is damaged: --resume would drop 1 finished frame and continue after frame 21;"
+    with pytest.raises(MismatchError, match=loss + " --allow-restart accepts that"):
+        run(scene, tmp_path / "cache", resume=True)
+    assert json.loads((tmp_path / "cache/manifest.json").read_text()) == manifest  # nothing has changed
+    run(scene, tmp_path / "cache", resume=True, allow_restart=True)
     assert content_hashes(tmp_path / "cache") == expected
 
 
@@ -175,7 +226,7 @@ def test_range_that_begins_inside_the_cache_goes_on(whole, tmp_path):
 def test_other_first_frame_is_refused_by_name(whole, tmp_path):
     scene, _ = whole
     run(scene, tmp_path / "cache", frames="3-5", start=3)
-    with pytest.raises(SceneError, match=r"the first frame \(--start-frame\) was 3, is 1"):
+    with pytest.raises(MismatchError, match=r"the first frame \(--start-frame\) was 3, is 1"):
         run(scene, tmp_path / "cache", frames="1-6", resume=True)
     with pytest.raises(UsageError, match="the last frame 26 comes before the first, 30"):
         run(scene, tmp_path / "other", start=30)
@@ -227,7 +278,7 @@ def test_changed_scene_is_refused_with_the_parameter(whole, tmp_path):
     scene, _ = whole
     run(scene, tmp_path / "cache", frames="1-3")
     before = (tmp_path / "cache/manifest.json").read_text()
-    with pytest.raises(SceneError, match=r"/World/Ball: youngs_modulus was 23333\.0, is 50000\.0"):
+    with pytest.raises(MismatchError, match=r"/World/Ball: youngs_modulus was 23333\.0, is 50000\.0"):
         run(scene, tmp_path / "cache", resume=True, settings=("Ball.youngsModulus=50000",))
     assert (tmp_path / "cache/manifest.json").read_text() == before
 

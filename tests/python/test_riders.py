@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import content_hashes, make_scene, sphere, world_points
-from eulerfsi.errors import SceneError
+from eulerfsi.errors import MismatchError
 from eulerfsi.run.simulate import Options, simulate
 from eulerfsi_usd import checks
 from eulerfsi_usd.pose import Pose
@@ -207,7 +207,7 @@ def test_a_run_that_is_resumed_writes_the_same(tmp_path: Path, library) -> None:
     assert content_hashes(tmp_path / "whole") == content_hashes(tmp_path / "parts")
     hat.GetPointsAttr().Set(sphere(0.06, 6)[0])
     stage.GetRootLayer().Save()
-    with pytest.raises(SceneError, match="scene"):
+    with pytest.raises(MismatchError, match="the scene has changed"):
         simulate(scene, Options(output=tmp_path / "parts", frames="1-6", resume=True, progress="none"))
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import author, content_hashes, make_scene
-from eulerfsi.__main__ import main
-from eulerfsi.errors import CacheIOError, SceneError, UsageError
+from eulerfsi.cli.main import main
+from eulerfsi.errors import CacheIOError, MismatchError, UsageError
 from eulerfsi.log import Log
 from eulerfsi.run.simulate import Options, Result, simulate
 from pxr import Usd, UsdGeom
@@ -79,12 +79,12 @@ def test_what_cannot_be_taken_over_is_refused(fallen: Path, tmp_path: Path) -> N
         UsageError, match=r"contains no checkpoint of frame 7; it has those of frames: 11 and 13\. A run"
     ):
         run(scene, tmp_path / "c", start_from=f"{cache}:7")
-    with pytest.raises(SceneError, match=r"alone.usda: --start-from .*voxel_size = 0.05: must be 0.06"):
+    with pytest.raises(MismatchError, match=r"alone.usda: --start-from .*voxel_size = 0.05: must be 0.06"):
         run(scene, tmp_path / "c", start_from=str(cache), settings=("/World/Domain.voxelSize=0.05",))
     moved = make_scene(tmp_path / "moved.usda", voxel=0.06)
     UsdGeom.Mesh(moved.GetPrimAtPath(BALL)).AddTranslateOp().Set((0.01, 0, 0))
     moved.GetRootLayer().Save()
-    with pytest.raises(SceneError, match=r"solid 1 \(/World/Ball\): its rest shape, where that lies, and"):
+    with pytest.raises(MismatchError, match=r"solid 1 \(/World/Ball\): its rest shape, where that lies, and"):
         run(tmp_path / "moved.usda", tmp_path / "c", start_from=str(cache))
     assert not (tmp_path / "c").exists(), "a refused run leaves nothing"
 
@@ -92,11 +92,11 @@ def test_what_cannot_be_taken_over_is_refused(fallen: Path, tmp_path: Path) -> N
 def test_a_cache_is_continued_only_from_its_own_start(fallen: Path, tmp_path: Path) -> None:
     scene, text = alone(tmp_path / "alone.usda"), str(fallen / "cache")
     run(scene, tmp_path / "c", start_from=text, frames="5-8")
-    with pytest.raises(UsageError, match=r"cannot resume, it was started from frame 13 of another cache"):
+    with pytest.raises(MismatchError, match=r"cannot resume, it was started from frame 13 of another cache"):
         run(scene, tmp_path / "c", start_from=f"{text}:11", resume=True)
     for checkpoint in (tmp_path / "c/checkpoints").iterdir():
         checkpoint.unlink()
-    with pytest.raises(UsageError, match=r"started from frame 13 of another cache: give the same option"):
+    with pytest.raises(MismatchError, match=r"started from frame 13 of another cache: give the same option"):
         run(scene, tmp_path / "c", resume=True)
     run(scene, tmp_path / "c", resume=True, start_from=text, frames="5-8")
 

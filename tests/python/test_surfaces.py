@@ -51,10 +51,10 @@ def test_the_callback_stops_the_examination_and_its_exception_comes_through(libr
         solver.Surface(ball(), 0.02, 1, fail)
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGHUP, 129), (signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_ends_the_examination(library, tmp_path, monkeypatch, number, code):
     stage = make_scene(tmp_path / "ball.usda")
-    handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
+    handlers = {n: signal.getsignal(n) for n in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM)}
     told = threading.Event()
 
     def at(_self: progress.Waiting, _fraction: float) -> None:
@@ -73,7 +73,7 @@ def test_waiting_is_silent_for_a_second_and_then_a_line_a_second(monkeypatch):
     now = [100.0]
     monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
     out = io.StringIO()
-    waiting = progress.Waiting("/World/Bunny: examining the surface", out)
+    waiting = progress.Waiting(progress.Progress(err=out), "examining the surface", "/World/Bunny")
     for step in range(33):
         now[0] = 100.0 + 0.1 * step
         waiting.at(step / 40)

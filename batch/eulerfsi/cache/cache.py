@@ -6,7 +6,6 @@ preview.png. Every file appears whole, and the folder can be moved.
 
 from __future__ import annotations
 
-import os
 import shutil
 from pathlib import Path
 from typing import Any
@@ -19,16 +18,15 @@ from ..frames import file_number
 from ..scene.parts import Scene
 from ..solver import binding
 from ..solver.simulation import Simulation
-from . import stats_file
+from . import preview, stats_file
 from .localize import localize_scene
+from .lock import LOCK
 from .manifest import FILE_NAME, Manifest
 from .start_from import Start
 from .usd_writer import UsdWriter
 
 _FOLDERS = ("frames", "vdb", "checkpoints", "scene")
-_FILES = (stats_file.NAME, "log", "preview.png", FILE_NAME)
-_KEPT_CHECKPOINTS = 2
-LOCK = ".lock"
+_FILES = (stats_file.NAME, "log", preview.NAME, FILE_NAME)
 
 
 class Cache:
@@ -78,11 +76,12 @@ class Cache:
         self.manifest.save()
 
     @classmethod
-    def resume(cls, folder: Path, scene: Scene, start: Start | None = None) -> Cache:
+    def resume(cls, folder: Path, scene: Scene, start: Start | None = None, allow_restart: bool = False) -> Cache:
         """Opens a cache for continuing at its latest intact checkpoint; what came after it is dropped.
 
         `checkpoint` is that checkpoint's manifest entry, or None when the run must begin again.
-        Raises SceneError when the scene has changed, CacheIOError for a damaged manifest.
+        Raises MismatchError when the scene has changed, and unless `allow_restart` where damage would drop finished
+        frames; CacheIOError for a damaged manifest.
         """
         manifest = Manifest.load(folder)
         manifest.check_same_scene(scene.hash(), scene.parameters(), scene.frames.first, scene.fps)
@@ -92,6 +91,8 @@ class Cache:
         manifest.data["last"] = max(scene.frames.last, manifest.last_frame or scene.frames.last)
         if not cache.is_complete():
             cache.checkpoint = manifest.usable_checkpoint()
+            if not allow_restart:
+                manifest.check_loss(cache.checkpoint)
             manifest.data["status"] = "running"
             frame = cache.checkpoint["frame"] if cache.checkpoint else scene.frames.first - 1
             manifest.forget_after(frame)
@@ -142,13 +143,13 @@ class Cache:
         self.writer.write_root(f"./{data['scene_copy']}", last, volumes, data["grids"], provenance, left)
         return self.folder / f"{self.scene.name}.usda"
 
-    def save_checkpoint(self, frame: int, simulation: Simulation) -> None:
-        """Writes the state after frame `frame` (and maybe some steps) and keeps the last two checkpoints."""
+    def save_checkpoint(self, frame: int, simulation: Simulation, keep: int | None) -> None:
+        """Writes the state after frame `frame` (and maybe some steps) and keeps the last checkpoints, None: all."""
         name = f"checkpoints/{file_number(frame)}.{simulation.steps}.efsi"
         with files.replacing(self.folder / name) as temporary:
             simulation.save_checkpoint(temporary)
         self._flush_stats()
-        self.manifest.add_checkpoint(frame, simulation.time, name, _KEPT_CHECKPOINTS)
+        self.manifest.add_checkpoint(frame, simulation.time, name, keep)
 
     def finish(self, status: str) -> None:
         """Registers how the run ended."""
@@ -203,34 +204,3 @@ def remove_old(folder: Path) -> None:
                 shutil.rmtree(folder / name)
     except OSError as error:
         raise CacheIOError(f"{folder}: the old cache cannot be removed: {error.strerror}") from error
-
-
-class FolderLock:
-    """Keeps a second run out of the folder; the system releases it when the process ends, however it ends."""
-
-    def __init__(self, folder: Path) -> None:
-        self.path = folder / LOCK
-        self._file = None
-
-    def __enter__(self) -> FolderLock:
-        try:
-            import fcntl
-        except ImportError:
-            return self  # no such lock on this system
-        self._file = open(self.path, "a+", encoding="utf-8")  # noqa: SIM115 - held for the whole run
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            self._file.seek(0)
-            owner = self._file.read().strip() or "another process"
-            self._file.close()
-            raise UsageError(f"{self.path.parent}: {owner} is writing to this cache") from None
-        self._file.truncate(0)
-        self._file.write(f"process {os.getpid()} on {os.uname().nodename}\n")
-        self._file.flush()
-        return self
-
-    def __exit__(self, *_exc: object) -> None:
-        if self._file:
-            self.path.unlink(missing_ok=True)
-            self._file.close()

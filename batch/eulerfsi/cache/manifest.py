@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import files
-from ..errors import CacheIOError, SceneError, UsageError
+from ..errors import CacheIOError, MismatchError, SceneError
 
 FILE_NAME = "manifest.json"
 _FORMAT = "eulerfsi-cache"
@@ -73,7 +73,7 @@ class Manifest:
         files.write_text(self.folder / FILE_NAME, json.dumps(self.data, indent=1) + "\n")
 
     def check_same_scene(self, scene_hash: str, parameters: dict[str, dict[str, Any]], first: int, fps: float) -> None:
-        """Raises SceneError that names the parameter (or the geometry) which differs from the cache's."""
+        """Raises MismatchError that names the parameter (or the geometry) which differs from the cache's."""
         starts = (("first", "first frame (--start-frame)", first), ("fps", "frame rate", fps))
         if scene_hash == self.data["scene_hash"]:
             return
@@ -92,15 +92,15 @@ class Manifest:
             f"the {name} was {self.data[key]:g}, is {now:g}" for key, name, now in starts if self.data[key] != now
         ]
         what = "; ".join(changes[:5]) or "a mesh"
-        raise SceneError(f"{self.folder}: cannot resume, the scene has changed since the cache was started: {what}")
+        raise MismatchError(f"{self.folder}: cannot resume, the scene has changed since the cache was started: {what}")
 
     def check_same_start(self, start: dict[str, Any] | None) -> None:
-        """Raises UsageError for another `--start-from` than the cache's, and none where the run must begin again."""
+        """Raises MismatchError for another `--start-from` than the cache's, and none where the run must begin again."""
         before = self.data.get("start_from")
         if start == before or (start is None and self.usable_checkpoint()):
             return
         was = f"from frame {before['frame']} of another cache" if before else "without --start-from"
-        raise UsageError(f"{self.folder}: cannot resume, it was started {was}: give the same option")
+        raise MismatchError(f"{self.folder}: cannot resume, it was started {was}: give the same option")
 
     def damaged_files(self, frame: int) -> list[str]:
         """Files of a frame that are missing or differ from what was written."""
@@ -124,6 +124,24 @@ class Manifest:
                 return checkpoint
         return None
 
+    def check_loss(self, checkpoint: dict[str, Any] | None) -> None:
+        """Raises MismatchError where damage is why a run goes on at `checkpoint`, and finished frames would be lost."""
+        kept = self.data["checkpoints"]
+        if not kept or checkpoint == kept[-1]:
+            return
+        frame = checkpoint["frame"] if checkpoint else self.data["first"] - 1
+        later = sorted(number for number in map(int, self.frames) if number > frame)
+        damaged = [number for number in later if self.damaged_files(number)]
+        lost = len(later) - len(damaged)
+        if lost:
+            what = f"frame {damaged[0]}" if damaged else "the last checkpoint"
+            count = f"{lost} finished frame{'s' if lost > 1 else ''}"
+            where = f"after frame {frame}" if checkpoint else "from the first frame"
+            raise MismatchError(
+                f"{self.folder}: {what} is damaged: --resume would drop {count} and continue {where}; "
+                "--allow-restart accepts that"
+            )
+
     def forget_after(self, frame: int) -> None:
         """Drops all frames and checkpoints after a frame, with their files."""
         for number in [n for n in self.frames if int(n) > frame]:
@@ -133,11 +151,12 @@ class Manifest:
             self.data["checkpoints"].remove(checkpoint)
             (self.folder / checkpoint["file"]).unlink(missing_ok=True)
 
-    def add_checkpoint(self, frame: int, time: float, name: str, keep: int) -> None:
-        """Registers a checkpoint file (relative name) and removes the oldest beyond `keep`."""
+    def add_checkpoint(self, frame: int, time: float, name: str, keep: int | None) -> None:
+        """Registers a checkpoint file (relative name) and removes the oldest beyond `keep`, None: none."""
         kept = [c for c in self.data["checkpoints"] if c["file"] != name]
         kept.append({"frame": frame, "time": time, "file": name, **files.record(self.folder / name)})
-        self.data["checkpoints"] = kept[-keep:]
+        old = len(kept) - (len(kept) if keep is None else min(keep, len(kept)))
+        self.data["checkpoints"] = kept[old:]
         self.save()
-        for checkpoint in kept[:-keep]:
+        for checkpoint in kept[:old]:
             (self.folder / checkpoint["file"]).unlink(missing_ok=True)

@@ -10,6 +10,7 @@ from .. import files
 from ..scene.parts import Scene
 from .usd_writer import vertex_normals
 
+NAME = "preview.png"
 # Fill colours of the solids, repeated when there are more.
 _COLORS = ((0.86, 0.36, 0.22), (0.25, 0.55, 0.80), (0.93, 0.72, 0.25), (0.45, 0.68, 0.38), (0.66, 0.45, 0.74))
 _COLLIDER = (0.45, 0.47, 0.50)
@@ -43,7 +44,10 @@ def write_preview(
     smoke: np.ndarray | None,
     title: str,
 ) -> None:
-    """Draws one frame. surfaces: of scene.simulated points [m] and velocities; smoke: (nx, ny, nz) density or None."""
+    """Draws one frame. Raises ImportError without matplotlib.
+
+    surfaces: of scene.simulated points [m] and velocities; smoke: (nx, ny, nz) density or None.
+    """
     import matplotlib
 
     matplotlib.use("Agg")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import files
-from ..errors import CacheIOError, LibraryError, SceneError, UsageError
+from ..errors import CacheIOError, LibraryError, MismatchError, UsageError
 from ..scene.parts import Scene
 from ..solver import binding
 from ..solver.simulation import Simulation
@@ -47,8 +47,8 @@ def find_start(text: str) -> Start:
         there = " and ".join(str(c["frame"]) for c in whole) or "none"
         raise UsageError(
             f"--start-from {text}: {folder} contains no checkpoint{'' if frame is None else f' of frame {frame}'}; it "
-            f"has those of frames: {there}. A run keeps the last two, of every tenth frame and of its last: "
-            "simulate it with --frames up to the wanted frame"
+            f"has those of frames: {there}. A run keeps the last two: simulate it with --frames up to "
+            "the wanted frame, or with --keep-checkpoints all"
         )
     path = folder / found[-1]["file"]
     if not path.is_file() or files.digest(path) != found[-1]["sha256"]:
@@ -57,10 +57,10 @@ def find_start(text: str) -> Start:
 
 
 def take_over(start: Start, simulation: Simulation, scene: Scene) -> None:
-    """The solids get the states that they have in the checkpoint. Raises SceneError where they are others."""
+    """The solids get the states that they have in the checkpoint. Raises MismatchError where they are others."""
     try:
         simulation.restore_solids(start.path)
     except LibraryError as error:
         if error.status != binding.ERROR_CHECKPOINT:
             raise
-        raise SceneError(f"{scene.path}: --start-from {start.text}: {error}") from error
+        raise MismatchError(f"{scene.path}: --start-from {start.text}: {error}") from error

@@ -1,12 +1,9 @@
-"""The command line: simulate, validate, info, plot, new, bench, test.
-
-Exit codes: 0 ok, 1 internal, 2 usage (unknown option, frame range, --set name), 3 scene, 4 diverged, 5 disk or I/O,
-130 and 143 after Ctrl-C and SIGTERM.
-"""
+"""The command line: simulate, validate, info, plot, new, bench, test, package. Exit codes: docs/exit-codes.md."""
 
 from __future__ import annotations
 
 import argparse
+import json
 import re
 import runpy
 import subprocess
@@ -15,7 +12,7 @@ import traceback
 from collections.abc import Sequence
 from pathlib import Path
 
-from .. import __version__, errors, paths, progress
+from .. import __version__, errors, paths, progress, signals
 from ..command import command_line
 from ..errors import EulerFsiError, UsageError
 from ..say import say
@@ -27,7 +24,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="eulerfsi",
         description="Elastic solids in a fluid: from a USD scene to deformed meshes and VDB smoke.",
-        epilog="Exit codes: 0 ok, 1 internal, 2 usage, 3 scene, 4 diverged, 5 disk or I/O, 130/143 signals.",
+        epilog=f"Exit codes: {_exit_codes()}.",
         allow_abbrev=False,
     )
     parser.add_argument("--version", action="version", version=f"eulerfsi {__version__}")
@@ -50,13 +47,27 @@ def build_parser() -> argparse.ArgumentParser:
     group = simulate.add_mutually_exclusive_group()
     group.add_argument("--overwrite", action="store_true", help="replace an existing cache in the folder")
     group.add_argument("--resume", action="store_true", help="continue the cache at its latest checkpoint")
+    simulate.add_argument(
+        "--allow-restart", action="store_true", help="with --resume: drop finished frames where others are damaged"
+    )
+    simulate.add_argument(
+        "--checkpoint-every",
+        default="10",
+        metavar="N|Ts",
+        help="a checkpoint every N frames or T seconds, after the first frame and the last one; default: 10",
+    )
+    simulate.add_argument("--keep-checkpoints", default="2", metavar="N|all", help="the last N checkpoints; default: 2")
 
     validate = add("validate", "Check a scene: schema, meshes, memory; estimate the run time from a few steps.")
     validate.add_argument("scene", type=Path, metavar="SCENE")
     _scene_options(validate)
+    shown = validate.add_mutually_exclusive_group()
+    shown.add_argument("--json", action="store_true", help="the report as one JSON object")
+    shown.add_argument("--progress", choices=("none", "json"), default="none", help="events in place of the report")
 
     info = add("info", "Describe the program, a scene or a cache folder (and verify its files).")
     info.add_argument("path", type=Path, nargs="?", metavar="SCENE_OR_CACHE")
+    info.add_argument("--json", action="store_true", help="as one JSON object")
 
     draw = add("plot", "Draw a cache's statistics: sizes of steps, volumes, energies, time per frame.")
     draw.add_argument("kind", choices=("step", "volume", "energy", "time"))
@@ -75,10 +86,18 @@ def build_parser() -> argparse.ArgumentParser:
     bench.add_argument("name", choices=("speed", "loop", "random", "table", "estimate", "meshes"))
     bench.add_argument("rest", nargs=argparse.REMAINDER, help="options of the benchmark; --help lists them")
 
+    package = add("package", "Build a file that installs elsewhere without a system package (in a checkout).")
+    package.add_argument("what", choices=("wheel",))
+    package.add_argument("-o", "--output", type=Path, default=Path("dist"), metavar="DIR", help="default: ./dist")
+
     test = add("test", "Run the tests (in a checkout).")
     slow = "the slow tests instead: double precision, slow laws, whole scenes"
     test.add_argument("--slow", action="store_true", help=slow)
     return parser
+
+
+def _exit_codes() -> str:
+    return ", ".join(f"{code} {text}" for code, (_, text) in errors.EXIT_CODES.items() if text != "reserved")
 
 
 def _scene_options(parser: argparse.ArgumentParser) -> None:
@@ -123,26 +142,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "new": _new,
         "bench": _bench,
         "test": _test,
+        "package": _package,
     }
     try:
-        return run[options.command](options)
-    except errors.Cancelled as error:
-        say(str(error), sys.stderr)
-        return error.exit_code
-    except EulerFsiError as error:
-        for line in str(error).splitlines():
+        with signals.raised():
+            return run[options.command](options)
+    except KeyboardInterrupt as error:
+        say(errors.describe(error), sys.stderr)
+        return errors.exit_code(error)
+    except (EulerFsiError, OSError) as error:
+        for line in errors.describe(error).splitlines():
             say(line if line.startswith(" ") else f"error: {line}", sys.stderr)  # an indented line goes on
-        return error.exit_code
-    except KeyboardInterrupt:
-        return errors.EXIT_SIGINT
-    except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
-        say(f"error: {where}{error.strerror or error}", sys.stderr)
-        return errors.EXIT_IO
-    except Exception:
+        return errors.exit_code(error)
+    except Exception as error:
         traceback.print_exc()
         say("error: internal; please report this with the lines above", sys.stderr)
-        return errors.EXIT_INTERNAL
+        return errors.exit_code(error)
 
 
 def _simulate(options: argparse.Namespace) -> int:
@@ -161,6 +176,9 @@ def _simulate(options: argparse.Namespace) -> int:
         progress=options.progress,
         overwrite=options.overwrite,
         resume=options.resume,
+        allow_restart=options.allow_restart,
+        checkpoint_every=options.checkpoint_every,
+        keep_checkpoints=options.keep_checkpoints,
     )
     result = simulate(options.scene, wanted)
     if options.progress != "json":
@@ -171,7 +189,7 @@ def _simulate(options: argparse.Namespace) -> int:
             f"open:    {result.root} (in Blender: File > Import > Universal Scene Description; usdview; Houdini; ...)",
             sys.stdout,
         )
-        say(f"preview: {result.preview}", sys.stdout)
+        say(f"preview: {result.preview or 'none; drawing it needs matplotlib'}", sys.stdout)
     return errors.EXIT_OK
 
 
@@ -179,19 +197,31 @@ def _validate(options: argparse.Namespace) -> int:
     from ..usd_messages import usd_messages
     from .report import validate
 
-    with usd_messages():
-        lines = validate(options.scene, options.frames, options.start_frame, options.settings, options.threads)
-    say("\n".join(lines), sys.stdout)
+    with progress.make_progress(options.progress).told() as told, usd_messages():
+        try:
+            report = validate(
+                options.scene, options.frames, options.start_frame, options.settings, options.threads, told
+            )
+        except EulerFsiError as error:
+            if options.json:
+                say(json.dumps({"scene": str(options.scene), "errors": progress.findings(error)}), sys.stdout)
+            raise
+    if options.json:
+        say(json.dumps({**report.facts(), "errors": []}), sys.stdout)
+    elif options.progress == "none":
+        say("\n".join(report.lines()), sys.stdout)
     return errors.EXIT_OK
 
 
 def _info(options: argparse.Namespace) -> int:
     from ..usd_messages import usd_messages
-    from .report import info
+    from .info import info
 
     with usd_messages():
-        for line in info(options.path):
-            say(line, sys.stdout)
+        found = info(options.path)
+    say(json.dumps(found.facts) if options.json else "\n".join(found.lines), sys.stdout)
+    if found.damage:
+        raise found.damage
     return errors.EXIT_OK
 
 
@@ -230,6 +260,12 @@ def _checkout() -> Path:
 def _bench(options: argparse.Namespace) -> int:
     script = _checkout() / "tests" / "bench" / f"bench_{options.name}.py"
     return int(runpy.run_path(str(script))["main"](options.rest))
+
+
+def _package(options: argparse.Namespace) -> int:
+    script = _checkout() / "packaging" / f"{options.what}.py"
+    say(str(runpy.run_path(str(script))["main"](options.output)), sys.stdout)
+    return errors.EXIT_OK
 
 
 def _test(options: argparse.Namespace) -> int:

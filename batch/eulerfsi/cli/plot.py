@@ -51,8 +51,10 @@ def plot(kind: str, folder: Path, output: Path | None) -> Path:
     if output.suffix.lower() not in FORMATS:
         raise UsageError(f"--output {output}: must end with one of {', '.join(FORMATS)}")
     statistics = Statistics(folder)
-    import matplotlib
-
+    try:
+        import matplotlib
+    except ImportError as error:
+        raise UsageError("plot: drawing needs matplotlib: pip install matplotlib") from error
     matplotlib.use("Agg")
     from matplotlib import pyplot
 

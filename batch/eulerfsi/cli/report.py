@@ -1,20 +1,19 @@
-"""`validate` and `info`: what a scene or a cache is, without simulating."""
+"""`validate`: what a scene is, and whether and how long it runs, without simulating."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import dataclasses
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from .. import __version__
-from ..cache.manifest import FILE_NAME, Manifest
-from ..errors import EulerFsiError, LibraryError, SceneError
-from ..frames import FrameRange, demand_start, parse_frames
-from ..parameters import Parameter, table
+from ..errors import LibraryError
+from ..frames import demand_start, parse_frames
+from ..progress import Progress, finding
 from ..run import estimate
 from ..scene import checks, memory
+from ..scene.checks import Issue
 from ..scene.overrides import apply_overrides
 from ..scene.parts import Scene
 from ..scene.read import open_stage, read_scene, set_frames
@@ -24,26 +23,90 @@ from ..system import available_memory, available_threads, format_bytes
 _MOST_LINES = 8  # of passengers of one body
 
 
+@dataclasses.dataclass
+class Report:
+    """A scene that can be simulated. memory, memory_limit: bytes that it needs and may take; time: a line."""
+
+    scene: Scene
+    warnings: list[Issue]
+    memory: int
+    memory_limit: int
+    threads: int
+    time: str
+
+    def lines(self) -> list[str]:
+        """For people."""
+        return [
+            *describe_scene(self.scene),
+            *(f"warning: {issue.message}" for issue in self.warnings),
+            f"memory: about {format_bytes(self.memory)} of {format_bytes(self.memory_limit)} available",
+            self.time,
+            "the scene can be simulated",
+        ]
+
+    def facts(self) -> dict[str, Any]:
+        """For programs."""
+        return {
+            **scene_facts(self.scene),
+            "warnings": [finding(i.message, i.code, i.prim, i.field) for i in self.warnings],
+            "memory": self.memory,
+            "memory_limit": self.memory_limit,
+            "threads": self.threads,
+            "time": self.time.removeprefix("time: "),
+        }
+
+
 def validate(
-    path: Path, frames_text: str | None, start: int | None, settings: list[str], threads: int | None
-) -> list[str]:
-    """Lines of the report. Raises SceneError with all faults, UsageError for options."""
+    path: Path,
+    frames_text: str | None,
+    start: int | None,
+    settings: list[str],
+    threads: int | None,
+    progress: Progress | None = None,
+) -> Report:
+    """Raises SceneError with all faults, UsageError for options."""
+    progress, threads = progress or Progress(), threads or available_threads()
     frames = parse_frames(frames_text) if frames_text else None
     stage = open_stage(path)
     set_frames(stage, frames, start)
     apply_overrides(stage, settings)
     warnings = checks.raise_errors(checks.stage_issues(stage))
     limit = available_memory()
-    scene = read_scene(stage, path, limit, threads)
+    scene = read_scene(stage, path, limit, threads, progress)
     if frames:
         demand_start(frames, scene.frames.first, None)
     warnings += scene.warnings + checks.raise_errors(checks.check_scene(scene))
-    lines = [*describe_scene(scene), *(f"warning: {text}" for text in dict.fromkeys(warnings))]
-    need, _ = memory.estimate(scene.domain, [body.mesh for body in [*scene.solids, *scene.colliders]], limit)
-    lines.append(f"memory: about {format_bytes(need)} of {format_bytes(limit)} available")
-    lines.append(time_estimate(scene, threads or available_threads(), limit))
-    lines.append("the scene can be simulated")
-    return lines
+    warnings = list({issue.message: issue for issue in warnings}.values())
+    for issue in warnings:
+        progress.warning(issue.message, issue.code, issue.prim, issue.field)
+    needed = memory.need(scene, limit)
+    progress.start(
+        "validate",
+        scene.frames,
+        0,
+        scene=str(path),
+        scene_hash=scene.hash(),
+        folder=None,
+        threads=threads,
+        memory=needed,
+        memory_limit=limit,
+        cells=scene.cells,
+    )
+    return Report(scene, warnings, needed, limit, threads, time_estimate(scene, threads, limit))
+
+
+def scene_facts(scene: Scene) -> dict[str, Any]:
+    """What a scene is, for programs; values are those of the C API, in SI."""
+    return {
+        "scene": str(scene.path),
+        "scene_hash": scene.hash(),
+        "first": scene.frames.first,
+        "last": scene.frames.last,
+        "fps": scene.fps,
+        "meters_per_unit": scene.units.meters_per_unit,
+        "cells": scene.cells,
+        "parameters": scene.parameters(),
+    }
 
 
 def describe_scene(scene: Scene) -> list[str]:
@@ -120,96 +183,4 @@ def time_estimate(scene: Scene, threads: int, memory_limit: int) -> str:
         if error.status != binding.ERROR_DIVERGED:
             raise
         return f"time: not estimated, the first steps fail: {error}"
-    cells = float(np.prod(np.array(scene.domain["domain_size"]) / scene.domain["voxel_size"]))
-    return estimate.describe(plan, taken, threads, cells)
-
-
-def info(path: Path | None) -> Iterator[str]:
-    """Lines about the program, a cache folder or a scene.
-
-    Raises SceneError, after some lines for a cache that is damaged.
-    """
-    if path is None:
-        yield f"eulerfsi {__version__}"
-        try:
-            yield f"library {binding.library_version()}: {binding.library().efsi_path}"
-        except EulerFsiError as error:
-            yield f"library: {error}"
-        yield f"threads: {available_threads()}"
-        yield f"memory: {format_bytes(available_memory())}"
-    elif path.is_dir() or path.name == FILE_NAME:
-        yield from _cache_info(Manifest.load(path if path.is_dir() else path.parent))
-    else:
-        stage = open_stage(path)
-        checks.raise_errors(checks.stage_issues(stage))
-        if not stage.HasAuthoredTimeCodeRange():
-            set_frames(stage, FrameRange(1, 2), None)
-        yield from describe_scene(read_scene(stage, path))
-
-
-def _cache_info(manifest: Manifest) -> Iterator[str]:
-    data: dict[str, Any] = manifest.data
-    files = [facts for frame in manifest.frames.values() for facts in frame["files"].values()]
-    yield f"{manifest.folder}: cache of {data['scene']}, {data['status']}, eulerfsi {data['program']['eulerfsi']}"
-    size = format_bytes(sum(facts["bytes"] for facts in files))
-    yield f"frames: {len(manifest.frames)} of {data['first']}-{data['last']} at {data['fps']:g} per second, {size}"
-    yield f"grids: {', '.join(data['grids']) or 'none'}"
-    yield f"checkpoints: {', '.join(str(c['frame']) for c in data['checkpoints']) or 'none'}"
-    yield f"scene hash: {data['scene_hash']}"
-    damaged = [str(frame) for frame in manifest.frames if manifest.damaged_files(int(frame))]
-    if damaged:
-        raise SceneError(f"{manifest.folder}: damaged or missing frames: {', '.join(damaged)}")
-    for path, values in data["parameters"].items():
-        yield from describe_parameters(path, values)
-
-
-def describe_parameters(path: str, values: dict[str, Any]) -> list[str]:
-    """The prim, then one indented line per value that a run used: name, value with its unit, tokens by name.
-
-    values: {field of the C definition: SI value}, as a manifest holds them. What has no row in the parameter table is
-    named by its field.
-    """
-    kind = next((name for name, field in _KINDS.items() if field in values), "prim")
-    rows = {row.field: row for row in table().get(kind, {}).values() if row.field}
-    lines = [f"{path}: {kind}"]
-    for field, value in values.items():
-        row = rows.get(field)
-        if field == "transform":
-            corner = np.reshape(value, (4, 4))
-            lines.append(f"  {'center':<22} {_text(corner[:3, 3])} m")
-            lines.append(f"  {'edges':<22} {_text(np.linalg.norm(corner[:3, :3], axis=0))} m")
-            continue
-        name, unit = (row.name, row.unit) if row else (field.replace("_", " "), _UNITS.get(field, ""))
-        lines.append(f"  {name:<22} {_text(_token(field, row, value))} {unit}".rstrip())
-    return lines
-
-
-# What a prim is, by a field that only such prims have; the first that fits.
-_KINDS = {
-    "domain": "voxel_size",
-    "solid": "youngs_modulus",
-    "force": "acts_on",
-    "emitter": "mode",
-    "passenger": "carried_by",
-    "pin": "driver",
-    "collider": "friction",
-}
-# Fields that are no parameters: they follow from prims.
-_UNITS = {"domain_min": "m", "domain_size": "m", "gravity": "m/s^2"}
-
-
-def _token(field: str, row: Parameter | None, value: Any) -> Any:
-    """A number of the C API as the name that a stage has for it."""
-    if field == "shape":
-        return next(name for name, number in binding.REGION_SHAPES.items() if number == value)
-    if row and row.type == "token":
-        return row.tokens[value]
-    return bool(value) if row and row.type == "bool" else value
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, bool):
-        return "on" if value else "off"
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return f"({', '.join(f'{float(x):.6g}' for x in value)})"
-    return f"{value:.6g}" if isinstance(value, (int, float)) else str(value)
+    return estimate.describe(plan, taken, threads, scene.cells)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -29,10 +29,12 @@ class Placed(Generic[Part]):
 class Build:
     """A simulation and what it holds of a scene, in the scene's order.
 
-    given: pins, then colliders, with the ids of their pins; names: of all that the library sees as solids, by id.
+    definition: fields of EfsiSimulationDef; given: pins, then colliders, with the ids of their pins; names: of all that
+    the library sees as solids, by id.
     """
 
     simulation: Simulation
+    definition: dict[str, Any]
     solids: list[Placed[Solid]] = dataclasses.field(default_factory=list)
     passengers: list[Placed[Passenger]] = dataclasses.field(default_factory=list)
     given: list[Placed[Pin | Collider]] = dataclasses.field(default_factory=list)
@@ -55,7 +57,7 @@ def build_simulation(scene: Scene, threads: int, memory_limit: int, log: Log) ->
 
     definition = {**scene.domain, "threads": threads, "memory_limit": memory_limit}
     simulation = Simulation(definition, forward)
-    made = Build(simulation)
+    made = Build(simulation, definition)
     try:
         kinds = {"solid": [*scene.solids, *scene.colliders], "pin": [*scene.pins, *scene.colliders]}
         kinds["collider"] = kinds["solid"]  # numbers are those of solids

@@ -15,13 +15,14 @@ from ..cache.cache import Cache
 from ..errors import Cancelled, DivergedError, LibraryError
 from ..log import Log
 from ..progress import Progress
+from ..scene import memory
 from ..scene.parts import Collider, Scene, face_name, open_faces
 from ..signals import Signals
 from ..solver import binding
 from .build import Build
+from .checkpoints import Checkpoints
 from .contacts import FrameContacts
 
-CHECKPOINT_EVERY = 10  # frames
 # What moves as given, in a step of stats.jsonl: fields of its EfsiPinReaction.
 _GIVEN_COLUMNS = {"pin_impulses": "impulse", "pin_angular_impulses": "angular_impulse", "prescribed_work": "work"}
 _RESUME = "continue with --resume"
@@ -31,11 +32,12 @@ _COUNTERS = ("steps", "velocity_iterations", "pressure_iterations", "degenerate_
 
 @dataclasses.dataclass
 class Result:
-    """A finished run. resumed: it continued a cache; nothing_to_do: the cache was complete already."""
+    """A finished run. preview: the picture, None where nothing could draw it; resumed: it continued a cache;
+    nothing_to_do: the cache was complete already."""
 
     folder: Path
     root: Path
-    preview: Path
+    preview: Path | None
     resumed: bool
     nothing_to_do: bool = False
 
@@ -52,12 +54,14 @@ def _way_out(scene: Scene, facts: dict[str, Any]) -> str:
 class Run:
     """One run over the frames of a scene."""
 
-    def __init__(self, scene: Scene, cache: Cache, build: Build, log: Log, mode: str, threads: int) -> None:
+    def __init__(
+        self, scene: Scene, cache: Cache, build: Build, log: Log, progress: Progress, checkpoints: Checkpoints
+    ) -> None:
         self.scene, self.cache, self.build, self.log = scene, cache, build, log
+        self.checkpoints = checkpoints
         self.simulation = build.simulation
-        self.progress = Progress(mode, scene.frames)
+        self.progress = progress
         self.signals = Signals()
-        self.threads = threads
         self.surfaces: list[tuple[np.ndarray, np.ndarray]] = []
         self.warned: set[str] = set()  # solids whose mesh was warned of, jets
         self.brought: dict[str, float] = {}  # by every jet in this frame so far: the largest flux of a step
@@ -66,11 +70,12 @@ class Run:
     def execute(self, resumed: bool) -> Result:
         """Runs to the last frame."""
         folder, scene = self.cache.folder, self.scene
-        result = Result(folder, folder / f"{scene.name}.usda", folder / "preview.png", resumed)
+        result = Result(folder, folder / f"{scene.name}.usda", None, resumed)
         if resumed and self.cache.is_complete():
+            self._start(scene.frames.last)
             self.cache.finish("complete")
             self.cache.write_root()
-            result.nothing_to_do = True
+            result.nothing_to_do, result.preview = True, self._picture()
             return result
         with self.signals.installed():
             try:
@@ -79,12 +84,29 @@ class Run:
                 self._leave("interrupted")
                 raise
             except Exception as error:
-                self.log.error(str(error) or type(error).__name__)
                 with contextlib.suppress(Exception):  # a full disk must not hide the first error
+                    self.log.error(str(error) or type(error).__name__)
                     self._leave("failed")
                 raise
         self._leave("complete")
+        result.preview = self._picture()
         return result
+
+    def _start(self, done: int) -> None:
+        """done: the last frame that is there already."""
+        scene, definition = self.scene, self.build.definition
+        self.progress.start(
+            "simulate",
+            scene.frames,
+            done - scene.frames.first + 1,
+            scene=str(scene.path),
+            scene_hash=self.cache.manifest.data["scene_hash"],
+            folder=str(self.cache.folder),
+            threads=definition["threads"],
+            memory=memory.need(scene, definition["memory_limit"]),
+            memory_limit=definition["memory_limit"],
+            cells=scene.cells,
+        )
 
     def _frames(self) -> None:
         frames, simulation = self.scene.frames, self.simulation
@@ -94,24 +116,27 @@ class Run:
             done = self.cache.checkpoint["frame"]
             for part in self.cache.stopped_in(done + 1):
                 self.contacts.add(**part["contacts"])
-        what = f"frames {frames} of {self.scene.path.name}, {self.threads} threads"
+        what = f"frames {frames} of {self.scene.path.name}, {self.build.definition['threads']} threads"
         self.log.info(f"simulate {what}" + (f", from frame {done}" if done >= frames.first else ""))
-        self.progress.start(done - frames.first + 1, threads=self.threads)
+        self._start(done)
         if done < frames.first:
             self._finish_frame(frames.first, 0.0)
-            self.cache.write_root()
+            self._checkpoint(frames.first)
             done = frames.first
         for frame in range(done + 1, frames.last + 1):
             begun = time.monotonic()
             target = (frame - frames.first) / self.scene.fps
             self._advance(frame, target)
             self._finish_frame(frame, time.monotonic() - begun)
-            if (frame - frames.first) % CHECKPOINT_EVERY == 0 or frame == frames.last:
-                self.cache.save_checkpoint(frame, simulation)
-                self.cache.write_root()
+            if self.checkpoints.due(frame - frames.first) or frame == frames.last:
+                self._checkpoint(frame)
             if self.signals.number and frame < frames.last:
-                self.cache.save_checkpoint(frame, simulation)
+                self._checkpoint(frame)
                 raise Cancelled(self.signals.number, _RESUME)
+
+    def _checkpoint(self, frame: int) -> None:
+        self.cache.save_checkpoint(frame, self.simulation, self.checkpoints.keep)
+        self.cache.write_root()
 
     def _advance(self, frame: int, target: float) -> None:
         """To `target` seconds; every step is a line of the statistics."""
@@ -130,7 +155,7 @@ class Run:
 
         def between(fraction: float, step: dict[str, Any]) -> bool:
             record(step)
-            self.progress.between_steps(frame, fraction)
+            self.progress.between_steps(frame, fraction, step["time"])
             return bool(self.signals.number) and fraction < 1 - 1e-9
 
         try:
@@ -194,7 +219,7 @@ class Run:
         if now == start or now + (target - now) == start + (target - start):
             part = self.contacts.part()
             self.cache.add_stats({"event": "stopped", "frame": frame, "time": now, "contacts": part})
-            self.cache.save_checkpoint(frame - 1, self.simulation)
+            self._checkpoint(frame - 1)
         else:
             self.log.info(
                 f"frame {frame}: stopped in its first steps; a resumed run continues from an earlier checkpoint"
@@ -225,7 +250,9 @@ class Run:
                 self.log.warning(
                     f"{path}: frame {frame}: by {self.simulation.time:.4g} s it has left the box through "
                     f"{_way_out(self.scene, facts)}: it is no longer simulated and is invisible from this frame on; "
-                    "a larger domain keeps it"
+                    "a larger domain keeps it",
+                    "LeftDomain",
+                    path,
                 )
 
     def _look_at_meshes(self, frame: int, solids: dict[str, dict[str, Any]]) -> None:
@@ -236,7 +263,9 @@ class Run:
                 self.log.warning(
                     f"{path}: frame {frame}: {facts['false_edges']} edges of the mesh are longer than 4 times what "
                     f"the largest stretch of the solid ({facts['max_stretch']:.3g}) explains: points of it have "
-                    f"moved to another part; {stats_file.NAME} counts them in every frame"
+                    f"moved to another part; {stats_file.NAME} counts them in every frame",
+                    "FalseEdges",
+                    path,
                 )
 
     def _look_at_jets(self, frame: int) -> None:
@@ -250,12 +279,14 @@ class Run:
                 self.warned.add(path)
                 self.log.warning(
                     f"{path}: frame {frame}: the emitter has a velocity but adds no fluid: no part of its region "
-                    "is free of solids and colliders"
+                    "is free of solids and colliders",
+                    "IdleJet",
+                    path,
+                    "eulerfsi:velocity",
                 )
 
     def _leave(self, status: str) -> None:
         """What every run does at its end: statistics, the layer that opens the cache, the picture."""
-        self.progress.end(status, folder=str(self.cache.folder))
         self.cache.finish(status)
         if self.cache.manifest.last_frame is None:
             return
@@ -264,5 +295,12 @@ class Run:
             smoke = self.simulation.field("smoke_density")[0][0] if self.scene.has_smoke else None
             frame = self.cache.manifest.last_frame
             title = f"{self.scene.name}  frame {frame}"
-            preview.write_preview(self.cache.folder / "preview.png", self.scene, frame, self.surfaces, smoke, title)
+            try:
+                preview.write_preview(self.cache.folder / preview.NAME, self.scene, frame, self.surfaces, smoke, title)
+            except ImportError as error:
+                self.log.info(f"no picture: {error}")
         self.log.info(f"{status}; last frame {self.cache.manifest.last_frame}")
+
+    def _picture(self) -> Path | None:
+        path = self.cache.folder / preview.NAME
+        return path if path.is_file() else None

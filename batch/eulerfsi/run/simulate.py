@@ -7,11 +7,13 @@ import dataclasses
 from pathlib import Path
 
 from ..cache import cache as cache_module
-from ..cache.cache import Cache, FolderLock
+from ..cache.cache import Cache
+from ..cache.lock import FolderLock
 from ..cache.manifest import Manifest
 from ..cache.start_from import find_start, take_over
 from ..frames import demand_start, parse_frames
 from ..log import Log
+from ..progress import Progress, make_progress
 from ..scene import checks
 from ..scene.overrides import apply_overrides, set_domain_parameter
 from ..scene.parts import Scene
@@ -19,6 +21,7 @@ from ..scene.read import open_stage, read_scene, set_frames
 from ..system import available_memory, available_threads
 from ..usd_messages import usd_messages
 from .build import build_simulation
+from .checkpoints import Checkpoints
 from .run import Result, Run
 
 
@@ -27,7 +30,8 @@ class Options:
     """What `simulate` on the command line sets.
 
     start None: the scene's first frame; start_from: "CACHE" or "CACHE:FRAME", whose solids are taken over; threads
-    None: all that the cgroup allows.
+    None: all that the cgroup allows; checkpoint_every, keep_checkpoints: as Checkpoints takes them; allow_restart: a
+    resumed run may drop finished frames where others are damaged.
     """
 
     output: Path | None = None
@@ -40,9 +44,14 @@ class Options:
     progress: str = "auto"
     overwrite: bool = False
     resume: bool = False
+    allow_restart: bool = False
+    checkpoint_every: str = "10"
+    keep_checkpoints: str = "2"
 
 
-def load_scene(path: Path, options: Options, log: Log, memory_limit: int) -> tuple[Scene, dict[str, str]]:
+def load_scene(
+    path: Path, options: Options, log: Log, memory_limit: int, progress: Progress | None = None
+) -> tuple[Scene, dict[str, str]]:
     """Opens, overrides, checks and reads a scene; warnings go to the log. Returns it with the overrides applied.
 
     Raises UsageError for options, SceneError with every fault of the scene.
@@ -53,21 +62,28 @@ def load_scene(path: Path, options: Options, log: Log, memory_limit: int) -> tup
     if options.preset:
         overrides |= set_domain_parameter(stage, "preset", options.preset)
     warnings = checks.raise_errors(checks.stage_issues(stage))
-    scene = read_scene(stage, path, memory_limit, options.threads)
+    scene = read_scene(stage, path, memory_limit, options.threads, progress)
     warnings += scene.warnings + checks.raise_errors(checks.check_scene(scene))
-    for text in dict.fromkeys(warnings):
-        log.warning(text)
+    for issue in {issue.message: issue for issue in warnings}.values():
+        log.warning(issue.message, issue.code, issue.prim, issue.field)
     return scene, overrides
 
 
 def simulate(path: Path, options: Options, log: Log | None = None) -> Result:
     """Simulates a scene into a cache. Raises EulerFsiError subclasses; Cancelled after a signal."""
     log = log or Log()
+    with make_progress(options.progress).told() as progress:
+        log.tell = progress.warning
+        return _simulate(path, options, log, progress)
+
+
+def _simulate(path: Path, options: Options, log: Log, progress: Progress) -> Result:
+    checkpoints = Checkpoints(options.checkpoint_every, options.keep_checkpoints)
     threads, memory_limit = options.threads or available_threads(), available_memory()
     folder = options.output or Path.cwd() / f"{path.stem}_cache"
     start = find_start(options.start_from) if options.start_from else None
     with usd_messages(log.info):
-        scene, overrides = load_scene(path, options, log, memory_limit)
+        scene, overrides = load_scene(path, options, log, memory_limit, progress)
     mode = cache_module.prepare(folder, options.overwrite, options.resume)
     wanted = parse_frames(options.frames) if options.frames else scene.frames
     if wanted.first > scene.frames.first:
@@ -80,12 +96,12 @@ def simulate(path: Path, options: Options, log: Log | None = None) -> Result:
         folder.mkdir(parents=True, exist_ok=True)
         with FolderLock(folder), contextlib.closing(log), usd_messages(log.info):
             if mode == "resume":
-                cache = Cache.resume(folder, scene, start)
+                cache = Cache.resume(folder, scene, start, options.allow_restart)
             else:
                 cache_module.remove_old(folder)
                 cache = Cache.create(folder, scene, overrides, _grids(scene), start)
             log.open(folder / "log")
-            return Run(scene, cache, build, log, options.progress, threads).execute(mode == "resume")
+            return Run(scene, cache, build, log, progress, checkpoints).execute(mode == "resume")
 
 
 def _last_checkpoint(folder: Path, mode: str) -> int | None:

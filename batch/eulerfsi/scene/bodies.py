@@ -13,7 +13,7 @@ from eulerfsi_usd.pose import Pose, PoseError
 from pxr import Usd, UsdGeom
 
 from ..errors import Cancelled, LibraryError, SceneError
-from ..progress import Waiting
+from ..progress import Progress, Waiting
 from ..reasons import mesh_reason
 from ..signals import Signals
 from ..solver import binding
@@ -127,19 +127,25 @@ def read_collider(reader: Reader, space: SimulationSpace, prim: Usd.Prim, first:
     return Collider(path, closed_mesh(reader, space, prim), _read_values(reader, prim, "collider"), motion, shape)
 
 
-def examine(body: Solid | Pin | Collider | Emitter, domain: dict[str, Any], threads: int) -> None:
+def examine(body: Solid | Pin | Collider | Emitter, domain: dict[str, Any], threads: int, progress: Progress) -> None:
     """Adds the surface that the library makes of the mesh; of a solid also that of where it starts."""
-    body.surface = _surface_of(body, body.mesh, domain, threads)
+    body.surface = _surface_of(body, body.mesh, domain, threads, progress)
     if isinstance(body, Solid):
         stretched = body.values["stretch"] != [1.0, 1.0, 1.0]
-        body.start = _surface_of(body, _stretched(body, domain), domain, threads) if stretched else body.surface
+        body.start = body.surface
+        if stretched:
+            body.start = _surface_of(body, _stretched(body, domain), domain, threads, progress)
 
 
 def _surface_of(
-    solid: Solid | Pin | Collider | Emitter, mesh: solver.Mesh, domain: dict[str, Any], threads: int
+    solid: Solid | Pin | Collider | Emitter,
+    mesh: solver.Mesh,
+    domain: dict[str, Any],
+    threads: int,
+    progress: Progress,
 ) -> solver.Surface:
     """A mesh as the library examines it; in a 2-D scene what of a solid or collider lies in the slab."""
-    waiting, signals = Waiting(f"{solid.path}: examining the surface"), Signals()
+    waiting, signals = Waiting(progress, "examining the surface", solid.path), Signals()
 
     def stop(fraction: float) -> bool:
         waiting.at(fraction)

@@ -45,13 +45,13 @@ def stage_issues(stage: Usd.Stage) -> list[Issue]:
     return faults + issues
 
 
-def raise_errors(issues: Iterable[Issue]) -> list[str]:
-    """Raises SceneError with all errors, one a line; returns the messages of the warnings."""
+def raise_errors(issues: Iterable[Issue]) -> list[Issue]:
+    """Raises SceneError with all errors, one a line; returns the warnings."""
     issues = list(issues)
-    errors = [issue.message for issue in issues if issue.severity == "error"]
+    errors = [issue for issue in issues if issue.severity == "error"]
     if errors:
-        raise SceneError("\n".join(errors))
-    return [issue.message for issue in issues]
+        raise SceneError("\n".join(issue.message for issue in errors), errors)
+    return issues
 
 
 def check_scene(scene: Scene) -> list[Issue]:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from eulerfsi_usd.issues import Issue
 
 from ..errors import SceneError
 from ..solver import simulation as solver
 from ..system import format_bytes
+
+if TYPE_CHECKING:
+    from .parts import Scene
 
 # The library's counts of bytes end here.
 _LARGEST = 2**64 - 1
@@ -34,10 +38,15 @@ def estimate(domain: Mapping[str, Any], meshes: Iterable[solver.Mesh], limit: in
     return solver.estimate_memory({**domain, "memory_limit": limit}, volume)
 
 
+def need(scene: Scene, limit: int) -> int:
+    """Bytes that the simulation of a scene will need."""
+    return estimate(scene.domain, [body.mesh for body in [*scene.solids, *scene.colliders]], limit)[0]
+
+
 def demand(prim: str, domain: Mapping[str, Any], meshes: Iterable[solver.Mesh], limit: int, unit: float) -> None:
     """Raises SceneError where the simulation needs more than `limit` bytes. unit: metres per stage unit."""
-    need, fitting = estimate(domain, meshes, limit)
-    if not limit or need <= limit:
+    needed, fitting = estimate(domain, meshes, limit)
+    if not limit or needed <= limit:
         return
     if fitting > 0:
         fitting = max(fitting, math.cbrt(math.prod(domain["domain_size"]) / MOST_CELLS))
@@ -45,8 +54,8 @@ def demand(prim: str, domain: Mapping[str, Any], meshes: Iterable[solver.Mesh], 
     digits = 10.0 ** (math.floor(math.log10(fitting / unit)) - 2) if fitting > 0 else 0
     suggested = math.ceil(fitting / unit / digits) * digits if digits else 0
     advice = f"; eulerfsi:voxelSize = {suggested:.3g} fits" if digits else ""
-    amount = format_bytes(need) if need < _LARGEST else f"more than {format_bytes(_LARGEST)}"
-    raise SceneError(
-        f"{prim}: eulerfsi:voxelSize = {domain['voxel_size'] / unit:.4g} needs {amount} of memory: "
-        f"must be coarse enough for {format_bytes(limit)}{advice}"
-    )
+    amount = format_bytes(needed) if needed < _LARGEST else f"more than {format_bytes(_LARGEST)}"
+    field, value = "eulerfsi:voxelSize", f"{domain['voxel_size'] / unit:.4g}"
+    most = f"coarse enough for {format_bytes(limit)}"
+    message = f"{prim}: {field} = {value} needs {amount} of memory: must be {most}{advice}"
+    raise SceneError(message, [Issue(prim, field, value, most, message, "error", "TooLarge")])

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from eulerfsi_usd import deform, transforms
+from eulerfsi_usd.issues import Issue
 from eulerfsi_usd.pose import PoseError
 from pxr import Usd, UsdGeom
 
@@ -266,7 +267,7 @@ class Scene:
     solids: list[Solid]
     emitters: list[Emitter]
     forces: list[Force]
-    warnings: list[str]
+    warnings: list[Issue]
     passengers: list[Passenger] = dataclasses.field(default_factory=list)
     pins: list[Pin] = dataclasses.field(default_factory=list)
     colliders: list[Collider] = dataclasses.field(default_factory=list)
@@ -291,6 +292,12 @@ class Scene:
     def has_smoke(self) -> bool:
         """Whether volumes are written: something emits and there is a fluid to carry it."""
         return bool(self.emitters) and bool(self.domain["ambient_fluid"])
+
+    @property
+    def cells(self) -> int:
+        """Cells of the domain."""
+        edges = np.array(self.domain["domain_size"]) / self.domain["voxel_size"]
+        return int(np.ceil(edges - 1e-6).prod())
 
     def parameters(self) -> dict[str, dict[str, Any]]:
         """{prim path: {field of the C definition: SI value}}: all that was used."""

@@ -8,13 +8,14 @@ from typing import Any
 
 import eulerfsi_usd  # noqa: F401 - registers the schema before a stage is opened
 import numpy as np
-from eulerfsi_usd.issues import all_prims
+from eulerfsi_usd.issues import Issue, all_prims
 from eulerfsi_usd.passengers import find_passengers
 from pxr import Tf, Usd, UsdGeom, UsdPhysics
 
 from ..errors import SceneError, UsageError
 from ..frames import FrameRange, check_frames
 from ..parameters import StageUnits, table
+from ..progress import Progress
 from ..reasons import usd_reason
 from ..solver.simulation import slab_axis
 from ..system import available_threads
@@ -82,13 +83,20 @@ def set_frames(stage: Usd.Stage, wanted: FrameRange | None, start: int | None) -
         stage.SetEndTimeCode(last)
 
 
-def read_scene(stage: Usd.Stage, path: Path, memory_limit: int = 0, threads: int | None = None) -> Scene:
+def read_scene(
+    stage: Usd.Stage,
+    path: Path,
+    memory_limit: int = 0,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Scene:
     """Reads a stage that `checks.check_stage` found without errors, at its first frame.
 
     memory_limit: bytes that the simulation may take, 0 for no limit. threads: for the examination of the meshes, None
-    for all. Raises SceneError for what only this reading finds: too fine a grid, files that do not load, meshes that
-    the library refuses; Cancelled after a signal.
+    for all; progress: learns how far that is. Raises SceneError for what only this reading finds: too fine a grid,
+    files that do not load, meshes that the library refuses; Cancelled after a signal.
     """
+    threads, progress = threads or available_threads(), progress or Progress()
     frames = stage_frames(stage)
     units = stage_units(stage)
     reader = Reader(units, Usd.TimeCode(frames.first))
@@ -100,7 +108,7 @@ def read_scene(stage: Usd.Stage, path: Path, memory_limit: int = 0, threads: int
         velocity = np.array(space.vector_to_sim(domain[f"wall_velocity[{face}]"]))
         velocity[np.abs(velocity) < 1e-9 * np.abs(velocity).max()] = 0.0  # what turning it has left
         domain[f"wall_velocity[{face}]"] = velocity.tolist()
-    warnings: list[str] = []
+    warnings: list[Issue] = []
     domain["gravity"] = space.vector_to_sim(_gravity(stage, units, warnings)).tolist()
     enabled = table()["solid"]["enabled"]
     solids = [read_solid(reader, space, prim) for prim in find_prims(stage, "solid") if reader.value(prim, enabled)]
@@ -112,14 +120,14 @@ def read_scene(stage: Usd.Stage, path: Path, memory_limit: int = 0, threads: int
     ]
     memory.demand(where, domain, [body.mesh for body in [*solids, *colliders]], memory_limit, units.meters_per_unit)
     for solid in solids:
-        examine(solid, domain, threads or available_threads())
+        examine(solid, domain, threads, progress)
         prim = stage.GetPrimAtPath(solid.path)
         solid.values["density"] = read_density(reader, prim, solid.report["solid_volume"])
     emitters = [emitter for p in find_prims(stage, "emitter") for emitter in read_emitters(reader, space, p, frames)]
     if not domain["ambient_fluid"]:
         emitters = []  # nothing carries the smoke; check_stage warns
     for body in [*(pin for pin in pins if pin.mesh), *colliders, *(emitter for emitter in emitters if emitter.mesh)]:
-        examine(body, domain, threads or available_threads())
+        examine(body, domain, threads, progress)
     passengers = [
         read_passenger(reader, space, stage.GetPrimAtPath(solid.path), prim)
         for solid in solids
@@ -192,12 +200,14 @@ def _domain_values(reader: Reader, prim: Usd.Prim, meters: np.ndarray, mirrored:
     return values
 
 
-def _gravity(stage: Usd.Stage, units: StageUnits, warnings: list[str]) -> np.ndarray:
+def _gravity(stage: Usd.Stage, units: StageUnits, warnings: list[Issue]) -> np.ndarray:
     """World vector [m/s^2] from the PhysicsScene; 9.81 down without one."""
     up = np.array([0.0, 0.0, 1.0] if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else [0.0, 1.0, 0.0])
     scenes = [UsdPhysics.Scene(prim) for prim in all_prims(stage) if prim.IsA(UsdPhysics.Scene)]
     if len(scenes) > 1:
-        warnings.append(f"{len(scenes)} PhysicsScene prims: gravity is taken from {scenes[0].GetPath()}")
+        used = str(scenes[0].GetPath())
+        message = f"{len(scenes)} PhysicsScene prims: gravity is taken from {used}"
+        warnings.append(Issue(used, "typeName", str(len(scenes)), "one", message, "warning", "SeveralPhysicsScenes"))
     direction, magnitude = -up, EARTH_GRAVITY
     if scenes:
         authored = np.array(scenes[0].GetGravityDirectionAttr().Get(), float)

@@ -1,0 +1,140 @@
+"""`info`: what the program, a cache or a scene is, without simulating."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import __version__
+from ..cache.lock import is_held
+from ..cache.manifest import FILE_NAME, Manifest
+from ..errors import CacheIOError, EulerFsiError
+from ..frames import FrameRange
+from ..parameters import Parameter, table
+from ..scene import checks
+from ..scene.read import open_stage, read_scene, set_frames
+from ..solver import binding
+from ..system import available_memory, available_threads, format_bytes
+from .report import describe_scene, scene_facts
+
+
+@dataclasses.dataclass
+class Info:
+    """What there is to tell. damage: why it is not whole, None where it is."""
+
+    lines: list[str]
+    facts: dict[str, Any]
+    damage: CacheIOError | None = None
+
+
+def info(path: Path | None) -> Info:
+    """About the program, a cache folder or a scene. Raises SceneError for a path that is neither."""
+    if path is None:
+        return _program_info()
+    if path.is_dir() or path.name == FILE_NAME:
+        return _cache_info(Manifest.load(path if path.is_dir() else path.parent))
+    stage = open_stage(path)
+    checks.raise_errors(checks.stage_issues(stage))
+    if not stage.HasAuthoredTimeCodeRange():
+        set_frames(stage, FrameRange(1, 2), None)
+    scene = read_scene(stage, path)
+    return Info(describe_scene(scene), scene_facts(scene))
+
+
+def _program_info() -> Info:
+    facts = {"program": __version__, "library": None, "library_path": None}
+    try:
+        facts["library"], facts["library_path"] = binding.library_version(), binding.library().efsi_path
+        library = f"library {facts['library']}: {facts['library_path']}"
+    except EulerFsiError as error:
+        library = f"library: {error}"
+    facts |= {"threads": available_threads(), "memory_limit": available_memory()}
+    lines = [f"eulerfsi {__version__}", library, f"threads: {facts['threads']}"]
+    return Info([*lines, f"memory: {format_bytes(facts['memory_limit'])}"], facts)
+
+
+def _cache_info(manifest: Manifest) -> Info:
+    data: dict[str, Any] = manifest.data
+    # The manifest of a run that was killed says for ever that it is running.
+    status = "stopped" if data["status"] == "running" and not is_held(manifest.folder) else data["status"]
+    size = sum(facts["bytes"] for frame in manifest.frames.values() for facts in frame["files"].values())
+    damaged = [int(frame) for frame in manifest.frames if manifest.damaged_files(int(frame))]
+    checkpoints = [checkpoint["frame"] for checkpoint in data["checkpoints"]]
+    lines = [
+        f"{manifest.folder}: cache of {data['scene']}, {status}, eulerfsi {data['program']['eulerfsi']}",
+        f"frames: {len(manifest.frames)} of {data['first']}-{data['last']} at {data['fps']:g} per second, "
+        f"{format_bytes(size)}",
+        f"grids: {', '.join(data['grids']) or 'none'}",
+        f"checkpoints: {', '.join(map(str, checkpoints)) or 'none'}",
+        f"scene hash: {data['scene_hash']}",
+    ]
+    facts = {
+        "folder": str(manifest.folder),
+        "status": status,
+        **{key: data[key] for key in ("program", "scene", "scene_hash", "first", "last", "fps", "grids", "parameters")},
+        "frames": sorted(map(int, manifest.frames)),
+        "bytes": size,
+        "checkpoints": checkpoints,
+        "damaged": damaged,
+    }
+    if damaged:
+        names = ", ".join(map(str, damaged))
+        return Info(lines, facts, CacheIOError(f"{manifest.folder}: damaged or missing frames: {names}"))
+    for path, values in data["parameters"].items():
+        lines += describe_parameters(path, values)
+    return Info(lines, facts)
+
+
+def describe_parameters(path: str, values: dict[str, Any]) -> list[str]:
+    """The prim, then one indented line per value that a run used: name, value with its unit, tokens by name.
+
+    values: {field of the C definition: SI value}, as a manifest holds them. What has no row in the parameter table is
+    named by its field.
+    """
+    kind = next((name for name, field in _KINDS.items() if field in values), "prim")
+    rows = {row.field: row for row in table().get(kind, {}).values() if row.field}
+    lines = [f"{path}: {kind}"]
+    for field, value in values.items():
+        row = rows.get(field)
+        if field == "transform":
+            corner = np.reshape(value, (4, 4))
+            lines.append(f"  {'center':<22} {_text(corner[:3, 3])} m")
+            lines.append(f"  {'edges':<22} {_text(np.linalg.norm(corner[:3, :3], axis=0))} m")
+            continue
+        name, unit = (row.name, row.unit) if row else (field.replace("_", " "), _UNITS.get(field, ""))
+        lines.append(f"  {name:<22} {_text(_token(field, row, value))} {unit}".rstrip())
+    return lines
+
+
+# What a prim is, by a field that only such prims have; the first that fits.
+_KINDS = {
+    "domain": "voxel_size",
+    "solid": "youngs_modulus",
+    "force": "acts_on",
+    "emitter": "mode",
+    "passenger": "carried_by",
+    "pin": "driver",
+    "collider": "friction",
+}
+# Fields that are no parameters: they follow from prims.
+_UNITS = {"domain_min": "m", "domain_size": "m", "gravity": "m/s^2"}
+
+
+def _token(field: str, row: Parameter | None, value: Any) -> Any:
+    """A number of the C API as the name that a stage has for it."""
+    if field == "shape":
+        return next(name for name, number in binding.REGION_SHAPES.items() if number == value)
+    if row and row.type == "token":
+        return row.tokens[value]
+    return bool(value) if row and row.type == "bool" else value
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return f"({', '.join(f'{float(x):.6g}' for x in value)})"
+    return f"{value:.6g}" if isinstance(value, (int, float)) else str(value)
