@@ -24,6 +24,10 @@ def render(root: Path, output: Path) -> subprocess.CompletedProcess:
     return subprocess.run(command, capture_output=True, text=True)
 
 
+def is_error(value: object) -> bool:
+    return inspect.isclass(value) and issubclass(value, Exception)
+
+
 def python_names() -> set[str]:
     """Public names of the package, with the methods and properties of its classes."""
     names = {}
@@ -31,7 +35,7 @@ def python_names() -> set[str]:
         (eulerfsi, eulerfsi.__all__),
         (eulerfsi.solver, set(eulerfsi.solver.__all__) - set(eulerfsi.__all__)),
         (eulerfsi.simulate, eulerfsi.simulate.__all__),
-        (eulerfsi.errors, [name for name, value in vars(eulerfsi.errors).items() if inspect.isclass(value)]),
+        (eulerfsi.errors, [name for name, value in vars(eulerfsi.errors).items() if is_error(value)]),
     ):
         names |= {f"{module.__name__}.{name}": getattr(module, name) for name in public}
     for path, value in list(names.items()):

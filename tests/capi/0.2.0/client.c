@@ -1,6 +1,6 @@
-/* (client of release 0.2.0) Purpose: a C11 program against the installed library that calls every function of the C API and checks what comes
- * back. Usage: client FOLDER (existing folder for the files it writes). Exit code: number of failed checks, at most
- * 100. */
+/* Purpose: the client of release 0.2.0, a C11 program that calls every function of the C API of then and checks what
+ * comes back. Usage: client FOLDER (existing folder for the files it writes). Exit code: number of failed checks, at
+ * most 100. */
 #include <eulerfsi/eulerfsi.h>
 #include <math.h>
 #include <stdio.h>
