@@ -11,7 +11,6 @@ using namespace efsi::material;
 
 namespace {
 
-
 Vec3d random_stretch(std::mt19937& random) {
   std::uniform_real_distribution<double> stretch(0.3, 2.5);
   return {stretch(random), stretch(random), stretch(random)};
