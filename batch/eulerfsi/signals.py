@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
+import threading
 from collections.abc import Callable, Iterator
-from typing import Any, NoReturn
+from types import FrameType
+from typing import Any
 
 from .errors import Cancelled
 
 NUMBERS = [getattr(signal, name) for name in ("SIGHUP", "SIGINT", "SIGTERM") if hasattr(signal, name)]
+_AGAIN = 0.02  # seconds until a signal is looked at again
 
 
 @contextlib.contextmanager
@@ -30,13 +34,24 @@ def _handled(handler: Callable[[int, Any], None]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def raised() -> Iterator[None]:
-    """Inside the block a signal raises Cancelled."""
+    """Inside the block a signal raises Cancelled; while a module is loaded, as soon as that is done."""
 
-    def stop(number: int, _frame: Any) -> NoReturn:
-        raise Cancelled(number)
+    def stop(number: int, frame: FrameType | None) -> None:
+        if not _is_importing(frame):
+            raise Cancelled(number)
+        again = threading.Timer(_AGAIN, os.kill, (os.getpid(), number))
+        again.daemon = True
+        again.start()
 
     with _handled(stop):
         yield
+
+
+def _is_importing(frame: FrameType | None) -> bool:
+    """USD's loader of modules drops exceptions, and goes on with half a module."""
+    while frame and not frame.f_code.co_filename.startswith("<frozen importlib"):
+        frame = frame.f_back
+    return frame is not None
 
 
 class Signals:

@@ -167,14 +167,15 @@ def test_129_130_143_signals(tmp_path, number):
 
 
 @pytest.mark.usefixtures("library")
-def test_130_ctrl_c_while_the_program_is_loaded_gives_no_traceback(scene):
+def test_130_ctrl_c_while_the_program_is_loaded_gives_no_traceback(tmp_path):
+    make_scene(tmp_path / "small.usda", frames=(1, 400), voxel=0.06)
     # As the launcher starts it.
     assert 'exec env --block-signal=HUP,INT,TERM "$python" -m eulerfsi' in (ROOT / "eulerfsi").read_text()
-    program = ["env", "--block-signal=HUP,INT,TERM", sys.executable, "-m", "eulerfsi", "simulate", scene]
+    program = ["env", "--block-signal=HUP,INT,TERM", sys.executable, "-m", "eulerfsi", "simulate", "small.usda"]
     for delay in (0.01, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5):
         process = subprocess.Popen(
             [*program, "--overwrite"],
-            cwd=scene.parent,
+            cwd=tmp_path,
             env=environment(),
             text=True,
             stdout=subprocess.DEVNULL,
