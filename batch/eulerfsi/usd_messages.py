@@ -50,7 +50,9 @@ def _composition_fault(text: str) -> tuple[str, bool]:
             what = "is left out: USD has no plug-in here for files of this kind"
         elif found["reason"]:
             what = f"cannot be opened: {plain_reason(found['reason'])}"
-        return f"{where}: {found['arc'] or 'sublayer'} @{found['asset']}@: {what}", bool(found["reason"]) and not unknown
+        return f"{where}: {found['arc'] or 'sublayer'} @{found['asset']}@: {what}", bool(
+            found["reason"]
+        ) and not unknown
     if found := _NO_PRIM.match(text):
         target = f"@{found['asset']}@<{found['path']}>"
         return f"{found['by']}: {found['prim']}: {found['arc']} {target}: the file has no such prim", False

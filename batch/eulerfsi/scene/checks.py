@@ -18,6 +18,7 @@ from ..solver import binding
 from ..solver.simulation import Surface, slab_axis
 from ..usd_messages import composition_faults
 from . import memory
+from .idle import check_idle
 from .parts import Collider, Emitter, Scene, Solid, face_name, open_faces
 
 __all__ = ["Issue", "check_output", "check_scene", "check_stage", "raise_errors", "stage_issues"]
@@ -73,7 +74,7 @@ def check_scene(scene: Scene) -> list[Issue]:
             issues += _check_apart(scene, collider, solid)
     for emitter in scene.emitters:
         issues += _check_emitter(scene, emitter)
-    return issues
+    return issues + check_idle(scene)
 
 
 def _check_walls(scene: Scene) -> list[Issue]:
@@ -230,6 +231,7 @@ def _check_closed(body: Collider | Emitter) -> list[Issue]:
         return []
     kind = type(body).__name__
     limit = f"0: {'an' if kind == 'Emitter' else 'a'} {kind.lower()} is a closed mesh"
+    limit += "; close it below, or use a Plane for a floor or a wall" if kind == "Collider" else "; close it"
     message = f"{body.path}: the mesh has {edges} open edges: must be {limit}"
     return [Issue(body.path, "faceVertexIndices", str(edges), limit, message, "error", f"Open{kind}")]
 
