@@ -224,7 +224,7 @@ CASES = {
     half_turn: ["/World/Paddle.xformOpOrder = a turn by 180 degrees from frame 2 to 3", "time samples further apart"],
     full_turn: ["/World/Paddle.xformOpOrder = a turn by 360 degrees from frame 2 to 3", "less than half a turn"],
     many_turns: ["/World/Paddle.xformOpOrder = a turn by 3600 degrees from frame 2 to 3"],
-    half_turn_by_matrices: ["/World/Paddle"],
+    half_turn_by_matrices: ["/World/Paddle.xformOpOrder = a turn by 180 degrees from frame 1 to 2"],
     turning_pin: ["/World/Held.xformOpOrder = a turn by 200 degrees from frame 1 to 2"],
     no_mesh: ["/World/Ball", "points"],
     no_file: ["/World/Ball", "surfaceFile", "none.obj"],
