@@ -34,6 +34,7 @@ _UNOPENED = re.compile(
     r"Could not (?:open asset|load sublayer) @(?P<asset>[^@]*)@ (?:for (?P<arc>\w+) introduced by "
     r"@(?P<by>[^@]*)@<(?P<prim>[^>]*)>|of layer @(?P<root>[^@]*)@)(?: -- (?P<reason>.*?))?[ .;]*(?:; skipping)?[ .;]*$"
 )
+_NO_FORMAT = "Cannot determine file format"
 _NO_PRIM = re.compile(
     r"Unresolved (?P<arc>\w+) prim path @(?P<asset>[^@]*)@<(?P<path>[^>]*)> introduced by "
     r"@(?P<by>[^@]*)@<(?P<prim>[^>]*)>"
@@ -44,8 +45,14 @@ _CIRCLE = re.compile(r"Sublayer hierarchy with root layer @(?P<root>[^@]*)@ has 
 def _composition_fault(text: str) -> tuple[str, bool]:
     if found := _UNOPENED.match(text):
         where = f"{found['by']}: {found['prim']}" if found["by"] else found["root"]
-        what = f"cannot be opened: {plain_reason(found['reason'])}" if found["reason"] else "no such file"
-        return f"{where}: {found['arc'] or 'sublayer'} @{found['asset']}@: {what}", bool(found["reason"])
+        what, unknown = "no such file", bool(found["reason"]) and found["reason"].startswith(_NO_FORMAT)
+        if unknown:
+            what = "is left out: USD has no plug-in here for files of this kind"
+        elif found["reason"]:
+            what = f"cannot be opened: {plain_reason(found['reason'])}"
+        return f"{where}: {found['arc'] or 'sublayer'} @{found['asset']}@: {what}", bool(
+            found["reason"]
+        ) and not unknown
     if found := _NO_PRIM.match(text):
         target = f"@{found['asset']}@<{found['path']}>"
         return f"{found['by']}: {found['prim']}: {found['arc']} {target}: the file has no such prim", False

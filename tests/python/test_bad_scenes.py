@@ -136,7 +136,96 @@ def collider_at_a_periodic_face(stage: Usd.Stage) -> None:
     box(stage, "/World/Step", (-0.19, -0.4, 0), (0.2, 0.2, 0.2), 1.0, "EulerFsiColliderAPI")
 
 
+def backward_range(stage: Usd.Stage) -> None:
+    stage.SetStartTimeCode(10)
+
+
+def collider_mesh(stage: Usd.Stage, points: list, counts: list[int], indices: list[int]) -> None:
+    floor = UsdGeom.Mesh.Define(stage, "/World/Floor")
+    floor.CreatePointsAttr(points)
+    floor.CreateFaceVertexCountsAttr(counts)
+    floor.CreateFaceVertexIndicesAttr(indices)
+    floor.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    floor.GetPrim().ApplyAPI("EulerFsiColliderAPI")
+
+
+def single_face(stage: Usd.Stage) -> None:
+    corners = [(-0.3, -0.4, -0.3), (-0.3, -0.4, 0.3), (0.3, -0.4, 0.3), (0.3, -0.4, -0.3)]
+    collider_mesh(stage, corners, [4], [0, 1, 2, 3])
+
+
+def flat_and_closed(stage: Usd.Stage) -> None:
+    """Two sides of a sheet that is askew to the axes."""
+    sides = [(x, y) for x in (-0.3, 0.0, 0.3) for y in (-0.2, 0.0, 0.2)]
+    quads = [(3 * i + j, 3 * i + j + 1, 3 * i + j + 4, 3 * i + j + 3) for i in (0, 1) for j in (0, 1)]
+    quads += [quad[::-1] for quad in quads]
+    collider_mesh(stage, [(x, y, 0.3 * x + 0.2 * y) for x, y in sides], [4] * 8, [i for quad in quads for i in quad])
+
+
+def open_terrain(stage: Usd.Stage) -> None:
+    sides = np.linspace(-0.3, 0.3, 9)
+    hills = [(x, -0.4 + 0.05 * np.sin(9 * x) * np.cos(7 * z), z) for x in sides for z in sides]
+    quads = [(9 * i + j, 9 * i + j + 1, 9 * i + j + 10, 9 * i + j + 9) for i in range(8) for j in range(8)]
+    collider_mesh(stage, hills, [4] * len(quads), [i for quad in quads for i in quad])
+
+
+def turning(degrees: float) -> Callable[[Usd.Stage], None]:
+    def change(stage: Usd.Stage) -> None:
+        """A paddle that turns by this in a frame, the second; before and after that it does not."""
+        paddle = UsdGeom.Xformable(
+            box(stage, "/World/Paddle", (0.2, -0.4, 0.2), (0.12, 0.1, 0.1), 1.0, "EulerFsiColliderAPI")
+        )
+        move, scale = paddle.GetOrderedXformOps()
+        turn = paddle.AddRotateYOp()
+        paddle.SetXformOpOrder([move, turn, scale])
+        for frame, angle in ((2, 0.0), (3, degrees)):
+            turn.Set(angle, frame)
+
+    return change
+
+
+def half_turn(stage: Usd.Stage) -> None:
+    turning(180.0)(stage)
+
+
+def full_turn(stage: Usd.Stage) -> None:
+    turning(-360.0)(stage)
+
+
+def many_turns(stage: Usd.Stage) -> None:
+    turning(3600.0)(stage)
+
+
+def half_turn_by_matrices(stage: Usd.Stage) -> None:
+    """USD mixes the matrices: halfway between them there is no rotation."""
+    paddle = UsdGeom.Xformable(box(stage, "/World/Paddle", (0, 0, 0), (0.12, 0.1, 0.1), 1.0, "EulerFsiColliderAPI"))
+    own = paddle.GetLocalTransformation()
+    paddle.SetXformOpOrder([])
+    place = paddle.AddTransformOp()
+    for frame, angle in ((1, 0.0), (2, 180.0)):
+        turn = Gf.Matrix4d().SetRotate(Gf.Rotation(Gf.Vec3d(0, 1, 0), angle))
+        place.Set(own * turn * Gf.Matrix4d().SetTranslate(Gf.Vec3d(0.2, -0.4, 0.2)), frame)
+
+
+def turning_pin(stage: Usd.Stage) -> None:
+    held = UsdGeom.Cube.Define(stage, "/World/Held")
+    held.CreateSizeAttr(0.1)
+    turn = held.AddRotateZOp()
+    turn.Set(0.0, 1)
+    turn.Set(200.0, 2)
+    stage.GetPrimAtPath("/World/Ball").GetRelationship("eulerfsi:pins").SetTargets([held.GetPath()])
+
+
 CASES = {
+    backward_range: ["stage startTimeCode = 10: must be at most endTimeCode = 3", "exchange them"],
+    single_face: ["/World/Floor.points = 4 points in one plane (1 face)", "a volume", "use a Plane"],
+    flat_and_closed: ["/World/Floor.points = 9 points in one plane (8 faces)", "use a Plane"],
+    open_terrain: ["/World/Floor: the mesh has 32 open edges: must be 0", "use a Plane"],
+    half_turn: ["/World/Paddle.xformOpOrder = a turn by 180 degrees from frame 2 to 3", "time samples further apart"],
+    full_turn: ["/World/Paddle.xformOpOrder = a turn by 360 degrees from frame 2 to 3", "less than half a turn"],
+    many_turns: ["/World/Paddle.xformOpOrder = a turn by 3600 degrees from frame 2 to 3"],
+    half_turn_by_matrices: ["/World/Paddle.xformOpOrder = a turn by 180 degrees from frame 1 to 2"],
+    turning_pin: ["/World/Held.xformOpOrder = a turn by 200 degrees from frame 1 to 2"],
     no_mesh: ["/World/Ball", "points"],
     no_file: ["/World/Ball", "surfaceFile", "none.obj"],
     not_a_mesh_file: ["/World/Ball", "text.obj"],
@@ -177,6 +266,15 @@ def test_bad_scene_exits_with_3_names_the_fault_and_leaves_nothing(cli, tmp_path
         assert word in done.stderr, done.stderr
     assert without_progress(done.stderr).startswith("error: ") and "Traceback" not in done.stderr
     assert {p.name for p in tmp_path.iterdir()} == before
+
+
+@pytest.mark.parametrize("degrees", [170.0, -170.0])
+def test_less_than_half_a_turn_in_a_frame_is_sound(cli, tmp_path, degrees):
+    stage = make_scene(tmp_path / "turn.usda", smoke=False)
+    turning(degrees)(stage)
+    stage.GetRootLayer().Save()
+    done = cli("validate", "turn.usda")
+    assert done.returncode == 0 and "warning" not in done.stdout, done.stderr
 
 
 def test_several_faults_are_told_together(cli, tmp_path):
@@ -255,7 +353,18 @@ def test_open_mesh_is_closed_with_a_warning_that_names_the_hole(cli, tmp_path):
     assert done.returncode == 0, done.stderr
     assert "warning: /World/Ball" in done.stderr and "1 hole, the largest" in done.stderr
     assert done.stderr.count("1 hole") == 1  # told once
+    volume = float(done.stderr.split("taken as a solid of volume ")[1].split()[0])
+    assert 0.9 * 0.01357 < volume < 0.01357
     assert "hole" in (tmp_path / "open_cache/log").read_text()
+
+
+@pytest.mark.parametrize("inside", ["", "deep/er"])
+def test_output_to_a_link_to_nothing_exits_with_5_and_makes_nothing(cli, tmp_path, inside):
+    make_scene(tmp_path / "small.usda")
+    (tmp_path / "link").symlink_to(tmp_path / "disk/that/is/not/there")
+    done = cli("simulate", "small.usda", "-o", tmp_path / "link" / inside)
+    assert done.returncode == 5 and f"link is a link to {tmp_path / 'disk/that/is/not/there'}" in done.stderr
+    assert "choose another with -o" in done.stderr and not (tmp_path / "disk").exists()
 
 
 @pytest.mark.parametrize("kind", ["file in the way", "read-only file system"])

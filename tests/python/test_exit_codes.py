@@ -166,6 +166,15 @@ def test_129_130_143_signals(tmp_path, number):
     ends_with(subprocess.CompletedProcess(command, process.returncode, first + out, err), 128 + number, "--resume")
 
 
+def test_signals_become_exceptions_only_when_usd_is_loaded(tmp_path):
+    """An exception that meets USD while it is loaded is dropped, and the run goes on."""
+    look = "lambda: sys.exit(7 if 'pxr.UsdSkel' in sys.modules else 1)"
+    start = f"import sys; from eulerfsi import signals; signals.raised = {look}; from eulerfsi.cli.main import main"
+    for command in (["simulate", "none.usda"], ["validate", "none.usda"]):
+        done = subprocess.run([sys.executable, "-c", f"{start}; main({command})"], cwd=tmp_path, env=environment())
+        assert done.returncode == 7
+
+
 @pytest.mark.usefixtures("library")
 def test_130_ctrl_c_while_the_program_is_loaded_gives_no_traceback(tmp_path):
     make_scene(tmp_path / "small.usda", frames=(1, 400), voxel=0.06)

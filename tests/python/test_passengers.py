@@ -85,14 +85,25 @@ def test_passengers_change_no_bit_of_the_solids(dressed: Path, tmp_path: Path, l
     assert states[0] == states[1]
 
 
-def test_a_passenger_far_away_is_refused(dressed: Path, cli) -> None:
+def test_a_passenger_out_of_reach_of_the_material_follows_the_surface(dressed: Path, tmp_path: Path, library) -> None:
     stage = Usd.Stage.Open(str(dressed))
-    add_eye(stage, "/World/Ball/Far", (0.0, 0.15 + 8 * VOXEL, 0.0))
+    far = add_eye(stage, "/World/Ball/Far", (0.0, 0.15 + 8 * VOXEL, 0.0))
+    at_rest = np.asarray(far.GetPointsAttr().Get())
     stage.GetRootLayer().Save()
-    result = cli("simulate", dressed, "--progress", "none")
-    assert result.returncode == 3
-    assert "/World/Ball/Far: carried by /World/Ball: points[" in result.stderr
-    assert "m out of the solid: must be at most 6 voxels, 0.3 m" in result.stderr
+    result = simulate(dressed, Options(output=tmp_path / "cache", progress="none"))
+    text = (result.folder / "log").read_text()
+    assert "/World/Ball/Far: carried by /World/Ball: follows the surface of the solid: points[" in text
+    stage = Usd.Stage.Open(str(result.root))
+    far = UsdGeom.Mesh(stage.GetPrimAtPath("/World/Ball/Far"))
+    assert np.abs(np.asarray(far.GetPointsAttr().Get(1)) - at_rest).max() < 1e-6
+    before, after = (world_points(stage, "/World/Ball/Far", frame) for frame in (1, 6))
+    ball = [world_points(stage, "/World/Ball", frame) for frame in (1, 6)]
+    rest, now = (np.linalg.norm(p[:, None] - b[None], axis=2) for p, b in ((before, ball[0]), (after, ball[1])))
+    assert np.abs(after - before).max() > 6 * VOXEL  # it turns by 37.5 degrees
+    assert np.abs(now - rest).max() < 0.2 * VOXEL
+    places = [np.asarray(far.GetPointsAttr().Get(frame), float) for frame in (3, 4, 5)]
+    speed, moved = np.asarray(far.GetVelocitiesAttr().Get(4), float), 12.0 * (places[2] - places[0])
+    assert np.linalg.norm(speed - moved, axis=1).max() < 0.1 * np.linalg.norm(moved, axis=1).max()
 
 
 def faults(stage: Usd.Stage) -> list[tuple[str, str]]:

@@ -31,6 +31,7 @@ def small_scene() -> Usd.Stage:
     solid.CreatePointsAttr([(0, 0, 0), (0.5, 0, 0), (0, 0.5, 0), (0, 0, 0.5)])
     solid.CreateFaceVertexCountsAttr([3, 3, 3, 3])
     solid.CreateFaceVertexIndicesAttr([0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3])
+    solid.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     emitter = UsdGeom.Sphere.Define(stage, "/Emitter").GetPrim()
     emitter.AddAppliedSchema("EulerFsiEmitterAPI")
     UsdGeom.Cube.Define(stage, "/Force").GetPrim().AddAppliedSchema("EulerFsiForceAPI")

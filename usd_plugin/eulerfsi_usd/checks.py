@@ -12,6 +12,7 @@ from collections.abc import Iterable
 
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
+from .foreign import check_foreign
 from .given import check_collider as check_given_collider
 from .given import check_pins
 from .gprims import dimensions
@@ -19,7 +20,7 @@ from .issues import Issue, all_prims, domain_box, first_time, is_enabled, is_eve
 from .parameters import API_SCHEMAS, NAMESPACE, Parameter, load, prim_types, stage_attributes, stage_relationships
 from .passengers import check_passengers, check_scale
 from .physics import check_density, check_friction
-from .surface import check_animation, check_inside, check_skinning, check_surface
+from .surface import check_animation, check_cages, check_inside, check_skinning, check_surface
 
 AXES = ("X", "Y", "Z")
 
@@ -47,7 +48,7 @@ def uses_eulerfsi(stage: Usd.Stage) -> bool:
 
 def check_scene(stage: Usd.Stage) -> list[Issue]:
     """Units of the stage, number of domains, names of schemas and attributes, solids inside the domain."""
-    issues = check_units(stage) + _check_defined(stage) + _check_ignored(stage)
+    issues = check_units(stage) + _check_range(stage) + _check_defined(stage) + _check_ignored(stage)
     prims: dict[str, list[Usd.Prim]] = {scope: [] for scope in API_SCHEMAS}
     for prim in all_prims(stage):
         issues += check_names(prim)
@@ -62,7 +63,8 @@ def check_scene(stage: Usd.Stage) -> list[Issue]:
     if not prims["solid"] and not prims["emitter"]:
         limit = "at least one prim with EulerFsiSolidAPI or EulerFsiEmitterAPI, enabled"
         issues.append(make_issue(None, "content", None, limit, "EmptyScene", severity="warning"))
-    issues += check_passengers(prims["solid"], prims["collider"])
+    issues += check_cages([*prims["solid"], *prims["collider"], *prims["emitter"]])
+    issues += check_foreign(stage) + check_passengers(prims["solid"], prims["collider"])
     for prim in prims["solid"]:
         issues += check_scale(prim)
     if len(prims["domain"]) == 1:
@@ -141,6 +143,15 @@ def check_units(stage: Usd.Stage) -> list[Issue]:
         if not (math.isfinite(value) and value > 0.0):
             issues.append(make_issue(None, name, value, "> 0", "BadUnits"))
     return issues
+
+
+def _check_range(stage: Usd.Stage) -> list[Issue]:
+    """The time codes do not end before they start."""
+    start, end = stage.GetStartTimeCode(), stage.GetEndTimeCode()
+    if not stage.HasAuthoredTimeCodeRange() or not end < start:
+        return []
+    hint = "exchange them, or choose other frames by --start-frame and --frames"
+    return [make_issue(None, "startTimeCode", start, f"at most endTimeCode = {end:g}", "BackwardRange", hint)]
 
 
 def check_names(prim: Usd.Prim) -> list[Issue]:

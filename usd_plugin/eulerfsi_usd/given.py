@@ -11,10 +11,12 @@ from .deform import check_shape_over_time, check_stretch
 from .gprims import SHAPES, dimensions
 from .issues import Issue, first_time, make_issue, read
 from .pose import Pose
-from .surface import check_surface
-from .transforms import first_change, frames_of, motions, moves, stretched
+from .surface import check_surface, mesh_arrays
+from .transforms import first_change, frames_of, motions, moves, stretched, turns
 
 PINS, PIN_TO, PIN_PRIMVAR = "eulerfsi:pins", "eulerfsi:pinTo", "primvars:eulerfsi:pin"
+_FLAT = 1e-6  # of the extent of a mesh: its thickness where its points lie in one plane
+_HALF_TURN = 0.999 * math.pi
 
 
 def targets(solid: Usd.Prim, name: str) -> list[Sdf.Path]:
@@ -26,8 +28,39 @@ def targets(solid: Usd.Prim, name: str) -> list[Sdf.Path]:
 def check_collider(prim: Usd.Prim) -> list[Issue]:
     """Shape and motion of a prim with EulerFsiColliderAPI whose values have been checked."""
     if prim.IsA(UsdGeom.Mesh):
-        return check_surface(prim) or check_shape_over_time(prim) + check_stretch(prim)
-    return _check_dimensions(prim) + check_stretch(prim)
+        shape = check_surface(prim) or _check_flat(prim) or check_shape_over_time(prim)
+    else:
+        shape = _check_dimensions(prim)
+    return shape + (check_stretch(prim) or _check_turns(prim))
+
+
+def _check_flat(prim: Usd.Prim) -> list[Issue]:
+    """A collider's Mesh encloses a volume: its points do not all lie in one plane."""
+    points, counts, _ = mesh_arrays(prim)
+    away = points - points.mean(axis=0)
+    sizes = np.linalg.svd(away, compute_uv=False) if len(points) > 3 else np.zeros(3)
+    if sizes[-1] > _FLAT * sizes[0]:
+        return []
+    value = f"{len(points)} points in one plane ({len(counts)} face{'s' if len(counts) > 1 else ''})"
+    hint = "use a Plane for a floor or a wall, or give the mesh a thickness"
+    return [make_issue(prim, "points", value, "a closed surface with a volume", "FlatCollider", hint)]
+
+
+def _check_turns(prim: Usd.Prim) -> list[Issue]:
+    """Less than half a turn from frame to frame: which way it turned does not follow from its places."""
+    frames = frames_of(prim.GetStage())
+    if not moves(prim) or len(frames) < 2:
+        return []
+    angles = turns(prim, frames)
+    bad = np.flatnonzero(angles > _HALF_TURN)
+    if not len(bad):
+        return []
+    value = f"a turn by {math.degrees(angles[bad[0]]):.4g} degrees from frame {frames[bad[0]]:g} to "
+    value += f"{frames[bad[0] + 1]:g}"
+    limit = "less than half a turn (180 degrees) between two frames"
+    hint = "only whole frames are read, which do not tell more from less: place its time samples further apart, or "
+    hint += "give the stage more time codes per second"
+    return [make_issue(prim, "xformOpOrder", value, limit, "FastTurn", hint)]
 
 
 def _check_volume(prim: Usd.Prim) -> list[Issue]:
@@ -67,14 +100,14 @@ def _check_same_mesh(prim: Usd.Prim) -> list[Issue]:
 
 
 def _check_motion(prim: Usd.Prim) -> list[Issue]:
-    """Rigid in all frames."""
+    """Rigid in all frames, less than half a turn from frame to frame."""
     if not moves(prim):
         return []
     first, *frames = frames_of(prim.GetStage())
     found = motions(prim, frames, first)
     bad = np.flatnonzero(stretched(found))
     if not len(bad):
-        return []
+        return _check_turns(prim)
     sizes = np.sqrt((found[bad[0], :3, :3] ** 2).sum(axis=1))  # along the axes of the world
     value = f"a stretch by {', '.join(f'{size:.4g}' for size in sizes)} from frame {first:g} to {frames[bad[0]]:g}"
     limit = "rigid: rotations and translations, with one scale in all frames"

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from pxr import Gf, Sdf, Usd, UsdGeom
 
 from .parameters import API_SCHEMAS, SCOPES
+
+_LISTED = 3
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,12 @@ def format_value(value: object) -> str:
     if isinstance(value, (tuple, list, Gf.Vec3d, Gf.Vec3f, Gf.Vec3h, Gf.Vec3i)):
         return f"({', '.join(format_value(x) for x in value)})"
     return str(value)
+
+
+def listed(names: Sequence[object]) -> str:
+    """The first of many names, and how many more there are."""
+    more = len(names) - _LISTED
+    return ", ".join(map(str, names[:_LISTED])) + (f" and {more} more" if more > 0 else "")
 
 
 def all_prims(stage: Usd.Stage) -> Iterable[Usd.Prim]:

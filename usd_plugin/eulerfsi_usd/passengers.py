@@ -7,7 +7,7 @@ from pxr import Sdf, Usd, UsdGeom
 
 from .deform import points_move
 from .given import PINS, targets
-from .issues import Issue, first_time, instance_above, is_enabled, make_issue, scopes_of
+from .issues import Issue, first_time, instance_above, is_enabled, listed, make_issue, scopes_of
 from .pose import Pose, PoseError, transform_drivers
 from .transforms import frames_of, moves, places
 
@@ -92,7 +92,7 @@ def _check_left_behind(body: Usd.Prim, is_solid: bool) -> list[Issue]:
     left = [str(p.GetPath()) for p in _below(body) if _is_drawn(p) and not _can_follow(p) and p.GetPath() not in pins]
     if not left or not (is_solid or points_move(body)):
         return []
-    value = ", ".join(left[:3]) + (f" and {len(left) - 3} more" if len(left) > 3 else "")
+    value = listed(left)
     message = f"{body.GetPath()}: does not carry {value}: only a Mesh, curves and Points have points that can follow"
     limit = "a Mesh, curves or Points"
     return [Issue(left[0], "typeName", value, limit, message, "warning", "LeftBehind")]

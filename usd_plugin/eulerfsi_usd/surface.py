@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from .gprims import dimensions
-from .issues import Issue, domain_box, first_time, make_issue, read, slab_axis
+from .issues import Issue, domain_box, first_time, listed, make_issue, read, slab_axis
 from .pose import Pose, PoseError, transform_drivers
 
 # Part of the box by which points may stick out of it through rounding of the transforms.
@@ -101,6 +102,21 @@ def check_inside(prim: Usd.Prim, domain: Usd.Prim) -> list[Issue]:
     value = f"{(low[axis] + 0.5) * length:g} to {(high[axis] + 0.5) * length:g} along the box's {'xyz'[axis]}"
     limit = f"inside the domain {domain.GetPath()}, 0 to {length:g}"
     return [make_issue(prim, "points", value, limit, "OutsideDomain")]
+
+
+def check_cages(prims: Iterable[Usd.Prim]) -> list[Issue]:
+    """Warns, once for all, of meshes that are drawn as smooth surfaces and simulated as polygons."""
+    cages = [prim for prim in prims if prim.IsA(UsdGeom.Mesh) and not surface_file(prim)]
+    schemes = {prim: str(UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get()) for prim in cages}
+    smooth = [prim for prim, scheme in schemes.items() if scheme != "none"]
+    if not smooth:
+        return []
+    first, value = str(smooth[0].GetPath()), listed([prim.GetPath() for prim in smooth])
+    message = (
+        f"{value}: subdivisionScheme = {schemes[smooth[0]]}: should be none: the polygons of the cage are simulated, "
+        "the smooth surface that is drawn lies inside them. Set subdivisionScheme = none, or subdivide the mesh first"
+    )
+    return [Issue(first, "subdivisionScheme", value, "none", message, "warning", "SubdivisionCage")]
 
 
 def check_skinning(prim: Usd.Prim) -> list[Issue]:

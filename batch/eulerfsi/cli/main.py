@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import json
 import re
 import runpy
@@ -17,6 +18,15 @@ from ..command import command_line
 from ..errors import EulerFsiError, UsageError
 from ..say import say
 from ..solver import binding, mesh_file
+
+# What the commands load beside this module, with USD.
+_MODULES = {
+    "simulate": "..run.simulate",
+    "validate": ".report",
+    "info": ".info",
+    "plot": ".plot",
+    "new": ".new_scene",
+}
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -145,7 +155,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "package": _package,
     }
     try:
-        with signals.raised():
+        if options.command in _MODULES:
+            importlib.import_module(_MODULES[options.command], __package__)
+        with signals.raised():  # not before: USD drops an exception that meets it while it is loaded, and goes on
             return run[options.command](options)
     except KeyboardInterrupt as error:
         say(errors.describe(error), sys.stderr)

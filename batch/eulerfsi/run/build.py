@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -10,11 +11,14 @@ import numpy as np
 from ..errors import LibraryError
 from ..log import Log
 from ..reasons import mesh_reason
+from ..scene.follow import Binding
 from ..scene.parts import Collider, Emitter, Passenger, Pin, Scene, Solid
 from ..solver import binding
 from ..solver.simulation import Simulation
 
 Part = TypeVar("Part")
+
+_INSTANT = 1e-5  # s, over which velocities of what is bound to a surface are taken
 
 
 @dataclasses.dataclass(frozen=True)
@@ -23,6 +27,14 @@ class Placed(Generic[Part]):
 
     part: Part
     id: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Bound:
+    """A passenger with points that the library cannot carry, bound to the surface of its solid."""
+
+    part: Passenger
+    binding: Binding
 
 
 @dataclasses.dataclass
@@ -36,15 +48,21 @@ class Build:
     simulation: Simulation
     definition: dict[str, Any]
     solids: list[Placed[Solid]] = dataclasses.field(default_factory=list)
-    passengers: list[Placed[Passenger]] = dataclasses.field(default_factory=list)
+    passengers: list[Placed[Passenger] | Bound] = dataclasses.field(default_factory=list)
     given: list[Placed[Pin | Collider]] = dataclasses.field(default_factory=list)
     emitters: list[Placed[Emitter]] = dataclasses.field(default_factory=list)
     names: dict[int, str] = dataclasses.field(default_factory=dict)
 
     def surfaces(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """(points, velocities) of scene.simulated now."""
-        surfaces = [self.simulation.surface(solid.id) for solid in self.solids]
-        return surfaces + [self.simulation.passenger(p.id) for p in self.passengers]
+        solids = {solid.part.path: self.simulation.surface(solid.id) for solid in self.solids}
+        carried = [
+            passenger.binding.carried(*solids[passenger.part.solid], _INSTANT)
+            if isinstance(passenger, Bound)
+            else self.simulation.passenger(passenger.id)
+            for passenger in self.passengers
+        ]
+        return [*solids.values(), *carried]
 
 
 def build_simulation(scene: Scene, threads: int, memory_limit: int, log: Log) -> Build:
@@ -67,15 +85,14 @@ def build_simulation(scene: Scene, threads: int, memory_limit: int, log: Log) ->
             place[0] = f"{solid.path}: "
             made.solids.append(Placed(solid, simulation.add_solid(solid.surface, **solid.values)[0]))
             made.names[made.solids[-1].id] = solid.path
-        carriers = {solid.part.path: solid.id for solid in made.solids}
+        carriers = {solid.part.path: solid for solid in made.solids}
         for passenger in scene.passengers:
             place[0] = f"{passenger.path}: carried by {passenger.solid}: "
-            identifier = simulation.add_passenger(carriers[passenger.solid], passenger.mesh.points)
-            made.passengers.append(Placed(passenger, identifier))
+            made.passengers.append(_add_passenger(simulation, carriers[passenger.solid], passenger, forward))
         for pin in scene.pins:
             place[0] = f"{pin.solid}: pinned by {pin.path}: " if pin.path != pin.solid else f"{pin.solid}: "
             where = pin.surface if pin.surface else pin.vertices
-            made.given.append(Placed(pin, simulation.add_pin(carriers[pin.solid], where)))
+            made.given.append(Placed(pin, simulation.add_pin(carriers[pin.solid].id, where)))
         for collider in scene.colliders:
             place[0] = f"{collider.path}: "
             solid_id, pin_id = simulation.add_collider(collider.surface, **collider.values)
@@ -93,3 +110,17 @@ def build_simulation(scene: Scene, threads: int, memory_limit: int, log: Log) ->
         raise LibraryError(error.status, place[0] + mesh_reason("", error)) from error
     place[0] = ""
     return made
+
+
+def _add_passenger(
+    simulation: Simulation, solid: Placed[Solid], passenger: Passenger, log: Callable[[int, str], None]
+) -> Placed[Passenger] | Bound:
+    """Carried by the material, or by the surface where points are out of the material's reach."""
+    try:
+        return Placed(passenger, simulation.add_passenger(solid.id, passenger.mesh.points))
+    except LibraryError as error:
+        if error.status != binding.ERROR_ARGUMENT:
+            raise
+        log(binding.LOG_INFO, f"follows the surface of the solid: {error}")
+    mesh = solid.part.mesh
+    return Bound(passenger, Binding(mesh.points.astype(float), mesh.triangles(), passenger.mesh.points.astype(float)))

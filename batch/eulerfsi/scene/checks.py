@@ -18,6 +18,7 @@ from ..solver import binding
 from ..solver.simulation import Surface, slab_axis
 from ..usd_messages import composition_faults
 from . import memory
+from .idle import check_idle
 from .parts import Collider, Emitter, Scene, Solid, face_name, open_faces
 
 __all__ = ["Issue", "check_output", "check_scene", "check_stage", "raise_errors", "stage_issues"]
@@ -33,8 +34,8 @@ _GROWTH = (0.1, 10.0)
 def stage_issues(stage: Usd.Stage) -> list[Issue]:
     """Issues of the stage alone; first what it refers to and could not be brought in.
 
-    That is a warning while the rest is sound and a missing file the cause, for a scene may refer to what a run does not
-    need. A file that is there and broken cannot be copied into a cache.
+    That is a warning while the rest is sound and the cause a file that is missing or of a kind that USD has no plug-in
+    for: a scene may refer to what a run does not need. A file that is there and broken cannot be copied into a cache.
     """
     issues = check_stage(stage)
     unsound = any(issue.severity == "error" for issue in issues)
@@ -73,7 +74,7 @@ def check_scene(scene: Scene) -> list[Issue]:
             issues += _check_apart(scene, collider, solid)
     for emitter in scene.emitters:
         issues += _check_emitter(scene, emitter)
-    return issues
+    return issues + check_idle(scene)
 
 
 def _check_walls(scene: Scene) -> list[Issue]:
@@ -149,6 +150,8 @@ def _check_mesh(scene: Scene, solid: Solid) -> list[Issue]:
     if report["repaired"]:
         found = solid.surface.repairs
         message = f"{where}: the surface was repaired: {found}"
+        if report["open_edges"]:
+            message += f"; taken as a solid of volume {report['solid_volume'] / unit**3:.4g}"
         issues.append(Issue(solid.path, field, found, "a closed surface", message, "warning", "RepairedMesh"))
     if report["separate_pieces"] > 1:
         value, limit = str(report["separate_pieces"]), "one: give each piece a prim of its own"
@@ -228,6 +231,7 @@ def _check_closed(body: Collider | Emitter) -> list[Issue]:
         return []
     kind = type(body).__name__
     limit = f"0: {'an' if kind == 'Emitter' else 'a'} {kind.lower()} is a closed mesh"
+    limit += "; close it below, or use a Plane for a floor or a wall" if kind == "Collider" else "; close it"
     message = f"{body.path}: the mesh has {edges} open edges: must be {limit}"
     return [Issue(body.path, "faceVertexIndices", str(edges), limit, message, "error", f"Open{kind}")]
 
@@ -288,6 +292,11 @@ def check_output(folder: Path) -> None:
     """Raises CacheIOError unless the folder, or the nearest parent that exists, can be written to."""
     place = folder
     while not place.exists():
+        if place.is_symlink():
+            raise CacheIOError(
+                f"{folder}: output folder: {place} is a link to {place.readlink()}, which does not exist; make that "
+                "folder, or choose another with -o"
+            )
         if place.parent == place:
             raise CacheIOError(f"{folder}: output folder: {place} does not exist")
         place = place.parent

@@ -45,6 +45,12 @@ class Binding:
         offsets = self._offsets * np.sqrt(share(growth))[:, None]
         return self._on_surface(now) + sum(rotation[:, :, k] * offsets[:, k : k + 1] for k in range(3))
 
+    def carried(self, now: np.ndarray, velocities: np.ndarray, seconds: float) -> tuple[np.ndarray, np.ndarray]:
+        """Where they are, and their velocities: how far they come while the surface goes on for `seconds`."""
+        way = 0.5 * seconds * np.asarray(velocities, float)
+        before, after = self.points(now - way), self.points(now + way)
+        return self.points(np.asarray(now, float)), (after - before) / seconds
+
     def _on_surface(self, surface: np.ndarray) -> np.ndarray:
         held = surface[self._held]
         return sum(self._weights[:, k : k + 1] * held[self._corners[:, k]] for k in range(3))

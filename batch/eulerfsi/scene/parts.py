@@ -210,11 +210,13 @@ class Rider(Carried):
 class Emitter:
     """One emitter. values: fields of EfsiEmitterDef; keys: of EfsiEmitterKey, empty where nothing changes in time.
 
-    mesh: the region in simulation space where it is no box or ball; surface: as the library examined it.
+    hull: surface of the region in simulation space; mesh: the same where it is no box or ball; surface: as the library
+    examined that.
     """
 
     path: str
     values: dict[str, Any]
+    hull: solver.Mesh
     keys: list[dict[str, Any]] = dataclasses.field(default_factory=list)
     mesh: solver.Mesh | None = None
     surface: solver.Surface | None = None

@@ -26,10 +26,10 @@ def read_emitters(reader: Reader, space: SimulationSpace, prim: Usd.Prim, frames
     on = any(key["on"] for key in keys) if keys else reader.value(prim, table()["emitter"]["enabled"])
     if not on:
         return []
-    path = str(prim.GetPath())
+    path, hull = str(prim.GetPath()), closed_mesh(reader, space, prim)
     if prim.IsA(UsdGeom.Cube) or prim.IsA(UsdGeom.Sphere):
-        return [Emitter(path, values | _region(reader, space, prim, EMITTER_API), keys)]
-    return [Emitter(path, values, keys, closed_mesh(reader, space, prim))]
+        return [Emitter(path, values | _region(reader, space, prim, EMITTER_API), hull, keys)]
+    return [Emitter(path, values, hull, keys, hull)]
 
 
 def _emitter_keys(reader: Reader, space: SimulationSpace, prim: Usd.Prim, first: int) -> list[dict[str, Any]]:
