@@ -311,7 +311,8 @@ class Run:
         if self.cache.manifest.last_frame is None:
             return
         self.cache.write_root()
-        if self.surfaces or self.scene.has_smoke:
+        made = len(self.surfaces) == len(self.scene.simulated)  # a frame, in this run
+        if made and (self.surfaces or self.scene.has_smoke):
             smoke = self.simulation.field("smoke_density")[0][0] if self.scene.has_smoke else None
             frame = self.cache.manifest.last_frame
             title = f"{self.scene.name}  frame {frame}"
