@@ -11,6 +11,7 @@ EXIT_USAGE = 2
 EXIT_SCENE = 3
 EXIT_DIVERGED = 4
 EXIT_IO = 5
+EXIT_STRICT = 6
 EXIT_MISMATCH = 7
 EXIT_SIGHUP = 129
 EXIT_SIGINT = 130
@@ -24,7 +25,7 @@ EXIT_CODES = {
     EXIT_SCENE: ("scene", "scene"),
     EXIT_DIVERGED: ("diverged", "diverged"),
     EXIT_IO: ("io", "disk or damage"),
-    6: ("strict", "reserved"),
+    EXIT_STRICT: ("strict", "stopped by --strict"),
     EXIT_MISMATCH: ("mismatch", "a cache or checkpoint that does not fit the scene"),
     8: ("jobs", "reserved"),
     10: ("packages", "set-up: system packages"),
@@ -72,6 +73,12 @@ class CacheIOError(EulerFsiError):
     """A file or folder cannot be read or written, or is damaged."""
 
     exit_code = EXIT_IO
+
+
+class StrictError(EulerFsiError):
+    """A condition of docs/warnings.md holds, and `--strict` stops the run."""
+
+    exit_code = EXIT_STRICT
 
 
 class MismatchError(EulerFsiError):

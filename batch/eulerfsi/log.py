@@ -14,12 +14,12 @@ from .say import say
 class Log:
     """Keeps messages until `open` names the file, so that nothing is written for a scene that is refused.
 
-    tell(message, code, prim, field): learns of every warning.
+    tell(message, code, prim, field, **facts): learns of every warning.
     """
 
     def __init__(self, err: TextIO | None = None) -> None:
         self._err = err or sys.stderr
-        self.tell: Callable[[str, str, str, str], Any] | None = None
+        self.tell: Callable[..., Any] | None = None
         self._file: TextIO | None = None
         self._pending: list[str] = []
         self._warned: set[str] = set()
@@ -41,17 +41,18 @@ class Log:
         """A message for the file only."""
         self._write("info", text)
 
-    def warning(self, text: str, code: str = "Other", prim: str = "", field: str = "") -> None:
+    def warning(self, text: str, code: str = "Other", prim: str = "", field: str = "", **facts: float) -> None:
         """A message for the file and standard error; one that was given before is not repeated there.
 
-        code: short name of the rule; prim, field: what it is about, "" for nothing in particular.
+        code: short name of the rule; prim, field: what it is about, "" for nothing in particular; facts: value,
+        limit and frame of a condition (docs/warnings.md).
         """
         self._write("warning", text)
         if text not in self._warned:
             self._warned.add(text)
             say(f"warning: {text}", self._err)
             if self.tell:
-                self.tell(text, code, prim, field)
+                self.tell(text, code, prim, field, **facts)
 
     def error(self, text: str) -> None:
         """A message for the file; the command line prints the error itself."""

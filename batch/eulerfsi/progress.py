@@ -49,8 +49,11 @@ class Progress:
         """A part 0..1 of some work before the first step is done."""
         say(f"{prim}: {what}, {100 * fraction:.0f} %", self.err)
 
-    def warning(self, message: str, code: str, prim: str, field: str) -> None:
-        """Something is wrong that the run survives. code: name of the rule; prim, field: "" for none."""
+    def warning(self, message: str, code: str, prim: str, field: str, **facts: float) -> None:
+        """Something is wrong that the run survives. code: name of the rule; prim, field: "" for none.
+
+        facts: value, limit and frame of a condition (docs/warnings.md).
+        """
 
     def start(self, command: str, frames: FrameRange, done: int, **facts: Any) -> None:
         """The scene is read; `done` of its frames are present already."""
@@ -120,8 +123,8 @@ class _Json(Progress):
         super().waiting(what, prim, fraction)
         self._tell("waiting", what=what, prim=prim, fraction=fraction)
 
-    def warning(self, message: str, code: str, prim: str, field: str) -> None:
-        self._tell("warning", **finding(message, code, prim, field))
+    def warning(self, message: str, code: str, prim: str, field: str, **facts: float) -> None:
+        self._tell("warning", **finding(message, code, prim, field), **facts)
 
     def start(self, command: str, frames: FrameRange, done: int, **facts: Any) -> None:
         super().start(command, frames, done)

@@ -28,7 +28,7 @@ def test_the_table_is_that_of_the_program():
         code: word for code, (word, _) in errors.EXIT_CODES.items()
     }
     reserved = {code for code, (_, when) in TABLE.items() if when == "reserved"}
-    assert reserved == {code for code, (_, text) in errors.EXIT_CODES.items() if text == "reserved"} == {6, 8, 75}
+    assert reserved == {code for code, (_, text) in errors.EXIT_CODES.items() if text == "reserved"} == {8, 75}
 
 
 def ends_with(done: subprocess.CompletedProcess, code: int, message: str = "") -> None:
@@ -100,6 +100,11 @@ def test_5_damage(cli, scene, tmp_path):
     (tmp_path / "small_cache/manifest.json").write_text("{")
     assert cli("info", tmp_path / "small_cache").returncode == 5
     ends_with(cli("simulate", scene, "--resume", "--progress", "json"), 5, "is damaged")
+
+
+def test_6_strict(cli, scene):
+    never = ["--set", "Domain.pressureTolerance=1e-15", "--set", "Domain.maxTimeStep=0.01"]  # solves do not converge
+    ends_with(cli("simulate", scene, *never, "--strict", "--progress", "json"), 6, "stopped by --strict after frame 2")
 
 
 def test_7_mismatch(cli, scene, tmp_path):

@@ -161,10 +161,15 @@ class Cache:
         """Adds a line to stats.jsonl; it reaches the file with the frame."""
         self._stats.append(line)
 
-    def stopped_in(self, frame: int) -> list[dict[str, Any]]:
-        """The last line that a run left which was stopped inside the frame; [] where none was."""
-        lines = stats_file.read(self.folder) if (self.folder / stats_file.NAME).is_file() else []
-        return [line for line in lines if line["event"] == "stopped" and line["frame"] == frame][-1:]
+    def stats(self) -> list[dict[str, Any]]:
+        """The lines of stats.jsonl so far; of a cache that is resumed, those up to its checkpoint."""
+        return stats_file.read(self.folder) if (self.folder / stats_file.NAME).is_file() else []
+
+    def set_warnings(self, warnings: list[dict[str, Any]], at_once: bool) -> None:
+        """Registers the warnings of the run; at_once: not only with the next frame."""
+        self.manifest.data["warnings"] = warnings
+        if at_once:
+            self.manifest.save()
 
     def _flush_stats(self) -> None:
         if self._stats:

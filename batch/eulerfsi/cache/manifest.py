@@ -20,6 +20,7 @@ class Manifest:
     have left the box also "left": their paths.
     data["checkpoints"]: [{"frame", "time", "file", "bytes", "sha256"}], oldest first; "frame" is the last frame that
     is complete at that time.
+    data["warnings"]: what run.watch.Watch has found in the run so far, up to the last frame; absent before 0.2.0.
     """
 
     def __init__(self, folder: Path, data: dict[str, Any]) -> None:

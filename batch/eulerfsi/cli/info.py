@@ -14,6 +14,7 @@ from ..cache.manifest import FILE_NAME, Manifest
 from ..errors import CacheIOError, EulerFsiError
 from ..frames import FrameRange
 from ..parameters import Parameter, table
+from ..run.watch import last_text
 from ..scene import checks
 from ..scene.read import open_stage, read_scene, set_frames
 from ..solver import binding
@@ -60,17 +61,20 @@ def _cache_info(manifest: Manifest) -> Info:
     data: dict[str, Any] = manifest.data
     # The manifest of a run that was killed says for ever that it is running.
     status = "stopped" if data["status"] == "running" and not is_held(manifest.folder) else data["status"]
+    how, program = "stopped by --strict" if status == "strict" else status, data["program"]["eulerfsi"]
     size = sum(facts["bytes"] for frame in manifest.frames.values() for facts in frame["files"].values())
     damaged = [int(frame) for frame in manifest.frames if manifest.damaged_files(int(frame))]
     checkpoints = [checkpoint["frame"] for checkpoint in data["checkpoints"]]
     lines = [
-        f"{manifest.folder}: cache of {data['scene']}, {status}, eulerfsi {data['program']['eulerfsi']}",
+        f"{manifest.folder}: cache of {data['scene']}, {how}, eulerfsi {program}",
         f"frames: {len(manifest.frames)} of {data['first']}-{data['last']} at {data['fps']:g} per second, "
         f"{format_bytes(size)}",
         f"grids: {', '.join(data['grids']) or 'none'}",
         f"checkpoints: {', '.join(map(str, checkpoints)) or 'none'}",
         f"scene hash: {data['scene_hash']}",
     ]
+    warnings = data.get("warnings", [])
+    lines += [f"warning: {last_text(warning)}" for warning in warnings]
     facts = {
         "folder": str(manifest.folder),
         "status": status,
@@ -79,6 +83,7 @@ def _cache_info(manifest: Manifest) -> Info:
         "bytes": size,
         "checkpoints": checkpoints,
         "damaged": damaged,
+        "warnings": warnings,
     }
     if damaged:
         names = ", ".join(map(str, damaged))

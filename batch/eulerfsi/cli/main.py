@@ -68,6 +68,10 @@ def build_parser() -> argparse.ArgumentParser:
     )
     simulate.add_argument("--keep-checkpoints", default="2", metavar="N|all", help="the last N checkpoints; default: 2")
 
+    simulate.add_argument(
+        "--strict", action="store_true", help="stop after the first frame with a warning of docs/warnings.md"
+    )
+
     validate = add("validate", "Check a scene: schema, meshes, memory; estimate the run time from a few steps.")
     validate.add_argument("scene", type=Path, metavar="SCENE")
     _scene_options(validate)
@@ -191,6 +195,7 @@ def _simulate(options: argparse.Namespace) -> int:
         allow_restart=options.allow_restart,
         checkpoint_every=options.checkpoint_every,
         keep_checkpoints=options.keep_checkpoints,
+        strict=options.strict,
     )
     result = simulate(options.scene, wanted)
     if options.progress != "json":

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from ..cache import preview, stats_file
+from ..cache import preview
 from ..cache.cache import Cache
-from ..errors import Cancelled, DivergedError, LibraryError
+from ..errors import Cancelled, DivergedError, LibraryError, StrictError
 from ..log import Log
 from ..progress import Progress
 from ..scene import memory
@@ -22,6 +22,8 @@ from ..solver import binding
 from .build import Build
 from .checkpoints import Checkpoints
 from .contacts import FrameContacts
+from .measures import Watched
+from .watch import Watch
 
 # What moves as given, in a step of stats.jsonl: fields of its EfsiPinReaction.
 _GIVEN_COLUMNS = {"pin_impulses": "impulse", "pin_angular_impulses": "angular_impulse", "prescribed_work": "work"}
@@ -55,17 +57,25 @@ class Run:
     """One run over the frames of a scene."""
 
     def __init__(
-        self, scene: Scene, cache: Cache, build: Build, log: Log, progress: Progress, checkpoints: Checkpoints
+        self,
+        scene: Scene,
+        cache: Cache,
+        build: Build,
+        log: Log,
+        progress: Progress,
+        checkpoints: Checkpoints,
+        strict: bool = False,
     ) -> None:
         self.scene, self.cache, self.build, self.log = scene, cache, build, log
-        self.checkpoints = checkpoints
+        self.checkpoints, self.strict = checkpoints, strict
         self.simulation = build.simulation
         self.progress = progress
         self.signals = Signals()
         self.surfaces: list[tuple[np.ndarray, np.ndarray]] = []
-        self.warned: set[str] = set()  # solids whose mesh was warned of, jets
+        self.warned: set[str] = set()  # jets
         self.brought: dict[str, float] = {}  # by every jet in this frame so far: the largest flux of a step
         self.contacts = FrameContacts()
+        self.watch = Watch(Watched.of(scene), log)
 
     def execute(self, resumed: bool) -> Result:
         """Runs to the last frame."""
@@ -73,6 +83,7 @@ class Run:
         result = Result(folder, folder / f"{scene.name}.usda", None, resumed)
         if resumed and self.cache.is_complete():
             self._start(scene.frames.last)
+            self._be_strict(scene.frames.last, self.cache.manifest.data.get("warnings", []))
             self.cache.finish("complete")
             self.cache.write_root()
             result.nothing_to_do, result.preview = True, self._picture()
@@ -82,6 +93,10 @@ class Run:
                 self._frames()
             except Cancelled:
                 self._leave("interrupted")
+                raise
+            except StrictError as error:
+                self.log.error(str(error))
+                self._leave("strict")
                 raise
             except Exception as error:
                 with contextlib.suppress(Exception):  # a full disk must not hide the first error
@@ -114,25 +129,39 @@ class Run:
         if self.cache.checkpoint:
             simulation.restore_checkpoint(self.cache.folder / self.cache.checkpoint["file"])
             done = self.cache.checkpoint["frame"]
-            for part in self.cache.stopped_in(done + 1):
+            lines = self.cache.stats()
+            stopped = [line for line in lines if line["event"] == "stopped" and line["frame"] == done + 1]
+            for part in stopped[-1:]:
                 self.contacts.add(**part["contacts"])
+            self.watch.replay(lines)
+        self.cache.set_warnings(self.watch.warnings, at_once=True)
         what = f"frames {frames} of {self.scene.path.name}, {self.build.definition['threads']} threads"
         self.log.info(f"simulate {what}" + (f", from frame {done}" if done >= frames.first else ""))
         self._start(done)
+        self._be_strict(done, self.watch.warnings)
         if done < frames.first:
             self._finish_frame(frames.first, 0.0)
             self._checkpoint(frames.first)
             done = frames.first
+            self._be_strict(done, self.watch.warnings)
         for frame in range(done + 1, frames.last + 1):
             begun = time.monotonic()
             target = (frame - frames.first) / self.scene.fps
             self._advance(frame, target)
             self._finish_frame(frame, time.monotonic() - begun)
-            if self.checkpoints.due(frame - frames.first) or frame == frames.last:
+            stop = self.strict and self.watch.warnings
+            if self.checkpoints.due(frame - frames.first) or frame == frames.last or stop:
                 self._checkpoint(frame)
+            self._be_strict(frame, self.watch.warnings)
             if self.signals.number and frame < frames.last:
                 self._checkpoint(frame)
                 raise Cancelled(self.signals.number, _RESUME)
+
+    def _be_strict(self, frame: int, warnings: list[dict[str, Any]]) -> None:
+        """Stops a run with --strict that has warnings."""
+        if self.strict and warnings:
+            codes = ", ".join(sorted({warning["code"] for warning in warnings}))
+            raise StrictError(f"stopped by --strict after frame {frame} ({codes}); {_RESUME} without --strict")
 
     def _checkpoint(self, frame: int) -> None:
         self.cache.save_checkpoint(frame, self.simulation, self.checkpoints.keep)
@@ -151,7 +180,9 @@ class Run:
             if info.get("steps", 0) > sums["steps"]:
                 own = {name: info[name] - sums[name] for name in _COUNTERS}
                 sums.update({name: info[name] for name in _COUNTERS})
-                self.cache.add_stats({"event": "step", "frame": frame, **info, **own, **self._step_columns()})
+                line = {"event": "step", "frame": frame, **info, **own, **self._step_columns()}
+                self.cache.add_stats(line)
+                self.watch.step(line)
 
         def between(fraction: float, step: dict[str, Any]) -> bool:
             record(step)
@@ -231,13 +262,14 @@ class Run:
         self._report_left(frame, {path: solids[path] for path in left})
         self.surfaces = self.build.surfaces()
         self.cache.write_frame(frame, self.simulation, self.surfaces, left)
-        self._look_at_meshes(frame, solids)
         self._look_at_jets(frame)
         line = {"event": "frame", "frame": frame, "time": self.simulation.time, "seconds": round(seconds, 4)}
         line |= {"steps": self.simulation.steps, "solids": solids, "fluid": self.simulation.fluid_diagnostics()}
         line |= self.contacts.columns(self.build.names)
         self.contacts = FrameContacts()
         self.cache.add_stats({**line, "profile": self.simulation.profile()})
+        new = self.watch.frame(line)
+        self.cache.set_warnings(self.watch.warnings, at_once=new)
         self.progress.frame_done(
             frame, time=self.simulation.time, seconds=round(seconds, 4), steps=self.simulation.steps
         )
@@ -252,19 +284,6 @@ class Run:
                     f"{_way_out(self.scene, facts)}: it is no longer simulated and is invisible from this frame on; "
                     "a larger domain keeps it",
                     "LeftDomain",
-                    path,
-                )
-
-    def _look_at_meshes(self, frame: int, solids: dict[str, dict[str, Any]]) -> None:
-        """Warns, once a mesh, of edges that the solid does not explain; every frame's count is in the statistics."""
-        for path, facts in solids.items():
-            if facts["false_edges"] and path not in self.warned:
-                self.warned.add(path)
-                self.log.warning(
-                    f"{path}: frame {frame}: {facts['false_edges']} edges of the mesh are longer than 4 times what "
-                    f"the largest stretch of the solid ({facts['max_stretch']:.3g}) explains: points of it have "
-                    f"moved to another part; {stats_file.NAME} counts them in every frame",
-                    "FalseEdges",
                     path,
                 )
 
@@ -286,12 +305,14 @@ class Run:
                 )
 
     def _leave(self, status: str) -> None:
-        """What every run does at its end: statistics, the layer that opens the cache, the picture."""
+        """What every run does at its end: statistics, warnings, the layer that opens the cache, the picture."""
+        self.watch.sum_up()
         self.cache.finish(status)
         if self.cache.manifest.last_frame is None:
             return
         self.cache.write_root()
-        if self.surfaces or self.scene.has_smoke:
+        made = len(self.surfaces) == len(self.scene.simulated)  # a frame, in this run
+        if made and (self.surfaces or self.scene.has_smoke):
             smoke = self.simulation.field("smoke_density")[0][0] if self.scene.has_smoke else None
             frame = self.cache.manifest.last_frame
             title = f"{self.scene.name}  frame {frame}"

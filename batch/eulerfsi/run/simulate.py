@@ -31,7 +31,8 @@ class Options:
 
     start None: the scene's first frame; start_from: "CACHE" or "CACHE:FRAME", whose solids are taken over; threads
     None: all that the cgroup allows; checkpoint_every, keep_checkpoints: as Checkpoints takes them; allow_restart: a
-    resumed run may drop finished frames where others are damaged.
+    resumed run may drop finished frames where others are damaged; strict: a condition of docs/warnings.md stops the
+    run.
     """
 
     output: Path | None = None
@@ -47,6 +48,7 @@ class Options:
     allow_restart: bool = False
     checkpoint_every: str = "10"
     keep_checkpoints: str = "2"
+    strict: bool = False
 
 
 def load_scene(
@@ -101,7 +103,8 @@ def _simulate(path: Path, options: Options, log: Log, progress: Progress) -> Res
                 cache_module.remove_old(folder)
                 cache = Cache.create(folder, scene, overrides, _grids(scene), start)
             log.open(folder / "log")
-            return Run(scene, cache, build, log, progress, checkpoints).execute(mode == "resume")
+            run = Run(scene, cache, build, log, progress, checkpoints, options.strict)
+            return run.execute(mode == "resume")
 
 
 def _last_checkpoint(folder: Path, mode: str) -> int | None:
