@@ -10,6 +10,7 @@ from ..solver.simulation import Mesh
 from .parts import Collider, Emitter, Pin, Scene
 
 _SPLITS = 4  # of the edges of a triangle, at whose parts a surface is looked at
+_MOST = 4000  # points of a surface that are looked at
 _SHRUNK = 1e-3  # by which a region is made smaller: one as large as the collider lies inside it
 _AT_ONCE = 2_000_000  # pairs of points and triangles
 
@@ -51,6 +52,7 @@ def _region_points(scene: Scene, hull: Mesh) -> np.ndarray:
     weights = np.array([(i, j, _SPLITS - i - j) for i in steps for j in steps if i + j <= _SPLITS]) / _SPLITS
     corners = hull.points[hull.triangles()].astype(float)
     points = np.einsum("sk,tkc->tsc", weights, corners).reshape(-1, 3)
+    points = points[:: 1 + len(points) // _MOST]
     middle = points.mean(axis=0)
     low, half = np.array(scene.domain["domain_min"]), scene.domain["voxel_size"] / 2
     high = low + np.array(scene.domain["domain_size"])
