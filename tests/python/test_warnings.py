@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import ROOT, content_hashes, make_scene
+from conftest import ROOT, author, box, content_hashes, make_scene, metric_stage, sphere
 from eulerfsi.log import Log
 from eulerfsi.run.conditions import CONDITIONS
 from eulerfsi.run.measures import Watched
@@ -19,6 +19,7 @@ from eulerfsi.run.simulate import Options, load_scene, simulate
 from eulerfsi.run.watch import Watch
 from eulerfsi.solver import binding
 from events import events
+from pxr import Sdf, UsdGeom, UsdPhysics
 from test_resume import start, stop_after
 
 BALL, DOMAIN = "/World/Ball", "/World/Domain"
@@ -96,8 +97,8 @@ CASES = {
         (watched(pinned={BALL}), [*GOOD, FAILED, frame(center=[0.5, 0.499, 0.5])]),
     ),
     "energy_rises": (
-        (watched(), [*GOOD, energy(0.9), energy(0.9201), frame()], "", 0.0201),
-        (watched(), [*GOOD, energy(0.5, 0.5), energy(1.9, -0.9), frame()]),
+        (watched(), [*GOOD, energy(0.9), frame(), energy(0.95), energy(0.9201), frame()], "", 0.0201),
+        (watched(), [*GOOD, energy(0.5, 0.5), frame(), energy(1.9, -0.9), energy(0.9), energy(1.9), frame()]),
     ),
     "false_edges": (
         (watched(), [*GOOD, step(), frame(false_edges=3), step(), frame(false_edges=2)], "", 2.0),
@@ -158,13 +159,12 @@ def test_a_condition_is_told_once_a_prim_and_at_the_end_with_its_worst():
 
 
 def test_work_from_outside_is_no_rise():
-    pushed = [energy(1.0), {**energy(1.5), "prescribed_work": {BALL: 1.0}}, energy(2.0), frame()]
+    risen = [energy(1.0), frame(), energy(2.0), frame()]
+    pushed = [energy(1.0), {**energy(1.5), "prescribed_work": {BALL: 1.0}}, frame(), energy(2.0), frame()]
     assert looked_at(watched(), pushed)[0].warnings == []
-    assert [w["code"] for w in looked_at(watched(), [energy(1.0), energy(2.0), frame()])[0].warnings] == [
-        "energy_rises"
-    ]
+    assert [w["code"] for w in looked_at(watched(), risen)[0].warnings] == ["energy_rises"]
     open_box = watched(domain={"wall[3]": binding.WALLS["open"]})
-    assert looked_at(open_box, [energy(1.0), energy(2.0), frame()])[0].warnings == []
+    assert looked_at(open_box, risen)[0].warnings == []
 
 
 def test_a_solid_that_was_stretched_to_another_volume_is_judged_once_it_has_its_own():
@@ -187,6 +187,27 @@ def test_a_watch_that_goes_on_from_any_line_ends_as_one_that_saw_all(name):
         assert said.getvalue() == ""
         parts.replay(lines[cut:])
         assert parts.warnings == whole.warnings
+
+
+def test_a_bar_of_steel_whose_solve_gives_up_is_told(cli, tmp_path):
+    stage = metric_stage(tmp_path / "bar.usda", (1, 2))
+    UsdPhysics.Scene.Define(stage, "/World/PhysicsScene")
+    author(box(stage, DOMAIN, (0, 0, 0), (1.2, 0.6, 0.6), 1.0, "EulerFsiDomainAPI"), voxelSize=0.02, ambientFluid=False)
+    points, counts, indices = sphere(0.5, 20)
+    bar = UsdGeom.Mesh.Define(stage, "/World/Bar")
+    bar.CreatePointsAttr(points * (0.9, 0.1, 0.1))
+    bar.CreateFaceVertexCountsAttr(counts)
+    bar.CreateFaceVertexIndicesAttr(indices)
+    bar.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    bar.GetPrim().ApplyAPI("EulerFsiSolidAPI")
+    author(bar.GetPrim(), youngsModulus=2e11, poissonsRatio=0.45)
+    pin = UsdGeom.PrimvarsAPI(bar).CreatePrimvar("eulerfsi:pin", Sdf.ValueTypeNames.FloatArray, "vertex")
+    pin.Set([float(x < -0.4) for x in points[:, 0]])
+    stage.GetRootLayer().Save()
+    done = cli("simulate", tmp_path / "bar.usda", "-o", tmp_path / "cache")
+    (kept,) = warnings_of(tmp_path / "cache")
+    assert (kept["code"], kept["prim"], kept["frame"], kept["limit"]) == ("held_solid", "/World/Bar", 2, 0.01)
+    assert "/World/Bar: frame 2: it is pinned and does not move" in done.stderr
 
 
 @pytest.fixture(scope="module")

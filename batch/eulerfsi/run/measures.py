@@ -194,7 +194,8 @@ class _Energy:
         inflow = any(domain[f"wall_velocity[{face}]"][face // 2] for face in range(6))
         self._on = bool(domain["energy_ledger"]) and not open_faces(domain) and not inflow
         self._scene = watched
-        self._work = self._put_in = self._rise = 0.0
+        self._work = self._put_in = 0.0
+        self._rises: list[float] = []  # of the steps of this frame
         self._lowest = math.inf  # of the energy less the work, so far
         self._top = self._bottom = math.nan  # potential energy: in the first step, lowest so far
 
@@ -212,7 +213,7 @@ class _Energy:
         self._put_in += max(work, 0.0)
         self._bottom = min(self._bottom, forms["potential"])
         self._lowest = min(self._lowest, energy)
-        self._rise = max(self._rise, energy - self._lowest)
+        self._rises.append(energy - self._lowest)
 
     def _outside(self, line: dict[str, Any]) -> float:
         """What comes from outside in a step [J]."""
@@ -223,11 +224,11 @@ class _Energy:
         return work + (number(line["energy"]["source_work"]) if "emitter_flux" in line else 0.0)
 
     def frame(self) -> Iterator[Finding]:
-        """The largest rise in the steps of a frame."""
-        put_in, rise = self._put_in + self._top - self._bottom, self._rise
-        self._rise = 0.0
-        if put_in > self._scene.noise:
-            yield Finding("energy_rises", self._scene.domain_path, rise / put_in)
+        """The smallest rise in the steps of a frame: where something hits, that of one step is not that of a time."""
+        put_in = self._put_in + self._top - self._bottom
+        if self._rises and put_in > self._scene.noise:
+            yield Finding("energy_rises", self._scene.domain_path, min(self._rises) / put_in)
+        self._rises.clear()
 
 
 def number(value: float | None) -> float:
