@@ -37,13 +37,13 @@ def watched(**changes: Any) -> Watched:
     domain = {"domain_min": [0.0] * 3, "domain_size": [1.0] * 3, "voxel_size": 0.1, "energy_ledger": True}
     domain |= {f"wall[{face}]": binding.WALLS["slip"] for face in range(6)} | {"velocity_tolerance": 0.0, "preset": 0}
     domain |= {f"wall_velocity[{face}]": [0.0] * 3 for face in range(6)} | changes.pop("domain", {})
-    facts = {"fill": {BALL: 1.0}, "pinned": set(), "drive": 0.0, "moving_walls": False, "noise": 0.0}
+    facts = {"fill": {BALL: 1.0}, "pinned": set(), "drive": 0.0, "moving_walls": False, "noise": 0.0, "fall": 0.0}
     return Watched(DOMAIN, domain, **(facts | changes))
 
 
 def step(**changes: Any) -> dict[str, Any]:
     """A step in which nothing is wrong."""
-    line = {"unconverged": 0, "velocity_residual": 0.001, "max_speed_solid": 1.0, "prescribed_work": {}}
+    line = {"dt": 0.01, "unconverged": 0, "velocity_residual": 0.001, "max_speed_solid": 1.0, "prescribed_work": {}}
     nothing = {"solid_kinetic": 0.0, "elastic": 0.0, "fluid_kinetic": 0.0, "potential": 0.0}
     change = {stage: dict(nothing) for stage in binding.ENERGY_STAGES}
     line["energy"] = {"at_start": nothing | {"solid_kinetic": 1.0}, "change": change, "source_work": 0.0}

@@ -36,7 +36,8 @@ class Watched:
 
     fill: by path of every incompressible solid, its volume at the start over that at rest; pinned: paths of the pinned
     solids on which something acts; drive: largest speed of jets, wind, walls and sqrt(2 a H); moving_walls: they do
-    work; noise: energies below it are rounding.
+    work; noise: energies below it are rounding; fall: mass of the solids times gravity squared
+    [kg m²/s⁴].
     """
 
     domain_path: str
@@ -46,6 +47,7 @@ class Watched:
     drive: float
     moving_walls: bool
     noise: float
+    fall: float
 
     @classmethod
     def of(cls, scene: Scene) -> Watched:
@@ -56,7 +58,9 @@ class Watched:
         pinned = {pin.solid for pin in scene.pins} if acts else set()
         stiffness = sum(s.values["youngs_modulus"] * s.report["solid_volume"] for s in scene.solids)
         walls = any(any(domain[f"wall_velocity[{face}]"]) for face in range(6))
-        return cls(scene.domain_path, domain, fill, pinned, drive(scene), walls, _ROUNDING * stiffness)
+        mass = sum(s.values["density"] * s.report["solid_volume"] for s in scene.solids)
+        fall = mass * float(np.dot(domain["gravity"], domain["gravity"]))
+        return cls(scene.domain_path, domain, fill, pinned, drive(scene), walls, _ROUNDING * stiffness, fall)
 
 
 def drive(scene: Scene) -> float:
@@ -194,7 +198,7 @@ class _Energy:
         inflow = any(domain[f"wall_velocity[{face}]"][face // 2] for face in range(6))
         self._on = bool(domain["energy_ledger"]) and not open_faces(domain) and not inflow
         self._scene = watched
-        self._work = self._put_in = 0.0
+        self._work = self._put_in = self._open = 0.0
         self._rises: list[float] = []  # of the steps of this frame
         self._lowest = math.inf  # of the energy less the work, so far
         self._top = self._bottom = math.nan  # potential energy: in the first step, lowest so far
@@ -214,6 +218,7 @@ class _Energy:
         self._bottom = min(self._bottom, forms["potential"])
         self._lowest = min(self._lowest, energy)
         self._rises.append(energy - self._lowest)
+        self._open = max(self._open, self._scene.fall * line["dt"] ** 2 / 8)
 
     def _outside(self, line: dict[str, Any]) -> float:
         """What comes from outside in a step [J]."""
@@ -224,10 +229,13 @@ class _Energy:
         return work + (number(line["energy"]["source_work"]) if "emitter_flux" in line else 0.0)
 
     def frame(self) -> Iterator[Finding]:
-        """The smallest rise in the steps of a frame: where something hits, that of one step is not that of a time."""
+        """The smallest rise in the steps of a frame: where something hits, that of one step is not that of a time.
+
+        Less what half a step of free fall leaves open, in which the ledger's u and v of one time are not exact.
+        """
         put_in = self._put_in + self._top - self._bottom
         if self._rises and put_in > self._scene.noise:
-            yield Finding("energy_rises", self._scene.domain_path, min(self._rises) / put_in)
+            yield Finding("energy_rises", self._scene.domain_path, (min(self._rises) - self._open) / put_in)
         self._rises.clear()
 
 
