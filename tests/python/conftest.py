@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -24,6 +25,9 @@ os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 import eulerfsi_usd  # noqa: E402, F401 - registers the schema before the first stage is opened
 from eulerfsi.solver import binding  # noqa: E402
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics  # noqa: E402
+
+# Tests of SIGHUP hold under nohup, too, which leaves it ignored in every child.
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 @pytest.fixture(scope="session")
