@@ -165,6 +165,10 @@ def test_a_jet_inside_a_collider_is_told_of_once(room: Path, tmp_path: Path, cli
     save(stage)
     warning = "warning: /World/Source: frame 2: the emitter has a velocity but adds no fluid"
     assert cli("simulate", room, "-o", tmp_path / "covered").stderr.count(warning) == 1
+    author(stage.GetPrimAtPath("/World/Source"), startTime=0.5 / 24)
+    save(stage)
+    late = cli("simulate", room, "-o", tmp_path / "late").stderr
+    assert late.count(warning.replace("frame 2", "frame 3")) == late.count("adds no fluid") == 1  # not before it blows
     cover.GetAttribute("size").Set(0.25)  # a quarter of what it was: the jet looks out
     save(stage)
     assert "adds no fluid" not in cli("simulate", room, "-o", tmp_path / "free").stderr

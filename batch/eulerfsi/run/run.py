@@ -288,13 +288,16 @@ class Run:
                 )
 
     def _look_at_jets(self, frame: int) -> None:
-        """Warns, once a jet, of one that always blows and has brought nothing in; in a closed box none does."""
+        """Warns, once a jet, of one that blew all the frame and has brought nothing in; in a closed box none does."""
         brought, self.brought = self.brought, {}
         if not open_faces(self.scene.domain):
             return
+        end = (frame - self.scene.frames.first) / self.scene.fps
         for emitter in self.scene.emitters:
-            path, steady = emitter.path, not emitter.keys and emitter.over_time("velocity").any()
-            if steady and brought.get(path) == 0.0 and path not in self.warned:
+            path, values = emitter.path, emitter.values
+            steady = not emitter.keys and emitter.over_time("velocity").any()
+            on = values["start_time"] <= end - 1 / self.scene.fps and end <= values["end_time"]
+            if steady and on and brought.get(path) == 0.0 and path not in self.warned:
                 self.warned.add(path)
                 self.log.warning(
                     f"{path}: frame {frame}: the emitter has a velocity but adds no fluid: no part of its region "
