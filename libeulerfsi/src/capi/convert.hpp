@@ -151,6 +151,19 @@ inline EfsiContactPair to_c(const sim::ContactPair& p) {
   return c;
 }
 
+// Points from x y z numbers. argument: "efsi_collider_set_points: from". Throws Error(kArgument) for one that is not
+// finite.
+template <class Number>
+std::vector<Vec3d> read_points(const Number* values, std::uint64_t count, const std::string& argument) {
+  std::vector<Vec3d> points(count);
+  for (std::uint64_t i = 0; i < count; ++i) {
+    points[i] = {values[3 * i], values[3 * i + 1], values[3 * i + 2]};
+    if (!points[i].allFinite())
+      throw Error(ErrorCode::kArgument, argument + "[" + std::to_string(i) + "]: must be finite");
+  }
+  return points;
+}
+
 // Copies points [m] as x y z floats.
 inline void copy_points(const std::vector<Vec3d>& points, float* out) {
   for (const Vec3d& x : points)

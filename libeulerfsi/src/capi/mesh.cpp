@@ -12,21 +12,6 @@ using namespace efsi::capi;
 using efsi::Error;
 using efsi::ErrorCode;
 
-namespace {
-
-// x y z of `count` points. Throws Error(kArgument) for one that is not finite.
-std::vector<efsi::Vec3d> read_points(const double* values, std::uint64_t count, const std::string& argument) {
-  std::vector<efsi::Vec3d> points(count);
-  for (std::uint64_t i = 0; i < count; ++i) {
-    points[i] = {values[3 * i], values[3 * i + 1], values[3 * i + 2]};
-    if (!points[i].allFinite())
-      throw Error(ErrorCode::kArgument, argument + "[" + std::to_string(i) + "]: must be finite");
-  }
-  return points;
-}
-
-}  // namespace
-
 EfsiStatus efsi_mesh_load(const char* path, EfsiMesh** mesh, EfsiError* error) {
   if (mesh) *mesh = nullptr;
   return guarded(error, [&] {

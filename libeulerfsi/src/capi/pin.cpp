@@ -33,17 +33,6 @@ std::size_t pin_index(const EfsiSim& sim, uint32_t id, const char* function) {
   return check_id(id, sim.simulation.pins().size(), std::string(function) + ": id", "pin");
 }
 
-std::vector<efsi::Vec3d> to_points(const char* argument, const float* values, std::size_t count) {
-  std::vector<efsi::Vec3d> points(count);
-  for (std::size_t v = 0; v < count; ++v) {
-    points[v] = {values[3 * v], values[3 * v + 1], values[3 * v + 2]};
-    if (!points[v].allFinite())
-      throw Error(ErrorCode::kArgument,
-                  std::string("efsi_collider_set_points: ") + argument + "[" + std::to_string(v) + "]: must be finite");
-  }
-  return points;
-}
-
 }  // namespace
 
 EfsiStatus efsi_pin_add_volume(EfsiSim* sim, uint32_t solid, const EfsiSurface* volume, uint32_t* id) {
@@ -112,7 +101,8 @@ EfsiStatus efsi_collider_set_points(EfsiSim* sim, uint32_t pin, double start, do
       throw Error(ErrorCode::kArgument, std::string(kName) + ": point_count = " + std::to_string(point_count) +
                                             ": must be " + std::to_string(points) + ", as in the mesh of solid " +
                                             std::to_string(held.solid + 1));
-    sim->simulation.set_points(index, {start, end, to_points("from", from, points), to_points("to", to, points)});
+    sim->simulation.set_points(index, {start, end, read_points(from, points, std::string(kName) + ": from"),
+                                       read_points(to, points, std::string(kName) + ": to")});
   });
 }
 
