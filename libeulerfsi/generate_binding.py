@@ -55,7 +55,7 @@ class Header:
     def python_type(self, node: c_ast.Node) -> str:
         """The ctypes expression of a member, an argument or a result."""
         if isinstance(node, c_ast.ArrayDecl):
-            return f"{self.python_type(node.type)} * {self.length(node.dim)}"
+            return f"{self.python_type(node.type)} * {node.dim.value}"
         if isinstance(node, c_ast.PtrDecl):
             return self.pointer(node.type)
         name = self.type_name(node)
@@ -79,9 +79,6 @@ class Header:
     def type_name(node: c_ast.Node) -> str:
         inner = node.type
         return inner.name if isinstance(inner, c_ast.Struct) else " ".join(inner.names)
-
-    def length(self, node: c_ast.Node) -> int:
-        return int(node.value)
 
     def arguments(self, function: c_ast.FuncDecl) -> list[str]:
         """A parameter that is an array is a pointer to the caller's memory."""
@@ -113,7 +110,7 @@ def common_prefix(names: Iterable[str]) -> str:
 
 def render_python(header: Header) -> str:
     """ctypes structures, enums, callbacks and prototypes."""
-    lines = [f'"""The C API in ctypes. {NOTE}"""', "# fmt: off", "from ctypes import *  # noqa: F403", ""]
+    lines: list[str] = []
     for name, values in header.enums.items():
         prefix = "EFSI_" if name == "EfsiStatusCode" else common_prefix(values)
         short = {key.removeprefix(prefix).lower(): value for key, value in values.items() if not key.endswith("_COUNT")}
@@ -127,21 +124,14 @@ def render_python(header: Header) -> str:
     lines.append("")
     lines += [callback_line(header, name, kind) for name, kind in pending.items()]
     lines += ["", "STRUCTURES = {"]
-    lines += [f'    "{name}": {name.removeprefix("Efsi")},' for name in header.structs] + [
-        "}",
-        "",
-        "# Name: result, arguments.",
-    ]
-    lines.append("FUNCTIONS = {")
+    lines += [f'    "{name}": {name.removeprefix("Efsi")},' for name in header.structs]
+    lines += ["}", "", "# Name: result, arguments.", "FUNCTIONS = {"]
     for name, function in header.functions.items():
         result = header.python_type(function.type)
         lines.append(f'    "{name}": ({result}, [{", ".join(header.arguments(function))}]),')
-    return "\n".join([*lines, "}", ""]).replace("from ctypes import *  # noqa: F403", ctypes_import("\n".join(lines)))
-
-
-def ctypes_import(text: str) -> str:
-    names = sorted(set(re.findall(r"\b(?:c_\w+|POINTER|CFUNCTYPE|Structure)\b", text)))
-    return f"from ctypes import {', '.join(names)}"
+    used = sorted(set(re.findall(r"\b(?:c_\w+|POINTER|CFUNCTYPE|Structure)\b", "\n".join(lines))))
+    head = [f'"""The C API in ctypes. {NOTE}"""', "# fmt: off", f"from ctypes import {', '.join(used)}", ""]
+    return "\n".join([*head, *lines, "}", ""])
 
 
 def callback_line(header: Header, name: str, kind: c_ast.FuncDecl) -> str:
