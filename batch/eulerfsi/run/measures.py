@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..scene.parts import Scene, face_name, open_faces
+from ..scene.parts import Scene, beyond_faces, face_name, open_faces
 from ..solver import binding
 from ..solver.simulation import slab_axis
 from .conditions import CONDITIONS
@@ -142,9 +142,8 @@ class Measures:
     def _beyond(self, facts: dict[str, Any]) -> list[float]:
         """Beyond every face, how far the mesh reaches [cells]."""
         domain = self._scene.domain
-        low = np.array(domain["domain_min"])
-        out = [low - facts["extent_min"], np.array(facts["extent_max"]) - (low + domain["domain_size"])]
-        return [float(out[face % 2][face // 2]) / domain["voxel_size"] for face in range(6)]
+        ends = np.array(facts["extent_min"]), np.array(facts["extent_max"])
+        return (beyond_faces(domain, *ends) / domain["voxel_size"]).tolist()
 
     def _leaves(self, facts: dict[str, Any]) -> bool:
         """Whether it reaches out of an open face."""

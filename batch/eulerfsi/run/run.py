@@ -16,7 +16,7 @@ from ..errors import Cancelled, DivergedError, LibraryError, StrictError
 from ..log import Log
 from ..progress import Progress
 from ..scene import memory
-from ..scene.parts import Collider, Scene, face_name, open_faces
+from ..scene.parts import Collider, Scene, beyond_faces, face_name, open_faces
 from ..signals import Signals
 from ..solver import binding
 from .build import Build
@@ -46,10 +46,8 @@ class Result:
 
 def _way_out(scene: Scene, facts: dict[str, Any]) -> str:
     """The open wall beyond which a solid is farthest."""
-    low = np.array(scene.domain["domain_min"])
-    high = low + np.array(scene.domain["domain_size"])
     middle = 0.5 * (np.array(facts["extent_min"]) + np.array(facts["extent_max"]))
-    beyond = np.stack([low - middle, middle - high], axis=1).ravel()  # in the order of the faces
+    beyond = beyond_faces(scene.domain, middle, middle)
     return f"wall{face_name(max(open_faces(scene.domain) or range(6), key=lambda face: beyond[face]))}"
 
 

@@ -7,7 +7,7 @@ from eulerfsi_usd.issues import Issue
 
 from ..solver import binding
 from ..solver.simulation import Mesh
-from .parts import Collider, Emitter, Pin, Scene
+from .parts import Collider, Emitter, Pin, Scene, domain_box
 
 _SPLITS = 4  # of the edges of a triangle, at whose parts a surface is looked at
 _MOST = 4000  # points of a surface that are looked at
@@ -54,8 +54,7 @@ def _region_points(scene: Scene, hull: Mesh) -> np.ndarray:
     points = np.einsum("sk,tkc->tsc", weights, corners).reshape(-1, 3)
     points = points[:: 1 + len(points) // _MOST]
     middle = points.mean(axis=0)
-    low, half = np.array(scene.domain["domain_min"]), scene.domain["voxel_size"] / 2
-    high = low + np.array(scene.domain["domain_size"])
+    (low, high), half = domain_box(scene.domain), scene.domain["voxel_size"] / 2
     return np.clip(points + (middle - points) * _SHRUNK, low + half, high - half)
 
 
@@ -88,8 +87,7 @@ def _check_pin(scene: Scene, pin: Pin) -> list[Issue]:
     if pin.mesh:
         ends = np.maximum(ends[0], pin.mesh.points.min(axis=0)), np.minimum(ends[1], pin.mesh.points.max(axis=0))
     corners = np.array([[ends[at >> axis & 1][axis] for axis in range(3)] for at in range(8)], float)
-    low = np.array(scene.domain["domain_min"])
-    high = low + np.array(scene.domain["domain_size"])
+    low, high = domain_box(scene.domain)
     for frame in scene.frames:
         pose = pin.motion.pose(frame)
         now = corners @ pose[:3, :3].T + pose[:3, 3]

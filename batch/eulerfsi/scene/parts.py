@@ -343,6 +343,18 @@ def open_faces(domain: dict[str, Any]) -> list[int]:
     return [face for face in range(6) if domain[f"wall[{face}]"] == binding.WALLS["open"]]
 
 
+def domain_box(domain: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper corner of the domain [m]."""
+    low = np.array(domain["domain_min"])
+    return low, low + np.array(domain["domain_size"])
+
+
+def beyond_faces(domain: dict[str, Any], least: np.ndarray, most: np.ndarray) -> np.ndarray:
+    """(6,) in the order of the faces, how far a box from `least` to `most` reaches beyond each [m]; < 0: inside."""
+    low, high = domain_box(domain)
+    return np.stack([low - least, most - high], axis=1).ravel()
+
+
 def face_name(face: int) -> str:
     """A face of the domain as parameters name it: 0 XMin, 1 XMax, 2 YMin ..."""
     return f"{'XYZ'[face // 2]}{('Min', 'Max')[face % 2]}"
