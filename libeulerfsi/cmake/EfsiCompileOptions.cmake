@@ -18,3 +18,8 @@ function(efsi_compile_options target)
     target_compile_options(${target} PRIVATE -Werror)
   endif()
 endfunction()
+
+# Parsed once instead of in every source, and by the tests too: half of the time of a build. Sources include what they use
+# all the same: CMAKE_DISABLE_PRECOMPILE_HEADERS (preset debug) builds without.
+set(EFSI_PRECOMPILED <algorithm> <array> <cmath> <cstdint> <functional> <limits> <memory> <optional> <span> <sstream>
+                     <string> <utility> <vector> <Eigen/Dense> <Eigen/Geometry>)

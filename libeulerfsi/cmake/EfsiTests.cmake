@@ -1,12 +1,12 @@
-# efsi_add_test_program(target LABEL label LIBRARY core SOURCES file...): a Catch2 program; each of its test cases becomes
-# a CTest test named "<label>: <test case>" with the label and one label per Catch2 tag ([law] -> law, [slow] -> slow).
+# efsi_add_test_program(target LABEL label SOURCES file...): a Catch2 program of the sources and efsi_tests_common; each of
+# its test cases becomes a CTest test named "<label>: <test case>" with the label and one label per Catch2 tag ([law] ->
+# law, [slow] -> slow).
 function(efsi_add_test_program target)
-  cmake_parse_arguments(PARSE_ARGV 1 arg "" "LABEL;LIBRARY" "SOURCES")
+  cmake_parse_arguments(PARSE_ARGV 1 arg "" "LABEL" "SOURCES")
   add_executable(${target} ${arg_SOURCES})
   efsi_compile_options(${target})
-  target_link_libraries(${target} PRIVATE ${arg_LIBRARY} Catch2::Catch2WithMain)
-  target_include_directories(${target} PRIVATE "${PROJECT_SOURCE_DIR}/tests")
-  target_compile_definitions(${target} PRIVATE EFSI_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
+  target_link_libraries(${target} PRIVATE efsi_tests_common)
+  target_precompile_headers(${target} REUSE_FROM efsi_tests_common)
 
   set(list_file "${CMAKE_CURRENT_BINARY_DIR}/${target}_tests.cmake")
   add_custom_command(TARGET ${target} POST_BUILD

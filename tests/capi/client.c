@@ -297,6 +297,19 @@ static void check_vdb(EfsiSim* sim, const char* folder) {
     CHECK(fread(head, 1, 4, file) == 4 && memcmp(head, " BDV", 4) == 0); /* OpenVDB's magic number, little-endian */
     fclose(file);
   }
+#ifndef EFSI_EARLIER_HEADERS
+  EfsiVdb* vdb_file = NULL;
+  EfsiVdbGrid grid;
+  EfsiError error;
+  CHECK_OK(NULL, efsi_vdb_open(path, &vdb_file, &error));
+  CHECK_OK(NULL, efsi_vdb_get_grid(vdb_file, "density", &grid, sizeof(grid), &error));
+  CHECK(grid.components == 1 && grid.active_count > 0);
+  float corner = -1.0f;
+  const uint32_t one[3] = {1, 1, 1};
+  CHECK_OK(NULL, efsi_vdb_read(vdb_file, "density", grid.min, one, 1, &corner, 1, &error));
+  CHECK(corner >= 0.0f);
+  efsi_vdb_destroy(vdb_file);
+#endif
   path_in(path, sizeof path, folder, "no/such/folder/frame.vdb");
   CHECK(efsi_vdb_write(sim, path, &vdb, NULL) == EFSI_ERROR_IO);
   CHECK(strstr(efsi_simulation_last_error(sim), "frame.vdb"));
@@ -394,6 +407,13 @@ static void check_fall(const char* folder) {
   CHECK_OK(twin, efsi_simulation_advance(twin, 0.05, &info, sizeof(info), NULL, NULL));
   CHECK_OK(twin, efsi_simulation_get_hash(twin, &hash_b));
   CHECK(hash_a == hash_b && hash_a != 0);
+#ifndef EFSI_EARLIER_HEADERS
+  /* The same goes on with other parameters, were there any. */
+  CHECK_OK(twin, efsi_simulation_restore_state(twin, path));
+  CHECK_OK(twin, efsi_simulation_advance(twin, 0.05, &info, sizeof(info), NULL, NULL));
+  CHECK_OK(twin, efsi_simulation_get_hash(twin, &hash_b));
+  CHECK(hash_a == hash_b);
+#endif
   /* Its solid starts another simulation, where it is then. */
   EfsiSim* other = make_scene(&id);
   CHECK_OK(other, efsi_simulation_restore_solids(other, path));

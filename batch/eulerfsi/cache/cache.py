@@ -18,10 +18,11 @@ from ..frames import file_number
 from ..scene.parts import Scene
 from ..solver import binding
 from ..solver.simulation import Simulation
-from . import preview, stats_file
+from . import preview, rebake, stats_file
 from .localize import localize_scene
 from .lock import LOCK
 from .manifest import FILE_NAME, Manifest
+from .output import Output
 from .start_from import Start
 from .usd_writer import UsdWriter
 
@@ -38,24 +39,23 @@ class Cache:
         self.manifest = manifest
         self.writer = UsdWriter(folder, scene)
         self.checkpoint: dict[str, Any] | None = None
+        self.output = Output.of(manifest.data.get("output"))
         self._stats: list[dict[str, Any]] = []
 
     @classmethod
     def create(
-        cls, folder: Path, scene: Scene, overrides: dict[str, str], grids: list[str], start: Start | None = None
+        cls, folder: Path, scene: Scene, overrides: dict[str, str], output: Output, start: Start | None = None
     ) -> Cache:
         """Makes the folder with a copy of the scene. An old cache must have been removed (`prepare`)."""
         facts = {
-            "program": {"eulerfsi": __version__, "library": binding.library_version()},
+            **_recipe(scene, overrides, output),
             "scene": f"{scene.name}.usda",
             "scene_copy": "",
-            "scene_hash": scene.hash(),
             "first": scene.frames.first,
             "last": scene.frames.last,
             "fps": scene.fps,
-            "grids": grids if scene.has_smoke else [],
-            "parameters": scene.parameters(),
-            "overrides": overrides,
+            "grids": _grids(scene, output),
+            "bodies": scene.bodies(),
             **({"start_from": start.facts()} if start else {}),
         }
         cache = cls(folder, scene, Manifest.new(folder, **facts))
@@ -66,7 +66,7 @@ class Cache:
         """Folders, the copy of the scene, the clips' manifest: what is there before the first frame."""
         self.manifest.save()  # first of all: from now on the folder is known as a cache
         try:
-            for name in ("frames", "checkpoints", *(("vdb",) if self.scene.has_smoke else ())):
+            for name in ("frames", "checkpoints", *(("vdb",) if self.manifest.data["grids"] else ())):
                 (self.folder / name).mkdir(exist_ok=True)
         except OSError as error:
             raise CacheIOError(f"{self.folder}: cannot be created: {error.strerror}") from error
@@ -76,7 +76,9 @@ class Cache:
         self.manifest.save()
 
     @classmethod
-    def resume(cls, folder: Path, scene: Scene, start: Start | None = None, allow_restart: bool = False) -> Cache:
+    def resume(
+        cls, folder: Path, scene: Scene, output: Output, start: Start | None = None, allow_restart: bool = False
+    ) -> Cache:
         """Opens a cache for continuing at its latest intact checkpoint; what came after it is dropped.
 
         `checkpoint` is that checkpoint's manifest entry, or None when the run must begin again.
@@ -86,6 +88,7 @@ class Cache:
         manifest = Manifest.load(folder)
         manifest.check_same_scene(scene.hash(), scene.parameters(), scene.frames.first, scene.fps)
         manifest.check_same_start(start.facts() if start else None)
+        manifest.check_same_output(output.facts() if output != Output() else None)
         files.remove_leftovers(folder)
         cache = cls(folder, scene, manifest)
         manifest.data["last"] = max(scene.frames.last, manifest.last_frame or scene.frames.last)
@@ -93,14 +96,37 @@ class Cache:
             cache.checkpoint = manifest.usable_checkpoint()
             if not allow_restart:
                 manifest.check_loss(cache.checkpoint)
-            manifest.data["status"] = "running"
-            frame = cache.checkpoint["frame"] if cache.checkpoint else scene.frames.first - 1
-            manifest.forget_after(frame)
-            manifest.save()
-            if not manifest.data["scene_copy"]:
-                cache._begin()
-            stats_file.trim(folder, cache.checkpoint["time"] if cache.checkpoint else -1.0)
+            cache._go_back(cache.checkpoint)
         return cache
+
+    @classmethod
+    def rebake(
+        cls, folder: Path, scene: Scene, overrides: dict[str, str], output: Output, checkpoint: dict[str, Any]
+    ) -> Cache:
+        """Opens a cache to make the frames after a checkpoint anew (`rebake.find_checkpoint`), with another scene."""
+        manifest = Manifest.load(folder)
+        files.remove_leftovers(folder)
+        rebake.begin_stretch(manifest, checkpoint["frame"], _recipe(scene, overrides, output))
+        grids = [name for name in _GRIDS if name in {*manifest.data["grids"], *_grids(scene, output)}]
+        manifest.data |= {"grids": grids, "last": scene.frames.last, "scene_copy": ""}
+        cache = cls(folder, scene, manifest)
+        cache.checkpoint = checkpoint
+        cache._go_back(checkpoint)
+        return cache
+
+    @property
+    def is_foreign(self) -> bool:
+        """Whether the checkpoint was made with other parameters than those of the scene."""
+        first = self.manifest.data["first"]
+        return bool(self.checkpoint) and self.checkpoint["frame"] <= rebake.foreign_until(self.manifest, first)
+
+    def _go_back(self, checkpoint: dict[str, Any] | None) -> None:
+        """Drops what came after a checkpoint, None: everything."""
+        self.manifest.data["status"] = "running"
+        self.manifest.forget_after(checkpoint["frame"] if checkpoint else self.scene.frames.first - 1)
+        if not self.manifest.data["scene_copy"]:
+            self._begin()
+        stats_file.trim(self.folder, checkpoint["time"] if checkpoint else -1.0)
 
     def is_complete(self) -> bool:
         """All frames of the range are there, intact."""
@@ -116,11 +142,10 @@ class Cache:
         written = {}
         if self.scene.drawn:
             written[self.writer.frame_name(frame)] = self.writer.write_frame(frame, surfaces)
-        if self.scene.has_smoke:
+        if self.manifest.data["grids"]:
             name = self.writer.vdb_name(frame)
-            transform = self.scene.space.to_world_matrix()
             with files.replacing(self.folder / name) as temporary:
-                written[name] = simulation.write_vdb(temporary, transform=transform, write_velocity=1)
+                written[name] = simulation.write_vdb(temporary, **self.output.definition(self.scene.space))
         self.manifest.frames[str(frame)] = {
             "time": simulation.time,
             "state": simulation.state_hash(),
@@ -137,7 +162,7 @@ class Cache:
         frames = sorted(map(int, self.manifest.frames))
         data = self.manifest.data
         provenance = {key: data[key] for key in ("program", "scene_hash", "parameters", "overrides")}
-        volumes = frames if self.scene.has_smoke else []
+        volumes = [n for n in frames if self.writer.vdb_name(n) in self.manifest.frames[str(n)]["files"]]
         last = max(frames, default=self.scene.frames.first)
         left = self.manifest.left()
         self.writer.write_root(f"./{data['scene_copy']}", last, volumes, data["grids"], provenance, left)
@@ -149,7 +174,7 @@ class Cache:
         with files.replacing(self.folder / name) as temporary:
             simulation.save_checkpoint(temporary)
         self._flush_stats()
-        self.manifest.add_checkpoint(frame, simulation.time, name, keep)
+        self.manifest.add_checkpoint(frame, simulation.time, name, keep, self.scene.poses(frame))
 
     def finish(self, status: str) -> None:
         """Registers how the run ended."""
@@ -177,11 +202,39 @@ class Cache:
             self._stats.clear()
 
 
-def prepare(folder: Path, overwrite: bool, resume: bool) -> str:
-    """Decides what becomes of the output folder: "new" or "resume". Removes nothing yet.
+# Grids in the order in which they are listed.
+_GRIDS = ("density", "vel", "temperature")
 
-    Raises UsageError for a cache without --overwrite or --resume, and for a folder with other things in it.
+
+def _grids(scene: Scene, output: Output) -> list[str]:
+    """Names of the grids in each volume file; none where nothing emits."""
+    if not scene.has_smoke:
+        return []
+    heated = any(emitter.over_time("temperature").any() for emitter in scene.emitters)
+    return ["density", *(["vel"] if output.velocity else []), *(["temperature"] if heated else [])]
+
+
+def _recipe(scene: Scene, overrides: dict[str, str], output: Output) -> dict[str, Any]:
+    """How frames are made, for the manifest."""
+    return {
+        "program": {"eulerfsi": __version__, "library": binding.library_version()},
+        "scene_hash": scene.hash(),
+        "parameters": scene.parameters(),
+        "overrides": overrides,
+        "output": output.facts(),
+    }
+
+
+def prepare(folder: Path, overwrite: bool, resume: bool, rebake_from: int | None = None) -> str:
+    """Decides what becomes of the output folder: "new", "resume" or "rebake". Removes nothing yet.
+
+    Raises UsageError for a cache without --overwrite, --resume or --rebake-from, for a folder with other things in it,
+    and for --rebake-from without a cache.
     """
+    if rebake_from is not None:
+        if not (folder / FILE_NAME).is_file():
+            raise UsageError(f"--rebake-from {rebake_from}: {folder} contains no cache")
+        return "rebake"
     if (folder / FILE_NAME).is_file():
         if resume:
             return "resume"

@@ -18,8 +18,10 @@ class Manifest:
 
     data["frames"]["12"]: {"time", "state", "files": {relative path: {"bytes", "sha256", "content"}}}; once solids
     have left the box also "left": their paths.
-    data["checkpoints"]: [{"frame", "time", "file", "bytes", "sha256"}], oldest first; "frame" is the last frame that
-    is complete at that time.
+    data["checkpoints"]: [{"frame", "time", "file", "bytes", "sha256", "poses"}], oldest first; "frame" is the last
+    frame that is complete at that time, "poses" as Scene.poses gives them for it.
+    data["bodies"]: as Scene.bodies gives them; data["output"]: as cache.output.Output has it.
+    data["stretches"]: of a cache that was made anew in part (cache.rebake).
     data["warnings"]: what run.watch.Watch has found in the run so far, up to the last frame; absent before 0.2.0.
     """
 
@@ -78,21 +80,11 @@ class Manifest:
         starts = (("first", "first frame (--start-frame)", first), ("fps", "frame rate", fps))
         if scene_hash == self.data["scene_hash"]:
             return
-        before, changes = self.data["parameters"], []
-        for path in sorted({*before, *parameters}):
-            if path not in before or path not in parameters:
-                changes.append(f"{path} is {'new' if path in parameters else 'gone'}")
-                continue
-            old, new = before[path], parameters[path]
-            changes += [
-                f"{path}: {key} was {old.get(key)}, is {new.get(key)}"
-                for key in sorted({*old, *new})
-                if old.get(key) != new.get(key)
-            ]
-        changes += [
+        found = changes(self.data["parameters"], parameters)
+        found += [
             f"the {name} was {self.data[key]:g}, is {now:g}" for key, name, now in starts if self.data[key] != now
         ]
-        what = "; ".join(changes[:5]) or "a mesh"
+        what = "; ".join(found[:5]) or "a mesh"
         raise MismatchError(f"{self.folder}: cannot resume, the scene has changed since the cache was started: {what}")
 
     def check_same_start(self, start: dict[str, Any] | None) -> None:
@@ -103,14 +95,26 @@ class Manifest:
         was = f"from frame {before['frame']} of another cache" if before else "without --start-from"
         raise MismatchError(f"{self.folder}: cannot resume, it was started {was}: give the same option")
 
+    def check_same_output(self, output: dict[str, Any] | None) -> None:
+        """Raises MismatchError for other options of the output than the cache's; None: the cache's."""
+        before = self.data.get("output", output)
+        if output in (None, before):
+            return
+        name = next(key for key in output if output[key] != before.get(key))
+        raise MismatchError(
+            f"{self.folder}: cannot resume, the cache was started with another output: {name} was {before.get(name)}, "
+            f"is {output[name]}"
+        )
+
     def damaged_files(self, frame: int) -> list[str]:
         """Files of a frame that are missing or differ from what was written."""
         entry = self.frames.get(str(frame))
         if entry is None:
             return [f"frame {frame}"]
-        return [name for name, facts in entry["files"].items() if not self._intact(name, facts)]
+        return [name for name, facts in entry["files"].items() if not self.intact(name, facts)]
 
-    def _intact(self, name: str, facts: dict[str, Any]) -> bool:
+    def intact(self, name: str, facts: dict[str, Any]) -> bool:
+        """Whether a file, a relative name, is as it was written."""
         path = self.folder / name
         return path.is_file() and path.stat().st_size == facts["bytes"] and files.digest(path) == facts["sha256"]
 
@@ -121,9 +125,15 @@ class Manifest:
         while self.frames.get(str(frame)) and not self.damaged_files(frame):
             good_until, frame = frame, frame + 1
         for checkpoint in reversed(self.data["checkpoints"]):
-            if checkpoint["frame"] <= good_until and self._intact(checkpoint["file"], checkpoint):
+            if checkpoint["frame"] <= good_until and self.intact(checkpoint["file"], checkpoint):
                 return checkpoint
         return None
+
+    def whole_checkpoints(self, frame: int | None = None) -> list[dict[str, Any]]:
+        """Checkpoints at the end of a frame, of this one or of any; one that a signal has left may lie between two."""
+        first, fps = self.data["first"], self.data["fps"]
+        whole = [c for c in self.data["checkpoints"] if abs(c["time"] * fps - (c["frame"] - first)) < 1e-6]
+        return [checkpoint for checkpoint in whole if frame in (None, checkpoint["frame"])]
 
     def check_loss(self, checkpoint: dict[str, Any] | None) -> None:
         """Raises MismatchError where damage is why a run goes on at `checkpoint`, and finished frames would be lost."""
@@ -144,20 +154,36 @@ class Manifest:
             )
 
     def forget_after(self, frame: int) -> None:
-        """Drops all frames and checkpoints after a frame, with their files."""
-        for number in [n for n in self.frames if int(n) > frame]:
-            for name in self.frames.pop(number)["files"]:
-                (self.folder / name).unlink(missing_ok=True)
-        for checkpoint in [c for c in self.data["checkpoints"] if c["frame"] > frame]:
-            self.data["checkpoints"].remove(checkpoint)
-            (self.folder / checkpoint["file"]).unlink(missing_ok=True)
+        """Drops all frames and checkpoints after a frame: first from the manifest, which is saved, then their files."""
+        names = [name for n in list(self.frames) if int(n) > frame for name in self.frames.pop(n)["files"]]
+        names += [c["file"] for c in self.data["checkpoints"] if c["frame"] > frame]
+        self.data["checkpoints"] = [c for c in self.data["checkpoints"] if c["frame"] <= frame]
+        self.save()
+        for name in names:
+            (self.folder / name).unlink(missing_ok=True)
 
-    def add_checkpoint(self, frame: int, time: float, name: str, keep: int | None) -> None:
+    def add_checkpoint(self, frame: int, time: float, name: str, keep: int | None, poses: dict[str, str]) -> None:
         """Registers a checkpoint file (relative name) and removes the oldest beyond `keep`, None: none."""
         kept = [c for c in self.data["checkpoints"] if c["file"] != name]
-        kept.append({"frame": frame, "time": time, "file": name, **files.record(self.folder / name)})
+        kept.append({"frame": frame, "time": time, "file": name, "poses": poses, **files.record(self.folder / name)})
         old = len(kept) - (len(kept) if keep is None else min(keep, len(kept)))
         self.data["checkpoints"] = kept[old:]
         self.save()
         for checkpoint in kept[:old]:
             (self.folder / checkpoint["file"]).unlink(missing_ok=True)
+
+
+def changes(before: dict[str, dict[str, Any]], now: dict[str, dict[str, Any]]) -> list[str]:
+    """What differs between the parameters of two scenes, as Scene.parameters gives them."""
+    result = []
+    for path in sorted({*before, *now}):
+        if path not in before or path not in now:
+            result.append(f"{path} is {'new' if path in now else 'gone'}")
+            continue
+        old, new = before[path], now[path]
+        result += [
+            f"{path}: {key} was {old.get(key)}, is {new.get(key)}"
+            for key in sorted({*old, *new})
+            if old.get(key) != new.get(key)
+        ]
+    return result

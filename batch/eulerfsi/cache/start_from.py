@@ -39,12 +39,9 @@ def find_start(text: str) -> Start:
     if not (folder / FILE_NAME).is_file():
         raise UsageError(f"--start-from {text}: {folder} contains no cache")
     manifest = Manifest.load(folder)
-    first, fps = manifest.data["first"], manifest.data["fps"]
-    # One that a signal has left may lie between two frames.
-    whole = [c for c in manifest.data["checkpoints"] if abs(c["time"] * fps - (c["frame"] - first)) < 1e-6]
-    found = [c for c in whole if frame in (None, c["frame"])]
+    found = manifest.whole_checkpoints(frame)
     if not found:
-        there = " and ".join(str(c["frame"]) for c in whole) or "none"
+        there = " and ".join(str(checkpoint["frame"]) for checkpoint in manifest.whole_checkpoints()) or "none"
         raise UsageError(
             f"--start-from {text}: {folder} contains no checkpoint{'' if frame is None else f' of frame {frame}'}; it "
             f"has those of frames: {there}. A run keeps the last two: simulate it with --frames up to "

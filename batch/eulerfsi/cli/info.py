@@ -10,7 +10,7 @@ import numpy as np
 
 from .. import __version__
 from ..cache.lock import is_held
-from ..cache.manifest import FILE_NAME, Manifest
+from ..cache.manifest import FILE_NAME, Manifest, changes
 from ..errors import CacheIOError, EulerFsiError
 from ..frames import FrameRange
 from ..parameters import Parameter, table
@@ -84,7 +84,11 @@ def _cache_info(manifest: Manifest) -> Info:
         "checkpoints": checkpoints,
         "damaged": damaged,
         "warnings": warnings,
+        "stretches": data.get("stretches", []),
     }
+    for stretch in data.get("stretches", []):
+        lines.append(f"frames up to {stretch['last']} were made with other values, scene hash {stretch['scene_hash']}:")
+        lines += [f"  {change}" for change in changes(stretch["parameters"], data["parameters"])]
     if damaged:
         names = ", ".join(map(str, damaged))
         return Info(lines, facts, CacheIOError(f"{manifest.folder}: damaged or missing frames: {names}"))

@@ -57,6 +57,13 @@ def build_parser() -> argparse.ArgumentParser:
     group = simulate.add_mutually_exclusive_group()
     group.add_argument("--overwrite", action="store_true", help="replace an existing cache in the folder")
     group.add_argument("--resume", action="store_true", help="continue the cache at its latest checkpoint")
+    group.add_argument(
+        "--rebake-from",
+        type=int,
+        metavar="N",
+        help="keep the cache's frames up to N, make later ones anew, from its checkpoint of N; "
+        "parameters may have changed",
+    )
     simulate.add_argument(
         "--allow-restart", action="store_true", help="with --resume: drop finished frames where others are damaged"
     )
@@ -67,7 +74,14 @@ def build_parser() -> argparse.ArgumentParser:
         help="a checkpoint every N frames or T seconds, after the first frame and the last one; default: 10",
     )
     simulate.add_argument("--keep-checkpoints", default="2", metavar="N|all", help="the last N checkpoints; default: 2")
-
+    simulate.add_argument("--half", action="store_true", help="write smoke as 16-bit floats")
+    simulate.add_argument(
+        "--smoke-threshold", metavar="X", help="leave out voxels with at most this density; default: 0.001"
+    )
+    simulate.add_argument("--no-velocity", action="store_true", help="leave out the grid vel")
+    simulate.add_argument(
+        "--region", metavar="X0,Y0,Z0,X1,Y1,Z1", help="write smoke inside a box in world space alone, in stage units"
+    )
     simulate.add_argument(
         "--strict", action="store_true", help="stop after the first frame with a warning of docs/warnings.md"
     )
@@ -134,11 +148,11 @@ def _positive(text: str) -> int:
     return int(text)
 
 
-def _join_frames(arguments: Sequence[str]) -> list[str]:
-    """`--frames -24-48` as one word: argparse takes a range that begins before frame 0 for an option."""
+def _join_negative(arguments: Sequence[str]) -> list[str]:
+    """`--frames -24-48`, `--region -1,...` as one word: argparse takes what begins with a minus for an option."""
     joined: list[str] = []
     for argument in arguments:
-        if joined and joined[-1] == "--frames" and re.match(r"-\d", argument):
+        if joined and joined[-1] in ("--frames", "--region") and re.match(r"-\d", argument):
             joined[-1] += f"={argument}"
         else:
             joined.append(argument)
@@ -147,7 +161,7 @@ def _join_frames(arguments: Sequence[str]) -> list[str]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs one command; returns the exit code. A wrong option leaves through SystemExit(2), as argparse does."""
-    options = build_parser().parse_args(_join_frames(sys.argv[1:] if arguments is None else arguments))
+    options = build_parser().parse_args(_join_negative(sys.argv[1:] if arguments is None else arguments))
     run = {
         "simulate": _simulate,
         "validate": _validate,
@@ -177,6 +191,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _simulate(options: argparse.Namespace) -> int:
+    from ..cache.output import Output
     from ..run.simulate import Options, simulate
 
     if options.preset is not None and options.preset not in binding.PRESETS:
@@ -196,6 +211,8 @@ def _simulate(options: argparse.Namespace) -> int:
         checkpoint_every=options.checkpoint_every,
         keep_checkpoints=options.keep_checkpoints,
         strict=options.strict,
+        rebake_from=options.rebake_from,
+        written=Output.parse(options.half, options.smoke_threshold, not options.no_velocity, options.region),
     )
     result = simulate(options.scene, wanted)
     if options.progress != "json":

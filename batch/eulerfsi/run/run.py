@@ -125,7 +125,8 @@ class Run:
         frames, simulation = self.scene.frames, self.simulation
         done = frames.first - 1
         if self.cache.checkpoint:
-            simulation.restore_checkpoint(self.cache.folder / self.cache.checkpoint["file"])
+            restore = simulation.restore_state if self.cache.is_foreign else simulation.restore_checkpoint
+            restore(self.cache.folder / self.cache.checkpoint["file"])
             done = self.cache.checkpoint["frame"]
             lines = self.cache.stats()
             stopped = [line for line in lines if line["event"] == "stopped" and line["frame"] == done + 1]

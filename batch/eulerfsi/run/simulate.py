@@ -10,6 +10,8 @@ from ..cache import cache as cache_module
 from ..cache.cache import Cache
 from ..cache.lock import FolderLock
 from ..cache.manifest import Manifest
+from ..cache.output import Output
+from ..cache.rebake import find_checkpoint, try_restore
 from ..cache.start_from import find_start, take_over
 from ..frames import demand_start, parse_frames
 from ..log import Log
@@ -31,7 +33,8 @@ class Options:
 
     start None: the scene's first frame; start_from: "CACHE" or "CACHE:FRAME", whose solids are taken over; threads
     None: all that the cgroup allows; checkpoint_every, keep_checkpoints: as Checkpoints takes them; allow_restart: a
-    resumed run may drop finished frames where others are damaged; strict: a condition of docs/warnings.md stops the
+    resumed run may drop finished frames where others are damaged; rebake_from: frames after this one of an existing
+    cache are made anew; written: what is written of the smoke; strict: a condition of docs/warnings.md stops the
     run.
     """
 
@@ -45,10 +48,12 @@ class Options:
     progress: str = "auto"
     overwrite: bool = False
     resume: bool = False
+    rebake_from: int | None = None
     allow_restart: bool = False
     checkpoint_every: str = "10"
     keep_checkpoints: str = "2"
     strict: bool = False
+    written: Output = Output()
 
 
 def load_scene(
@@ -86,34 +91,33 @@ def _simulate(path: Path, options: Options, log: Log, progress: Progress) -> Res
     start = find_start(options.start_from) if options.start_from else None
     with usd_messages(log.info):
         scene, overrides = load_scene(path, options, log, memory_limit, progress)
-    mode = cache_module.prepare(folder, options.overwrite, options.resume)
+    mode = cache_module.prepare(folder, options.overwrite, options.resume, options.rebake_from)
     wanted = parse_frames(options.frames) if options.frames else scene.frames
     if wanted.first > scene.frames.first:
         demand_start(wanted, scene.frames.first, _last_checkpoint(folder, mode))
     checks.check_output(folder)
+    checkpoint = find_checkpoint(Manifest.load(folder), options.rebake_from, scene) if mode == "rebake" else None
     build = build_simulation(scene, threads, memory_limit, log)
     with build.simulation:
         if start:
             take_over(start, build.simulation, scene)
+        if checkpoint:
+            try_restore(Manifest.load(folder), checkpoint, build.simulation)
         folder.mkdir(parents=True, exist_ok=True)
         with FolderLock(folder), contextlib.closing(log), usd_messages(log.info):
             if mode == "resume":
-                cache = Cache.resume(folder, scene, start, options.allow_restart)
+                cache = Cache.resume(folder, scene, options.written, start, options.allow_restart)
+            elif checkpoint:
+                cache = Cache.rebake(folder, scene, overrides, options.written, checkpoint)
             else:
                 cache_module.remove_old(folder)
-                cache = Cache.create(folder, scene, overrides, _grids(scene), start)
+                cache = Cache.create(folder, scene, overrides, options.written, start)
             log.open(folder / "log")
             run = Run(scene, cache, build, log, progress, checkpoints, options.strict)
-            return run.execute(mode == "resume")
+            return run.execute(mode != "new")
 
 
 def _last_checkpoint(folder: Path, mode: str) -> int | None:
     """Frame from which a resumed run would go on; None where it begins anew."""
     checkpoint = Manifest.load(folder).usable_checkpoint() if mode == "resume" else None
     return checkpoint["frame"] if checkpoint else None
-
-
-def _grids(scene: Scene) -> list[str]:
-    """Names of the grids in each volume file."""
-    heated = any(emitter.over_time("temperature").any() for emitter in scene.emitters)
-    return ["density", "vel", *(["temperature"] if heated else [])]

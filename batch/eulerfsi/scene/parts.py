@@ -317,6 +317,23 @@ class Scene:
             result[f"{pin.path} (pin)"] = {"solid": pin.solid, "driver": pin.motion.driver}
         return json.loads(json.dumps(result))
 
+    def bodies(self) -> dict[str, str]:
+        """{prim path: digest of its mesh in the first frame} of what is simulated, drawn or a collider, in order."""
+        result = {}
+        for body in [*self.drawn, *self.colliders]:
+            mesh = body.mesh
+            digest = hashlib.sha256(mesh.points.tobytes() + mesh.counts.tobytes() + mesh.indices.tobytes())
+            result[body.path] = digest.hexdigest()
+        return result
+
+    def poses(self, frame: int) -> dict[str, str]:
+        """{prim path: digest of where a frame puts it} of pins and colliders. Raises PoseError."""
+        result = {}
+        for given in [*self.pins, *self.colliders]:
+            points = given.points(frame) if isinstance(given, Collider) else given.motion.pose(frame)
+            result[given.path] = hashlib.sha256(np.ascontiguousarray(points).tobytes()).hexdigest()
+        return result
+
     def hash(self) -> str:
         """Hash of all that the simulation depends on: parameters, meshes, frame rate, first frame."""
         digest = hashlib.sha256()

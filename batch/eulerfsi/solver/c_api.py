@@ -192,6 +192,18 @@ class VdbDef(Structure):
         ("density_threshold", c_double),
         ("half_float", c_int32),
         ("write_velocity", c_int32),
+        ("region_min", Vec3),
+        ("region_max", Vec3),
+    ]
+
+class VdbGrid(Structure):
+    _fields_ = [
+        ("min", c_int32 * 3),
+        ("size", c_uint32 * 3),
+        ("components", c_uint32),
+        ("padding", c_uint32),
+        ("transform", c_double * 16),
+        ("active_count", c_uint64),
     ]
 
 class PinReaction(Structure):
@@ -336,6 +348,7 @@ STRUCTURES = {
     "EfsiFluidDiagnostics": FluidDiagnostics,
     "EfsiForceDef": ForceDef,
     "EfsiVdbDef": VdbDef,
+    "EfsiVdbGrid": VdbGrid,
     "EfsiPinReaction": PinReaction,
     "EfsiStepInfo": StepInfo,
     "EfsiStageProfile": StageProfile,
@@ -381,6 +394,10 @@ FUNCTIONS = {
     "efsi_force_add": (c_int32, [c_void_p, POINTER(ForceDef), POINTER(c_uint32)]),
     "efsi_vdb_def_init": (c_int32, [POINTER(VdbDef), c_size_t]),
     "efsi_vdb_write": (c_int32, [c_void_p, c_char_p, POINTER(VdbDef), POINTER(c_uint64)]),
+    "efsi_vdb_open": (c_int32, [c_char_p, POINTER(c_void_p), POINTER(Error)]),
+    "efsi_vdb_get_grid": (c_int32, [c_void_p, c_char_p, POINTER(VdbGrid), c_size_t, POINTER(Error)]),
+    "efsi_vdb_read": (c_int32, [c_void_p, c_char_p, c_void_p, c_void_p, c_uint32, c_void_p, c_uint64, POINTER(Error)]),
+    "efsi_vdb_destroy": (None, [c_void_p]),
     "efsi_passenger_add": (c_int32, [c_void_p, c_uint32, c_void_p, c_uint64, POINTER(c_uint32)]),
     "efsi_passenger_get_points": (c_int32, [c_void_p, c_uint32, c_void_p, c_void_p, c_uint64]),
     "efsi_pin_add_volume": (c_int32, [c_void_p, c_uint32, c_void_p, POINTER(c_uint32)]),
@@ -409,5 +426,6 @@ FUNCTIONS = {
     "efsi_simulation_get_hash": (c_int32, [c_void_p, POINTER(c_uint64)]),
     "efsi_simulation_save_checkpoint": (c_int32, [c_void_p, c_char_p]),
     "efsi_simulation_restore_checkpoint": (c_int32, [c_void_p, c_char_p]),
+    "efsi_simulation_restore_state": (c_int32, [c_void_p, c_char_p]),
     "efsi_simulation_restore_solids": (c_int32, [c_void_p, c_char_p]),
 }

@@ -425,6 +425,14 @@ class Simulation:
         """
         self._check(self._lib.efsi_simulation_restore_checkpoint(self._handle, str(path).encode()))
 
+    def restore_state(self, path: str | Path) -> None:
+        """Restores the state of a simulation with other parameters, emitters, forces, pins; allowed at any time.
+
+        The box, the voxel size and the meshes of solids and colliders have to be the same. ERROR_IO, ERROR_CHECKPOINT
+        as in restore_checkpoint.
+        """
+        self._check(self._lib.efsi_simulation_restore_state(self._handle, str(path).encode()))
+
     def restore_solids(self, path: str | Path) -> None:
         """Restores the solids' shape, velocity and plastic strain from a checkpoint, before the first step.
 

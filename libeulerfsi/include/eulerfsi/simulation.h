@@ -148,6 +148,15 @@ EFSI_API EfsiStatus efsi_simulation_save_checkpoint(EfsiSim* sim, const char* pa
  * @retval EFSI_ERROR_CHECKPOINT a checkpoint of another scene or version */
 EFSI_API EfsiStatus efsi_simulation_restore_checkpoint(EfsiSim* sim, const char* path);
 
+/** Restores the state from a checkpoint of a simulation with other parameters, to continue with these; allowed at any
+ * time. Box, voxel size, periodic axes, and solids and colliders with their meshes must be the same in the same order;
+ * parameters, walls, materials, emitters, forces, pins and later motions may differ. With the same definitions it does
+ * what efsi_simulation_restore_checkpoint does.
+ * @param path UTF-8
+ * @retval EFSI_ERROR_IO the file cannot be read
+ * @retval EFSI_ERROR_CHECKPOINT a checkpoint of another box, other bodies or another version */
+EFSI_API EfsiStatus efsi_simulation_restore_state(EfsiSim* sim, const char* path);
+
 /** Restores shape, velocity and plastic strain of the solids from a checkpoint of a simulation with the same box, voxel
  * size and solids in the same order; allowed before the first step only. Fluid, forces, walls, emitters, materials,
  * pins and colliders may differ. Time stays 0 and the fluid is not changed.

@@ -113,6 +113,8 @@ void set_defaults(EfsiVdbDef& def) {
   set_identity(def.transform);
   def.density_threshold = kDensityThreshold;
   def.write_velocity = 1;
+  def.region_min = {-kInfinity, -kInfinity, -kInfinity};
+  def.region_max = {kInfinity, kInfinity, kInfinity};
 }
 
 #undef EFSI_DEFAULT
@@ -146,6 +148,15 @@ void check_values(const EfsiVdbDef& def, const std::string&) {
   check("EfsiVdbDef.density_threshold", def.density_threshold, {0.0, kInfinity, false});
   check("EfsiVdbDef.half_float", def.half_float, {0.0, 1.0, false});
   check("EfsiVdbDef.write_velocity", def.write_velocity, {0.0, 1.0, false});
+  const double low[3] = {def.region_min.x, def.region_min.y, def.region_min.z};
+  const double high[3] = {def.region_max.x, def.region_max.y, def.region_max.z};
+  for (int a = 0; a < 3; ++a)
+    if (!(low[a] < high[a])) {
+      std::ostringstream limit;
+      limit << "below EfsiVdbDef.region_max."
+            << "xyz"[a] << " = " << high[a];
+      refuse(std::string("EfsiVdbDef.region_min.") + "xyz"[a], low[a], limit.str());
+    }
 }
 
 #undef EFSI_CHECK

@@ -8,6 +8,7 @@
 
 #include "eulerfsi/eulerfsi.h"
 #include "io/mesh_reader.hpp"
+#include "io/vdb_io.hpp"
 #include "sim/simulation.hpp"
 
 struct EfsiSim {
@@ -23,4 +24,8 @@ struct EfsiSurface {
 
 struct EfsiMesh {
   efsi::io::PolygonMesh polygons;
+};
+
+struct EfsiVdb {
+  efsi::io::VdbFile file;
 };

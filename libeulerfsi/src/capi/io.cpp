@@ -1,4 +1,8 @@
-// Purpose: io.h: OpenVDB output. Smoke as it is, the velocity from the nodes to the cells and into world axes.
+// Purpose: io.h: OpenVDB files. Smoke as it is, the velocity from the nodes to the cells and into world axes.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
 #include "capi/convert.hpp"
 #include "capi/definition.hpp"
 #include "capi/guard.hpp"
@@ -60,6 +64,16 @@ std::array<double, 16> index_to_world(const Grid& grid, const double (&transform
   return rows;
 }
 
+// The first cell along each axis whose centre does not lie below a corner of a region.
+efsi::Vec3i first_cell(const Grid& grid, const EfsiVec3& corner) {
+  const double x[3] = {corner.x, corner.y, corner.z};
+  const efsi::Vec3d center = grid.cell_center(0, 0, 0);
+  efsi::Vec3i cell;
+  for (int a = 0; a < 3; ++a)
+    cell[a] = static_cast<int>(std::clamp(std::ceil((x[a] - center[a]) / grid.h), 0.0, double(grid.cells[a])));
+  return cell;
+}
+
 }  // namespace
 
 EfsiStatus efsi_vdb_def_init(EfsiVdbDef* def, size_t size) { return initialise(def, size); }
@@ -75,6 +89,8 @@ EfsiStatus efsi_vdb_write(EfsiSim* sim, const char* path, const EfsiVdbDef* def,
     options.index_to_world = index_to_world(grid, full.transform);
     options.half_float = full.half_float != 0;
     options.threshold = full.density_threshold;
+    options.low = first_cell(grid, full.region_min);
+    options.high = first_cell(grid, full.region_max);
     options.creator = "eulerfsi " + std::to_string(EFSI_VERSION_MAJOR) + '.' + std::to_string(EFSI_VERSION_MINOR) +
                       '.' + std::to_string(EFSI_VERSION_PATCH);
 
@@ -97,3 +113,47 @@ EfsiStatus efsi_vdb_write(EfsiSim* sim, const char* path, const EfsiVdbDef* def,
     if (content_hash) *content_hash = hash;
   });
 }
+
+EfsiStatus efsi_vdb_open(const char* path, EfsiVdb** vdb, EfsiError* error) {
+  if (vdb) *vdb = nullptr;
+  return guarded(error, [&] {
+    demand_path(path, "efsi_vdb_open: path");
+    demand(vdb, "efsi_vdb_open: vdb");
+    *vdb = new EfsiVdb{efsi::io::VdbFile(path)};
+  });
+}
+
+EfsiStatus efsi_vdb_get_grid(const EfsiVdb* vdb, const char* name, EfsiVdbGrid* grid, size_t size, EfsiError* error) {
+  return guarded(error, [&] {
+    demand(vdb, "efsi_vdb_get_grid: vdb");
+    demand(name, "efsi_vdb_get_grid: name");
+    demand(grid, "efsi_vdb_get_grid: grid");
+    const efsi::io::VdbGridInfo info = vdb->file.info(name);
+    EfsiVdbGrid result{};
+    std::copy(info.min.begin(), info.min.end(), result.min);
+    std::copy(info.size.begin(), info.size.end(), result.size);
+    std::copy(info.index_to_world.begin(), info.index_to_world.end(), result.transform);
+    result.components = static_cast<std::uint32_t>(info.components);
+    result.active_count = info.active_voxels;
+    give(result, grid, size, "efsi_vdb_get_grid");
+  });
+}
+
+EfsiStatus efsi_vdb_read(const EfsiVdb* vdb, const char* name, const int32_t min[3], const uint32_t cells[3],
+                         uint32_t coarsen, float* values, uint64_t capacity, EfsiError* error) {
+  return guarded(error, [&] {
+    demand(vdb, "efsi_vdb_read: vdb");
+    demand(name, "efsi_vdb_read: name");
+    demand(min, "efsi_vdb_read: min");
+    demand(cells, "efsi_vdb_read: cells");
+    demand(values, "efsi_vdb_read: values");
+    // What is too large stays so as an int.
+    const auto whole = [](std::uint32_t n) {
+      return static_cast<int>(std::min(n, std::uint32_t{std::numeric_limits<std::int32_t>::max()}));
+    };
+    vdb->file.read(name, {min[0], min[1], min[2]}, {whole(cells[0]), whole(cells[1]), whole(cells[2])}, whole(coarsen),
+                   {values, static_cast<std::size_t>(capacity)});
+  });
+}
+
+void efsi_vdb_destroy(EfsiVdb* vdb) { delete vdb; }

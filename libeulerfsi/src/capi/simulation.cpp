@@ -134,6 +134,13 @@ EfsiStatus efsi_simulation_restore_checkpoint(EfsiSim* sim, const char* path) {
   });
 }
 
+EfsiStatus efsi_simulation_restore_state(EfsiSim* sim, const char* path) {
+  return guarded(sim, [&] {
+    demand_path(path, "efsi_simulation_restore_state: path");
+    efsi::sim::restore_state(sim->simulation, path);
+  });
+}
+
 EfsiStatus efsi_simulation_restore_solids(EfsiSim* sim, const char* path) {
   return guarded(sim, [&] {
     demand_path(path, "efsi_simulation_restore_solids: path");

@@ -1,18 +1,23 @@
-// Purpose: OpenVDB files from dense arrays.
 #include "io/vdb_io.hpp"
 
+#include <openvdb/io/Stream.h>
 #include <openvdb/openvdb.h>
 
 #include <algorithm>
 #include <bit>
+#include <cerrno>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
+#include <fstream>
 #include <limits>
+#include <map>
 #include <sstream>
 #include <unordered_set>
 
 #include "base/error.hpp"
 #include "io/file_writer.hpp"
+#include "io/vdb_checksum.hpp"
 
 namespace efsi::io {
 
@@ -55,6 +60,11 @@ bool above(const DenseGrid& grid, int i, int j, int k, double threshold) {
   return square > threshold * threshold;
 }
 
+bool in_box(const VdbOptions& options, int i, int j, int k) {
+  const Vec3i &low = options.low, &high = options.high;
+  return i >= low[0] && j >= low[1] && k >= low[2] && i < high[0] && j < high[1] && k < high[2];
+}
+
 // Fills the grid leaf by leaf with the voxels that are active in `mask`.
 template <class Grid>
 void fill(Grid& vdb, const DenseGrid& grid, const DenseGrid& mask, const VdbOptions& options) {
@@ -68,7 +78,7 @@ void fill(Grid& vdb, const DenseGrid& grid, const DenseGrid& mask, const VdbOpti
         for (int i = x; i < std::min(x + kDim, size[0]); ++i) {
           for (int j = y; j < std::min(y + kDim, size[1]); ++j) {
             for (int k = z; k < std::min(z + kDim, size[2]); ++k) {
-              if (!above(mask, i, j, k, options.threshold)) continue;
+              if (!in_box(options, i, j, k) || !above(mask, i, j, k, options.threshold)) continue;
               const openvdb::Coord at(i, j, k);
               if (leaf == nullptr) leaf = vdb.tree().touchLeaf(at);
               leaf->setValueOn(at,
@@ -109,6 +119,7 @@ openvdb::math::Transform::Ptr to_transform(const std::array<double, 16>& m) {
   }
 }
 
+// Index space to world space, row-major for column vectors.
 std::array<double, 16> from_transform(const openvdb::math::Transform& transform) {
   const openvdb::Mat4d transposed = transform.baseMap()->getAffineMap()->getMat4();
   std::array<double, 16> m;
@@ -269,16 +280,72 @@ openvdb::GridBase::Ptr make_grid(const DenseGrid& grid, const DenseGrid& mask, c
   return vdb;
 }
 
-// Runs `read` on the open file; every failure becomes an Error(kIo).
-template <class Read>
-void with_file(const std::string& path, const Read& read) {
+// ---- files read back
+
+using openvdb::Coord;
+using openvdb::CoordBBox;
+
+constexpr int kFarthest = 1 << 30;  // index of a voxel, and size of a box in voxels
+
+[[noreturn]] void fail(const std::string& path, const std::string& reason) {
+  throw Error(ErrorCode::kIo, path + ": cannot be read: " + reason);
+}
+
+std::string read_file(const std::string& path) {
+  errno = 0;
+  std::ifstream in(path, std::ios::binary);
+  std::ostringstream bytes(std::ios::binary);
+  if (!in || !(bytes << in.rdbuf())) fail(path, errno ? std::strerror(errno) : "it is empty");
+  return std::move(bytes).str();
+}
+
+// The grids and metadata of a file that is whole.
+struct Content {
+  openvdb::GridPtrVecPtr grids;
+  openvdb::MetaMap::Ptr metadata;
+};
+Content decode(const std::string& path) {
+  std::string bytes = read_file(path);
+  if (const std::string fault = checksum_fault(bytes); !fault.empty()) fail(path, fault);
   openvdb::initialize();
   try {
-    openvdb::io::File file(path);
-    file.open(/*delayLoad=*/false);
-    read(file);
+    std::istringstream in(std::move(bytes), std::ios::binary);
+    openvdb::io::Stream stream(in, /*delayLoad=*/false);
+    return {stream.getGrids(), stream.getMetadata()};
   } catch (const openvdb::Exception& error) {
-    throw Error(ErrorCode::kIo, path + ": cannot be read: " + error.what());
+    fail(path, error.what());
+  }
+}
+
+// Sums of voxels in the cells of a box.
+template <class Grid>
+void add_up(const Grid& grid, const CoordBBox& box, const Vec3i& min, const Vec3i& size, int coarsen,
+            std::span<float> values) {
+  constexpr bool kScalar = std::is_same_v<Grid, openvdb::FloatGrid>;
+  const auto accessor = grid.getConstAccessor();
+  const auto cell = [&](int axis, int at) { return (at - min[axis]) / coarsen; };
+  std::vector<float> active(kScalar ? 0 : values.size() / 3);
+  for (int z = box.min().z(); z <= box.max().z(); ++z)
+    for (int y = box.min().y(); y <= box.max().y(); ++y)
+      for (int x = box.min().x(); x <= box.max().x(); ++x) {
+        typename Grid::ValueType value;
+        if (!accessor.probeValue(Coord(x, y, z), value)) continue;
+        const std::size_t at = static_cast<std::size_t>(cell(0, x)) +
+                               static_cast<std::size_t>(size[0]) *
+                                   (static_cast<std::size_t>(cell(1, y)) +
+                                    static_cast<std::size_t>(size[1]) * static_cast<std::size_t>(cell(2, z)));
+        if constexpr (kScalar) {
+          values[at] += value;
+        } else {
+          for (int c = 0; c < 3; ++c) values[3 * at + static_cast<std::size_t>(c)] += value[c];
+          active[at] += 1.0f;
+        }
+      }
+  if constexpr (kScalar) {
+    const float voxels = std::pow(static_cast<float>(coarsen), 3.0f);
+    for (float& value : values) value /= voxels;
+  } else {
+    for (std::size_t n = 0; n < values.size(); ++n) values[n] /= std::max(1.0f, active[n / 3]);
   }
 }
 
@@ -298,6 +365,7 @@ std::uint64_t write_vdb(const std::string& path, std::span<const DenseGrid> grid
   }
   openvdb::MetaMap metadata;
   metadata.insertMeta(kCreatorKey, openvdb::StringMetadata(options.creator));
+  metadata.insertMeta(kChecksumKey, openvdb::StringMetadata(kNoChecksum));
   MemoryArchive archive;
   archive.setCompression(openvdb::io::COMPRESS_BLOSC | openvdb::io::COMPRESS_ACTIVE_MASK);
   std::string bytes;
@@ -306,40 +374,83 @@ std::uint64_t write_vdb(const std::string& path, std::span<const DenseGrid> grid
   } catch (const openvdb::Exception& error) {
     throw Error(ErrorCode::kInternal, path + ": cannot be encoded: " + error.what());
   }
+  put_checksum(bytes);
   replace_file(path, bytes);
   return content_hash;
 }
 
 VdbSummary read_vdb_summary(const std::string& path) {
   VdbSummary summary;
-  with_file(path, [&](openvdb::io::File& file) {
-    summary.creator = file.getMetadata()->metaValue<std::string>(kCreatorKey);
-    for (auto name = file.beginName(); name != file.endName(); ++name)
-      summary.grids.push_back(summarize(*file.readGrid(*name), summary.content_hash));
-  });
+  const Content content = decode(path);
+  summary.creator = content.metadata->metaValue<std::string>(kCreatorKey);
+  for (const auto& grid : *content.grids) summary.grids.push_back(summarize(*grid, summary.content_hash));
   return summary;
 }
 
-std::vector<float> read_vdb_values(const std::string& path, const std::string& grid, const Vec3i& size) {
-  std::vector<float> values;
-  with_file(path, [&](openvdb::io::File& file) {
-    const openvdb::GridBase::Ptr base = file.readGrid(grid);
-    const auto copy = [&](const auto& vdb, int components) {
-      const auto accessor = vdb.getConstAccessor();
-      values.reserve(static_cast<std::size_t>(components) * size[0] * size[1] * size[2]);
-      for (int k = 0; k < size[2]; ++k) {
-        for (int j = 0; j < size[1]; ++j) {
-          for (int i = 0; i < size[0]; ++i) {
-            const std::array<float, 3> c = components_of(accessor.getValue(openvdb::Coord(i, j, k)));
-            values.insert(values.end(), c.begin(), c.begin() + components);
-          }
-        }
-      }
-    };
-    if (const auto scalar = openvdb::gridPtrCast<FloatGrid>(base)) copy(*scalar, 1);
-    if (const auto vector = openvdb::gridPtrCast<Vec3SGrid>(base)) copy(*vector, 3);
-  });
-  return values;
+struct VdbFile::Grids {
+  std::map<std::string, openvdb::GridBase::ConstPtr> by_name;
+
+  const openvdb::GridBase& at(const std::string& path, const std::string& name) const {
+    if (const auto found = by_name.find(name); found != by_name.end()) return *found->second;
+    std::string there;
+    for (const auto& entry : by_name) there += (there.empty() ? "" : ", ") + entry.first;
+    throw Error(ErrorCode::kArgument, path + ": has no grid '" + name + "'; its grids: " + there);
+  }
+};
+
+VdbFile::VdbFile(const std::string& path) : path_(path), grids_(std::make_unique<Grids>()) {
+  const Content content = decode(path);
+  for (const auto& grid : *content.grids) grids_->by_name[grid->getName()] = grid;
+}
+
+VdbFile::~VdbFile() = default;
+
+VdbGridInfo VdbFile::info(const std::string& name) const {
+  const openvdb::GridBase& grid = grids_->at(path_, name);
+  VdbGridInfo info;
+  info.components = grid.isType<openvdb::FloatGrid>() ? 1 : 3;
+  info.index_to_world = from_transform(grid.transform());
+  info.active_voxels = grid.activeVoxelCount();
+  const CoordBBox box = grid.evalActiveVoxelBoundingBox();
+  if (info.active_voxels == 0) return info;
+  for (int a = 0; a < 3; ++a) info.min[a] = box.min()[a], info.size[a] = box.dim()[a];
+  return info;
+}
+
+void VdbFile::read(const std::string& name, const Vec3i& min, const Vec3i& size, int coarsen,
+                   std::span<float> values) const {
+  const openvdb::GridBase& grid = grids_->at(path_, name);
+  const VdbGridInfo of = info(name);
+  const auto refuse = [&](const std::string& what, double value, const std::string& limit) {
+    std::ostringstream text;
+    text.precision(12);
+    text << path_ << ": grid '" << name << "': " << what << " = " << value << ": must be " << limit;
+    throw Error(ErrorCode::kArgument, text.str());
+  };
+  if (coarsen < 1 || coarsen > 1024) refuse("coarsen", coarsen, "from 1 to 1024");
+  double count = of.components;
+  for (int a = 0; a < 3; ++a) {
+    const std::string axis(1, "xyz"[a]);
+    if (min[a] < -kFarthest || min[a] > kFarthest) refuse("min." + axis, min[a], "from -2^30 to 2^30");
+    if (size[a] < 1 || size[a] > kFarthest / coarsen)
+      refuse("size." + axis, size[a], "at least 1, in voxels at most 2^30");
+    count *= size[a];
+  }
+  if (count > static_cast<double>(values.size()))
+    refuse("number of values", count, "at most the capacity of " + std::to_string(values.size()));
+  values = values.first(static_cast<std::size_t>(count));
+  std::fill(values.begin(), values.end(), 0.0f);
+  if (of.active_voxels == 0) return;
+  CoordBBox box = grid.evalActiveVoxelBoundingBox();
+  box.intersect(
+      CoordBBox(Coord(min[0], min[1], min[2]),
+                Coord(min[0] + size[0] * coarsen - 1, min[1] + size[1] * coarsen - 1, min[2] + size[2] * coarsen - 1)));
+  if (box.empty()) return;
+  if (of.components == 1) {
+    add_up(static_cast<const openvdb::FloatGrid&>(grid), box, min, size, coarsen, values);
+  } else {
+    add_up(static_cast<const openvdb::Vec3SGrid&>(grid), box, min, size, coarsen, values);
+  }
 }
 
 }  // namespace efsi::io

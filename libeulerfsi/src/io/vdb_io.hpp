@@ -1,9 +1,12 @@
-// Purpose: OpenVDB files from dense arrays, without OpenVDB in the interface.
+// Purpose: OpenVDB files from dense arrays, and read back for clients that show smoke, without OpenVDB in the
+// interface.
 #pragma once
 
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
@@ -31,6 +34,8 @@ struct VdbOptions {
   bool half_float = false;           // store 16-bit floats
   std::string creator = "eulerfsi";  // program and version, stored with the file and every grid
   double threshold = 0.0;            // a voxel is active where |value| (of a vector: its length) is above it
+  Vec3i low = {0, 0, 0};             // and in this box of voxels, without `high`
+  Vec3i high = {std::numeric_limits<int>::max(), std::numeric_limits<int>::max(), std::numeric_limits<int>::max()};
 };
 
 // Writes one .vdb with all grids, under a temporary name in the same folder, flushed to disk and renamed: `path` holds
@@ -59,11 +64,35 @@ struct VdbSummary {
   std::uint64_t content_hash = 0;     // as write_vdb returned it
 };
 
-// Reads the whole file, so that a truncated one is found out. Throws Error(kIo) naming path and reason.
+// Throws Error(kIo), naming path and reason, for a file that cannot be read, has no checksum or another one.
 VdbSummary read_vdb_summary(const std::string& path);
 
-// Values of one grid of a file in the box of voxels [0, size), component by component of voxel (i, j, k) at
-// components * (i + size[0] * (j + size[1] * k)). Throws Error(kIo) when the file or the grid cannot be read.
-std::vector<float> read_vdb_values(const std::string& path, const std::string& grid, const Vec3i& size);
+struct VdbGridInfo {
+  Vec3i min = {0, 0, 0}, size = {0, 0, 0};  // box of the active voxels
+  int components = 1;                       // 1 or 3
+  std::array<double, 16> index_to_world{};  // row-major, voxel centres at integers
+  std::uint64_t active_voxels = 0;
+};
+
+// A file that write_vdb has written, whole in memory. OpenVDB's reader trusts what it reads; here the checksum in the
+// file is compared first, so that it never meets a file that is damaged or cut short.
+class VdbFile {
+ public:
+  // Throws as read_vdb_summary.
+  explicit VdbFile(const std::string& path);
+  ~VdbFile();
+
+  // Both throw Error(kArgument) for a grid that is not there, with the names of those that are.
+  VdbGridInfo info(const std::string& grid) const;
+  // Cell (i, j, k) of a box of `size` cells of coarsen^3 voxels each, the first one at voxel `min`: the mean over its
+  // voxels, of a vector over its active ones. Component c is values[c + components * (i + size[0] * (j + size[1] *
+  // k))]. Throws Error(kArgument) too where `values` is too short or the box too large.
+  void read(const std::string& grid, const Vec3i& min, const Vec3i& size, int coarsen, std::span<float> values) const;
+
+ private:
+  struct Grids;
+  const std::string path_;
+  std::unique_ptr<Grids> grids_;
+};
 
 }  // namespace efsi::io

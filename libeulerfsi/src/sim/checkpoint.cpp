@@ -73,16 +73,18 @@ std::string system_reason() { return errno ? std::strerror(errno) : "unknown rea
 struct Head {
   std::uint64_t scene = 0, state = 0;
   double box[7] = {};                // voxel size, lower corner, edges [m]
-  std::vector<std::uint64_t> rests;  // per solid, rest shape and lattices; 0: a collider
+  std::vector<std::uint64_t> rests;  // per body, rest shape and lattices; odd: a solid, even: a collider
 };
 
-std::uint64_t rest_hash(const solid::SolidRest& rest) {
+bool is_solid(std::uint64_t rest) { return rest % 2 == 1; }
+
+std::uint64_t rest_hash(const solid::SolidRest& rest, bool collider) {
   Hash hash;
   hash.add_array(rest.distance.values);
   hash.add_array(rest.surface.points);
   hash.add_array(rest.surface.triangles);
   hash.add_value(static_cast<std::uint64_t>(rest.plastic.yields()));
-  return hash.value() | 1;
+  return collider ? hash.value() & ~std::uint64_t{1} : hash.value() | 1;
 }
 
 Head head_of(const Simulation& simulation) {
@@ -91,7 +93,7 @@ Head head_of(const Simulation& simulation) {
   for (int a = 0; a < 3; ++a) head.box[1 + a] = params.domain_min[a], head.box[4 + a] = params.domain_size[a];
   head.box[0] = params.voxel_size;
   for (std::size_t l = 0; l < simulation.solids().size(); ++l)
-    head.rests.push_back(is_collider(simulation.pins(), l) ? 0 : rest_hash(simulation.solids()[l]));
+    head.rests.push_back(rest_hash(simulation.solids()[l], is_collider(simulation.pins(), l)));
   return head;
 }
 
@@ -141,29 +143,34 @@ class Reader {
   ReadArchive archive_{in_, 0};
 };
 
-// Why the solids of a checkpoint cannot be those of this simulation.
-std::string difference(const Head& theirs, const Head& ours) {
-  static constexpr const char* kBox[7] = {"voxel_size",    "domain_min.x",  "domain_min.y", "domain_min.z",
-                                          "domain_size.x", "domain_size.y", "domain_size.z"};
+// A part of the simulation that differs from the checkpoint's. `ours`, `theirs`: its values.
+template <class Value>
+std::string differs(const std::string& what, const Value& ours, const Value& theirs) {
   std::ostringstream text;
   text.precision(12);
+  text << what << " = " << ours << ": must be " << theirs << " as in the checkpoint";
+  return text.str();
+}
+
+// Why a simulation has no place for what a checkpoint holds; empty: it has.
+std::string box_difference(const Head& theirs, const Head& ours) {
+  static constexpr const char* kBox[7] = {"voxel_size",    "domain_min.x",  "domain_min.y", "domain_min.z",
+                                          "domain_size.x", "domain_size.y", "domain_size.z"};
   for (int i = 0; i < 7; ++i)
-    if (theirs.box[i] != ours.box[i]) {
-      text << kBox[i] << " = " << ours.box[i] << ": must be " << theirs.box[i] << " as in the checkpoint";
-      return text.str();
-    }
-  const auto count = [](const Head& head) {
-    return head.rests.size() - static_cast<std::size_t>(std::count(head.rests.begin(), head.rests.end(), 0u));
-  };
-  if (count(theirs) != count(ours)) {
-    text << "number of solids = " << count(ours) << ": must be " << count(theirs) << " as in the checkpoint";
-    return text.str();
-  }
+    if (theirs.box[i] != ours.box[i]) return differs(kBox[i], ours.box[i], theirs.box[i]);
+  return "";
+}
+
+// The same of the bodies that count, in their order.
+template <class Counts>
+std::string body_difference(const Head& theirs, const Head& ours, const std::string& what, const Counts& counts) {
+  const auto count = [&](const Head& head) { return std::count_if(head.rests.begin(), head.rests.end(), counts); };
+  if (count(theirs) != count(ours)) return differs("number of " + what, count(ours), count(theirs));
   for (std::size_t l = 0, k = 0; l < ours.rests.size(); ++l) {
-    if (ours.rests[l] == 0) continue;
-    while (theirs.rests[k] == 0) ++k;
+    if (!counts(ours.rests[l])) continue;
+    while (!counts(theirs.rests[k])) ++k;
     if (theirs.rests[k++] != ours.rests[l])
-      return "solid " + std::to_string(l + 1) +
+      return std::string(is_solid(ours.rests[l]) ? "solid " : "collider: body ") + std::to_string(l + 1) +
              ": its rest shape, where that lies, and whether it can yield must be those of the checkpoint";
   }
   return "";
@@ -229,16 +236,38 @@ void restore_checkpoint(Simulation& simulation, const std::string& path) {
   simulation.set_state(reader.state());
 }
 
+void restore_state(Simulation& simulation, const std::string& path) {
+  Reader reader(path);
+  const Head ours = head_of(simulation);
+  std::string reason = box_difference(reader.head, ours);
+  if (reason.empty())
+    reason = body_difference(reader.head, ours, "solids and colliders", [](std::uint64_t) { return true; });
+  State state = reader.state();
+  simulation.prepare();
+  const fluid::FluidState &fluid = simulation.state().fluid, &other = state.fluid;
+  const auto has_fluid = [](const fluid::FluidState& of) { return of.velocity.size() > 0; };
+  if (reason.empty() && has_fluid(fluid) != has_fluid(other))
+    reason = differs("ambient_fluid", has_fluid(fluid), has_fluid(other));
+  if (reason.empty() && fluid.velocity.size() != other.velocity.size())
+    reason = "walls: periodic axes must be those of the checkpoint";
+  if (!reason.empty()) throw Error(ErrorCode::kCheckpoint, path + ": " + reason);
+  // What emitters give from now on had no place before.
+  if (state.fluid.smoke.empty()) state.fluid.smoke.assign(fluid.smoke.size(), 0);
+  if (state.fluid.temperature.empty()) state.fluid.temperature.assign(fluid.temperature.size(), 0);
+  simulation.set_state(std::move(state));
+}
+
 void restore_solids(Simulation& simulation, const std::string& path) {
   Reader reader(path);
   const Head ours = head_of(simulation);
-  const std::string reason = difference(reader.head, ours);
+  std::string reason = box_difference(reader.head, ours);
+  if (reason.empty()) reason = body_difference(reader.head, ours, "solids", is_solid);
   if (!reason.empty()) throw Error(ErrorCode::kCheckpoint, path + ": " + reason);
   const State theirs = reader.state();
   std::vector<solid::SolidState> solids = simulation.state().solids;
   for (std::size_t l = 0, k = 0; l < solids.size(); ++l) {
-    if (ours.rests[l] == 0) continue;
-    while (reader.head.rests[k] == 0) ++k;
+    if (!is_solid(ours.rests[l])) continue;
+    while (!is_solid(reader.head.rests[k])) ++k;
     solids[l] = theirs.solids[k++];
     solids[l].presses.clear();
     solids[l].contacts.clear();

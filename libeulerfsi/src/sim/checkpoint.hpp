@@ -34,6 +34,10 @@ std::uint64_t state_hash(const State& state);
 void save_checkpoint(const Simulation& simulation, const std::string& path);
 // Throws Error(kIo) for a file that cannot be read or is damaged, Error(kCheckpoint) for another scene or version.
 void restore_checkpoint(Simulation& simulation, const std::string& path);
+// At any time: the whole state, from a checkpoint of a simulation with the same box, voxel size, fluid, periodic axes
+// and rest shapes of solids and colliders in the same order. Parameters, emitters, forces, pins and motions may differ.
+// Throws as above, with what differs.
+void restore_state(Simulation& simulation, const std::string& path);
 // Before the first step: the solids, but no colliders, get the state that they have in a checkpoint of a simulation
 // with the same box, voxel size and rest shapes in the same order. All else may differ: what touches them is not taken
 // over. Throws Error(kArgument) after a step; else as above, with what differs.

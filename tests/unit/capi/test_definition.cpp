@@ -60,6 +60,7 @@ TEST_CASE("Definitions start with the defaults of the parameter table") {
   REQUIRE(efsi_vdb_def_init(&vdb, sizeof(vdb)) == EFSI_OK);
   CHECK(vdb.half_float == 0);
   CHECK(vdb.write_velocity == 1);
+  CHECK((vdb.region_min.y < -1e300 && vdb.region_max.y > 1e300));
   for (int i = 0; i < 16; ++i) CHECK(vdb.transform[i] == (i % 5 == 0 ? 1.0 : 0.0));
 }
 
@@ -204,6 +205,7 @@ TEST_CASE("NULL is refused and never followed") {
            efsi_simulation_get_hash(nullptr, nullptr),
            efsi_simulation_save_checkpoint(nullptr, "x"),
            efsi_simulation_restore_checkpoint(nullptr, "x"),
+           efsi_simulation_restore_state(nullptr, "x"),
            efsi_simulation_restore_solids(nullptr, "x"),
            efsi_simulation_get_profile(nullptr, nullptr, 0),
            efsi_simulation_reset_profile(nullptr),
@@ -235,8 +237,9 @@ TEST_CASE("NULL is refused and never followed") {
         efsi_simulation_get_profile(s, nullptr, 0), efsi_simulation_get_fluid_diagnostics(s, nullptr, 0),
         efsi_field_get_view(s, 0, 0, nullptr, 0), efsi_field_set(s, 0, 0, nullptr, 1),
         efsi_simulation_save_checkpoint(s, nullptr), efsi_simulation_save_checkpoint(s, ""),
-        efsi_simulation_restore_checkpoint(s, nullptr), efsi_simulation_restore_solids(s, nullptr),
-        efsi_vdb_write(s, nullptr, &vdb, nullptr), efsi_vdb_write(s, "x.vdb", nullptr, nullptr)})
+        efsi_simulation_restore_checkpoint(s, nullptr), efsi_simulation_restore_state(s, nullptr),
+        efsi_simulation_restore_solids(s, nullptr), efsi_vdb_write(s, nullptr, &vdb, nullptr),
+        efsi_vdb_write(s, "x.vdb", nullptr, nullptr)})
     CHECK(status == EFSI_ERROR_ARGUMENT);
   CHECK_THAT(last_error(sim), Contains("efsi_vdb_write: def is NULL"));
   CHECK(efsi_simulation_get_time(s, nullptr, nullptr) == EFSI_OK);

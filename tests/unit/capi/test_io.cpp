@@ -8,6 +8,7 @@
 
 #include "io/vdb_io.hpp"
 #include "unit/capi/scene.hpp"
+#include "unit/io/vdb_values.hpp"
 
 using namespace efsi::test;
 
@@ -92,9 +93,9 @@ TEST_CASE("A vdb file holds smoke and velocity at the cell centres in world spac
     for (std::size_t i = 0; i < 16; ++i) CHECK(grid.index_to_world[i] == Approx(expected[i]).margin(1e-9));
   }
   const efsi::Vec3i size = {12, 12, 12};
-  const auto density = efsi::io::read_vdb_values(path, "density", size);
-  const auto temperature = efsi::io::read_vdb_values(path, "temperature", size);
-  const auto vel = efsi::io::read_vdb_values(path, "vel", size);
+  const auto density = efsi::io::vdb_values(path, "density", size);
+  const auto temperature = efsi::io::vdb_values(path, "temperature", size);
+  const auto vel = efsi::io::vdb_values(path, "vel", size);
   REQUIRE(vel.size() == 3 * 12 * 12 * 12);
   double worst = 0.0;
   for (int k = 0; k < 12; ++k)
@@ -114,4 +115,47 @@ TEST_CASE("A vdb file holds smoke and velocity at the cell centres in world spac
   const efsi::io::VdbSummary nothing = efsi::io::read_vdb_summary(path);
   REQUIRE(nothing.grids.size() == 2);
   for (const auto& grid : nothing.grids) CHECK(grid.active_voxels == 0);
+}
+
+TEST_CASE("A vdb file is read through the API, and a region of it is written alone") {
+  const Folder folder;
+  const Sim sim = scene();
+  EfsiVdbDef def;
+  REQUIRE(efsi_vdb_def_init(&def, sizeof(def)) == EFSI_OK);
+  const std::string path = folder.file("a.vdb");
+  EfsiError error;
+  EfsiVdb* vdb = nullptr;
+  EfsiVdbGrid whole, part;
+  const auto grid_of = [&](EfsiVdbGrid& grid) {
+    REQUIRE(efsi_vdb_write(sim.get(), path.c_str(), &def, nullptr) == EFSI_OK);
+    REQUIRE(efsi_vdb_open(path.c_str(), &vdb, &error) == EFSI_OK);
+    REQUIRE(efsi_vdb_get_grid(vdb, "density", &grid, sizeof(grid), &error) == EFSI_OK);
+  };
+  grid_of(whole);
+  REQUIRE((whole.components == 1 && whole.size[0] > 2 && whole.active_count > 0));
+  std::vector<float> values(static_cast<std::size_t>(whole.size[0]) * whole.size[1] * whole.size[2]);
+  REQUIRE(efsi_vdb_read(vdb, "density", whole.min, whole.size, 1, values.data(), values.size(), &error) == EFSI_OK);
+  CHECK(std::count_if(values.begin(), values.end(), [](float v) { return v > 0.0f; }) ==
+        static_cast<std::ptrdiff_t>(whole.active_count));
+  CHECK(efsi_vdb_read(vdb, "density", whole.min, whole.size, 1, values.data(), 1, &error) == EFSI_ERROR_ARGUMENT);
+  CHECK_THAT(error.message, Contains("a.vdb: grid 'density': number of values"));
+  const uint32_t huge[3] = {0xffffffffu, 1, 1};
+  CHECK(efsi_vdb_read(vdb, "density", whole.min, huge, 1, values.data(), values.size(), &error) == EFSI_ERROR_ARGUMENT);
+  CHECK(efsi_vdb_get_grid(vdb, "heat", &whole, sizeof(whole), &error) == EFSI_ERROR_ARGUMENT);
+  CHECK(efsi_vdb_get_grid(nullptr, "density", &whole, sizeof(whole), &error) == EFSI_ERROR_ARGUMENT);
+  efsi_vdb_destroy(vdb);
+  CHECK(efsi_vdb_open(nullptr, &vdb, &error) == EFSI_ERROR_ARGUMENT);
+  CHECK(efsi_vdb_open(folder.file("none.vdb").c_str(), &vdb, &error) == EFSI_ERROR_IO);
+  CHECK(vdb == nullptr);
+
+  // The upper half along x: cells whose centres are there.
+  grid_of(whole);
+  efsi_vdb_destroy(vdb);
+  def.region_min.x = whole.transform[3] + whole.transform[0] * (whole.min[0] + 1.5);
+  grid_of(part);
+  efsi_vdb_destroy(vdb);
+  CHECK((part.min[0] == whole.min[0] + 2 && part.size[0] == whole.size[0] - 2));
+  def.region_max.x = def.region_min.x;
+  CHECK(efsi_vdb_write(sim.get(), path.c_str(), &def, nullptr) == EFSI_ERROR_ARGUMENT);
+  CHECK_THAT(last_error(sim), Contains("EfsiVdbDef.region_min.x"));
 }

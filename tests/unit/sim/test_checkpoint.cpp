@@ -201,6 +201,82 @@ TEST_CASE("Solids of a checkpoint start another scene of the same box") {
   CHECK(reason(*make_simulation(p, {})).find("number of solids = 0: must be 1") != std::string::npos);
 }
 
+TEST_CASE("A state goes on with other parameters, emitters and forces, and without a change to the same bits") {
+  const TemporaryFile file;
+  auto first = scene();
+  for (int n = 0; n < 3; ++n) first->step(0.02);
+  sim::save_checkpoint(*first, file.name());
+  auto same = scene(1000.0, 2);
+  sim::restore_state(*same, file.name());
+  CHECK(sim::state_hash(same->state()) == sim::state_hash(first->state()));
+  const double time = first->state().time;
+  first->step(0.02);
+  same->step(0.02);
+  CHECK(sim::state_hash(same->state()) == sim::state_hash(first->state()));
+
+  // Another density: at first the same state, then other motion. A simulation that has moved on takes it over, too.
+  auto denser = scene(1500.0);
+  denser->step(0.01);
+  sim::restore_state(*denser, file.name());
+  CHECK(denser->state().time == time);
+  CHECK(denser->state().steps == 3);
+  denser->step(0.02);
+  CHECK_FALSE(denser->diagnose_solid(0).center == first->diagnose_solid(0).center);
+  // Without the emitter smoke stays; with the first emitter of a run there is room for it.
+  sim::Params p = box_params({0.3, 0.3, 0.3}, 0.025);
+  sim::SolidDesc d = ball_desc({0.15, 0.12, 0.15}, 0.08);
+  auto none = make_simulation(p, {d});
+  sim::restore_state(*none, file.name());
+  none->step(0.02);
+  CHECK(none->diagnose_fluid().smoke > 0.0);
+  auto clear = make_simulation(p, {d});
+  clear->step(0.02);
+  sim::save_checkpoint(*clear, file.name());
+  auto smoky = scene();
+  sim::restore_state(*smoky, file.name());
+  CHECK(smoky->diagnose_fluid().smoke == 0.0);
+  smoky->step(0.02);
+  CHECK(smoky->diagnose_fluid().smoke > 0.0);
+}
+
+TEST_CASE("A state of another box, other bodies or without fluid is refused by name and changes nothing") {
+  const TemporaryFile file;
+  auto first = scene();
+  first->step(0.02);
+  sim::save_checkpoint(*first, file.name());
+  const auto reason = [&](sim::Simulation& other) -> std::string {
+    const std::uint64_t before = sim::state_hash(other.state());
+    try {
+      sim::restore_state(other, file.name());
+    } catch (const Error& error) {
+      CHECK(error.code() == ErrorCode::kCheckpoint);
+      if (other.state().steps > 0) CHECK(sim::state_hash(other.state()) == before);
+      return error.what();
+    }
+    return "";
+  };
+  const auto with = [&](const sim::Params& p, double radius, int balls = 1) {
+    std::vector<sim::SolidDesc> solids = {ball_desc({0.15, 0.12, 0.15}, radius)};
+    if (balls == 2) solids.push_back(ball_desc({0.25, 0.25, 0.25}, 0.03));
+    auto s = make_simulation(p, solids);
+    s->step(0.01);
+    return s;
+  };
+  const sim::Params p = box_params({0.3, 0.3, 0.3}, 0.025);
+  CHECK(reason(*with(p, 0.08)).empty());
+  CHECK(reason(*with(box_params({0.3, 0.3, 0.3}, 0.03), 0.08)).find("voxel_size = 0.03: must be 0.025") !=
+        std::string::npos);
+  CHECK(reason(*with(p, 0.07)).find("solid 1: its rest shape") != std::string::npos);
+  CHECK(reason(*with(p, 0.08, 2)).find("number of solids and colliders = 2: must be 1") != std::string::npos);
+  sim::Params empty = p;
+  empty.fluid.present = false;
+  CHECK(reason(*with(empty, 0.08)).find("ambient_fluid = 0: must be 1") != std::string::npos);
+  auto collider = make_simulation(p, {});
+  geometry::MeshReport report;
+  collider->add_collider(ball_desc({0.15, 0.12, 0.15}, 0.08), report);
+  CHECK(reason(*collider).find("body 1") != std::string::npos);
+}
+
 TEST_CASE("Solids of a checkpoint leave the colliders of a scene where they are") {
   const TemporaryFile file;
   const auto with_floor = [](double height) {
