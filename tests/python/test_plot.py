@@ -50,10 +50,14 @@ def test_step_shows_every_step_and_the_mean(cache):
     axes = draw("step", cache)
     steps = [1e3 * row["dt"] for row in rows(cache, "step")]
     assert len(steps) >= 4
-    sizes, mean, frame = axes.get_lines()
+    sizes, *rules, mean, frame = axes.get_lines()
     assert np.allclose(sizes.get_ydata(), steps)
     assert np.allclose(mean.get_ydata(), np.mean(steps))
     assert np.allclose(frame.get_ydata(), 1e3 / json.loads((cache / "manifest.json").read_text())["fps"])
+    assert sum(len(line.get_ydata()) for line in rules) == len(steps)
+    limits = [row["limit"] for row in rows(cache, "step")]
+    assert {"rule": "maximum", "bodies": []} in limits
+    assert any(line.get_label().startswith("maximum: ") for line in rules)
 
 
 def test_volume_has_a_curve_by_mesh_and_by_cells_for_every_solid(cache):

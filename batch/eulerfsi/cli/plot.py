@@ -78,9 +78,14 @@ def _column(lines: list[dict[str, Any]], pick: Callable[[dict[str, Any]], Any]) 
 
 
 def _step(statistics: Statistics, axes: Axes) -> None:
-    """Fig. 9: the size of every step, and its mean."""
+    """Fig. 9: the size of every step, what limited it, and the mean."""
     end, size = (_column(statistics.steps, lambda line, name=name: line[name]) for name in ("time", "dt"))
-    axes.step(end, 1e3 * size, where="pre", linewidth=0.8, label=f"{len(size)} steps")
+    axes.step(end, 1e3 * size, where="pre", linewidth=0.8, color="tab:gray", label=f"{len(size)} steps")
+    rules = np.array([line.get("limit", {}).get("rule", "") for line in statistics.steps])
+    names, counts = np.unique(rules[rules != ""], return_counts=True)
+    for name, count in sorted(zip(names, counts, strict=True), key=lambda pair: -pair[1]):
+        share = f"{name.replace('_', ' ')}: {count / len(size):.0%}"
+        axes.plot(end[rules == name], 1e3 * size[rules == name], ".", markersize=3, label=share)
     mean = 1e3 * size.mean()
     axes.axhline(mean, color="black", linewidth=1.2, label=f"mean {mean:.3g} ms")
     frame = 1e3 * statistics.frame_seconds

@@ -18,7 +18,7 @@ from ..progress import Progress
 from ..scene import memory
 from ..scene.parts import Collider, Scene, beyond_faces, face_name, open_faces
 from ..signals import Signals
-from ..solver import binding
+from ..solver import binding, c_api
 from .build import Build
 from .checkpoints import Checkpoints
 from .contacts import FrameContacts
@@ -28,6 +28,9 @@ from .watch import Watch
 # What moves as given, in a step of stats.jsonl: fields of its EfsiPinReaction.
 _GIVEN_COLUMNS = {"pin_impulses": "impulse", "pin_angular_impulses": "angular_impulse", "prescribed_work": "work"}
 _RESUME = "continue with --resume"
+# Fields of EfsiStepInfo that say what limited a step, and the names of its rules.
+_LIMIT = ("limit_rule", "limiting_solid", "limiting_other")
+_RULES = {number: name for name, number in c_api.StepRule.items()}
 # Fields of EfsiStepInfo that count.
 _COUNTERS = ("steps", "velocity_iterations", "pressure_iterations", "degenerate_cells", "retries", "unconverged")
 
@@ -179,7 +182,9 @@ class Run:
             if info.get("steps", 0) > sums["steps"]:
                 own = {name: info[name] - sums[name] for name in _COUNTERS}
                 sums.update({name: info[name] for name in _COUNTERS})
-                line = {"event": "step", "frame": frame, **info, **own, **self._step_columns()}
+                line = {"event": "step", "frame": frame, **info, **own, **self._limit(info), **self._step_columns()}
+                for name in _LIMIT:
+                    del line[name]
                 self.cache.add_stats(line)
                 self.watch.step(line)
 
@@ -242,6 +247,11 @@ class Run:
         if self.scene.domain["energy_ledger"]:
             columns["energy"] = self.simulation.energy_ledger()
         return columns
+
+    def _limit(self, info: dict[str, Any]) -> dict[str, Any]:
+        """What limited the last step: the rule by its name, and the prims that it looked at."""
+        rule, *bodies = (info[name] for name in _LIMIT)
+        return {"limit": {"rule": _RULES[rule], "bodies": [self.build.names[body] for body in bodies if body]}}
 
     def _checkpoint_inside(self, frame: int, start: float, target: float) -> None:
         """A checkpoint between two frames, where continuing from it lands on the same instant to the last bit."""

@@ -10,6 +10,7 @@ Material = {'corotational': 0, 'stable_neo_hookean': 1, 'st_venant_kirchhoff': 2
 EmitterMode = {'initial': 0, 'continuous': 1}
 ForceKind = {'constant': 0, 'radial': 1, 'wind': 2}
 ActsOn = {'both': 0, 'fluid': 1, 'solids': 2}
+StepRule = {'end': 0, 'maximum': 1, 'speed': 2, 'strain': 3, 'wall': 4, 'wall_wave': 5, 'solid': 6, 'solid_wave': 7, 'fold': 8, 'fold_wave': 9, 'start': 10, 'collider': 11, 'fluid': 12, 'repeated': 13}
 Stage = {'time_step': 0, 'solid_mass': 1, 'compute_g': 2, 'fluid_forces': 3, 'velocity_solve': 4, 'pressure_solve': 5, 'solid_advection': 6, 'fluid_advection': 7, 'smoke': 8, 'contact': 9, 'surface': 10, 'check': 11, 'other': 12}
 EnergyStage = {'weight': 0, 'mixing': 1, 'external': 2, 'walls': 3, 'velocity': 4, 'pressure': 5, 'solid_transport': 6, 'fluid_transport': 7, 'remap': 8, 'repair': 9, 'momentum': 10, 'plastic_flow': 11, 'viscosity': 12}
 Preset = {'production': 0, 'paper2016': 1}
@@ -234,6 +235,10 @@ class StepInfo(Structure):
         ("degenerate_cells", c_uint64),
         ("retries", c_uint64),
         ("unconverged", c_uint64),
+        ("limit_rule", c_int32),
+        ("limiting_solid", c_uint32),
+        ("limiting_other", c_uint32),
+        ("padding", c_uint32),
     ]
 
 class StageProfile(Structure):

@@ -111,6 +111,7 @@ void assign_field(Number& to, Number from) {
   to = from;
 }
 inline void assign_field(std::int32_t& to, bool from) { to = from; }
+inline void assign_field(std::int32_t& to, sim::StepRule from) { to = static_cast<std::int32_t>(from); }
 inline void assign_field(EfsiVec3& to, const Vec3d& from) { to = to_c(from); }
 inline void assign_field(EfsiEnergy& to, const sim::Energy& from) {
   to = {from.solid_kinetic, from.elastic, from.fluid_kinetic, from.potential};

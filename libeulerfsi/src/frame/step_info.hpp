@@ -8,6 +8,7 @@
 #include "frame/contact_pair.hpp"
 #include "frame/energy_record.hpp"
 #include "frame/given_motion.hpp"
+#include "frame/step_limit.hpp"
 #include "frame/transport_report.hpp"
 
 namespace efsi::sim {
@@ -21,7 +22,9 @@ struct StepInfo {
   double max_speed_solid = 0.0, max_speed_fluid = 0.0;
   double min_det_f = 1.0, max_det_f = 1.0;
   std::uint64_t degenerate_cells = 0, retries = 0, unconverged = 0;
-  Repairs repairs;                        // of the last step
+  StepRule limit_rule = StepRule::kEnd;                  // of the last step, as the next two
+  std::uint32_t limiting_solid = 0, limiting_other = 0;  // StepLimit
+  Repairs repairs;                                       // of the last step
   std::vector<TransportError> transport;  // per solid, of the last step; empty where nothing restores momenta
   std::vector<PinReaction> pins;          // of the last step
   std::vector<double> jets;               // what each emitter brings in, in the last step [m^3/s]

@@ -202,15 +202,16 @@ void finish(const StepContext& step, const SolidWorks& solids, State& state) {
 }
 
 // Line 1, with what is given in the step: its motion limits the step, as folds and emitters do.
-double choose_time_step(const Parallel& parallel, const Scene& scene, double remaining, double shrink, State& state,
-                        SolidWorks& solids) {
+StepLimit choose_time_step(const Parallel& parallel, const Scene& scene, double remaining, double shrink, State& state,
+                           SolidWorks& solids) {
   begin_prescribed(parallel, scene, state.time, remaining, state.solids);
   for (std::size_t l = 0; l < scene.solids.size(); ++l)
     if (!solid::has_left(state.solids[l])) find_near_folds(parallel, scene.solids[l], state.solids[l], solids[l]);
   const double fluid_speed = std::max(state.fluid_speed, fastest_jet(scene, state.time, remaining));
-  const double dt =
+  StepLimit limit =
       compute_time_step(parallel, scene, state.solids, fluid_speed, state.steps, remaining, solids);  // Alg. 1 line 1
-  return shrink < 1.0 ? std::min(dt, shrink * remaining) : dt;
+  if (shrink < 1.0) limit.lower(shrink * remaining, StepRule::kRepeated);
+  return limit;
 }
 
 // Lines 3 and 7, unless the last step has left them: masses, and which nodes are given.
@@ -299,7 +300,9 @@ void transport(const StepContext& step, State& state, Workspace& work, EnergyLed
 StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, double shrink, State& state,
               Workspace& work, Profile& profile) {
   StepInfo info;
-  info.dt = choose_time_step(parallel, scene, remaining, shrink, state, work.solids);
+  const StepLimit limit = choose_time_step(parallel, scene, remaining, shrink, state, work.solids);
+  info.dt = limit.dt;
+  info.limit_rule = limit.rule, info.limiting_solid = limit.solid, info.limiting_other = limit.other;
   const StepContext step{parallel, scene, state.time, info.dt, profile, info};
   const bool keeps_momentum = scene.params.numerics.conserve_momentum;
 

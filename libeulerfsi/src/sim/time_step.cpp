@@ -46,15 +46,15 @@ double flight_cells(const Params& params, double density) {
   return std::max(params.cfl_solid, std::min(kFarthest, far));
 }
 
-// `limit`, or less: a step in which shear waves pass kContactPace cells, or more where that strains the solid little.
-// While a solid is pressed flat against a wall nothing moves fast, and in long steps, which are damped, it would lose
-// what it stores.
-double wave_limit(const Parallel& parallel, const grid::Grid& g, const solid::SolidRest& rest,
-                  const solid::SolidState& solid, double limit) {
-  const double wave = kContactPace * g.h / std::sqrt(rest.elastic.mu / rest.density);
-  if (limit <= wave) return limit;
+// A step in which shear waves pass kContactPace cells, or more where that strains the solid little. While a solid is
+// pressed flat against a wall nothing moves fast, and in long steps, which are damped, it would lose what it stores.
+void limit_by_waves(const Parallel& parallel, const Scene& scene, std::size_t l, const solid::SolidState& solid,
+                    StepRule rule, StepLimit& limit) {
+  const solid::SolidRest& rest = scene.solids[l];
+  const double wave = kContactPace * scene.grid.h / std::sqrt(rest.elastic.mu / rest.density);
+  if (limit.dt <= wave) return;
   const double rate = solid::largest_strain_rate(parallel, solid, solid.valid);
-  return std::min(limit, std::max(wave, rate > 0.0 ? kContactStrain / rate : limit));
+  if (rate > 0.0) limit.lower(std::max(wave, kContactStrain / rate), rule, l + 1);
 }
 
 // What is between a solid and the faces that are walls: -x +x -y +y -z +z.
@@ -88,19 +88,17 @@ Gaps measure_gaps(const Scene& scene, const solid::SolidState& solid) {
 
 // What walls near a solid allow: its surface may reach them, or move by kContactCfl in contact (Sec. 5.2 uses 0.6 for
 // solids less than 2 cells apart). Sliding along a wall is free.
-double wall_limit(const Parallel& parallel, const Scene& scene, std::size_t l, const solid::SolidState& solid,
-                  const Gaps& gaps) {
+void limit_by_walls(const Parallel& parallel, const Scene& scene, std::size_t l, const solid::SolidState& solid,
+                    const Gaps& gaps, StepLimit& limit) {
   const Params& params = scene.params;
   const grid::Grid& g = scene.grid;
-  double limit = std::numeric_limits<double>::infinity();
   for (std::size_t face = 0; face < 6; ++face) {
     const double cells = std::max(kContactCfl, gaps.cells[face] - kContactDistance);
     if (cells < params.cfl_solid)
-      limit = std::min(limit, time_to_move(gaps.closing[face], params.gravity.norm(), cells * g.h));
+      limit.lower(time_to_move(gaps.closing[face], params.gravity.norm(), cells * g.h), StepRule::kWall, l + 1);
   }
   if (params.numerics.resolve_impacts && gaps.least() < kContactReach)
-    limit = wave_limit(parallel, g, scene.solids[l], solid, limit);
-  return limit;
+    limit_by_waves(parallel, scene, l, solid, StepRule::kWallWave, limit);
 }
 
 // Empty, and far from all, for what has left the box.
@@ -116,39 +114,40 @@ std::vector<Box> surface_boxes(const SolidStates& states) {
 
 // What two solids near each other allow: as walls do, by the gap that rows of contact see. What is between solids of
 // which neither reaches the other's map is taken to be kUnseen, and to close at their largest relative speed.
-double pair_limit(const Parallel& parallel, const Scene& scene, const SolidStates& states,
-                  const std::vector<Box>& boxes, std::size_t one, std::size_t other) {
+void limit_by_pair(const Parallel& parallel, const Scene& scene, const SolidStates& states,
+                   const std::vector<Box>& boxes, std::size_t one, std::size_t other, StepLimit& limit) {
   const Params& params = scene.params;
   const double h = scene.grid.h, apart = boxes[one].exteriorDistance(boxes[other]) / h;
-  double limit = std::numeric_limits<double>::infinity();
-  if (apart > kPairReach) return limit;
+  if (apart > kPairReach) return;
   const SolidGap seen = measure_gap(scene, states, one, other);
-  if (params.numerics.uses_particles())
-    return seen.gap + kContactSkin * h < kContactReach * h
-               ? time_to_move(std::max(states[one].speed, states[other].speed), params.gravity.norm(), kPaperCfl * h)
-               : limit;
-  if (!params.numerics.unilateral_walls) return limit;
-  if (!(seen.gap < limit)) {
-    const double speed = relative_speed(states, one, other);
-    return time_to_move(speed, params.gravity.norm(), std::max(kUnseen, apart - 2.0 * kUnseen) * h);
+  const auto move = [&](double speed, double cells) {
+    limit.lower(time_to_move(speed, params.gravity.norm(), cells * h), StepRule::kSolid, one + 1, other + 1);
+  };
+  if (params.numerics.uses_particles()) {
+    if (seen.gap + kContactSkin * h < kContactReach * h)
+      move(std::max(states[one].speed, states[other].speed), kPaperCfl);
+    return;
   }
-  const double cells = std::max(kContactCfl, seen.gap / h - kContactDistance);
-  limit = time_to_move(seen.closing, params.gravity.norm(), cells * h);
+  if (!params.numerics.unilateral_walls) return;
+  if (!std::isfinite(seen.gap)) {
+    move(relative_speed(states, one, other), std::max(kUnseen, apart - 2.0 * kUnseen));
+    return;
+  }
+  move(seen.closing, std::max(kContactCfl, seen.gap / h - kContactDistance));
   if (params.numerics.resolve_impacts && seen.gap < kContactReach * h)
     for (const std::size_t l : {one, other})
-      if (!is_collider(scene.pins, l)) limit = wave_limit(parallel, scene.grid, scene.solids[l], states[l], limit);
-  return limit;
+      if (!is_collider(scene.pins, l)) limit_by_waves(parallel, scene, l, states[l], StepRule::kSolidWave, limit);
 }
 
 // What the folds of a solid allow: as two solids do. Not where the caller has taken the limit of its speed away.
-double fold_limit(const Parallel& parallel, const Scene& scene, std::size_t l, const solid::SolidState& solid,
-                  const solid::SolidWork& work) {
-  if (scene.params.cfl_solid > kRetryTravel) return std::numeric_limits<double>::infinity();
+void limit_by_folds(const Parallel& parallel, const Scene& scene, std::size_t l, const solid::SolidState& solid,
+                    const solid::SolidWork& work, StepLimit& limit) {
+  if (scene.params.cfl_solid > kRetryTravel) return;
   const SolidGap seen = measure_folds(solid, work);
-  if (!std::isfinite(seen.gap)) return seen.gap;
+  if (!std::isfinite(seen.gap)) return;
   const double h = scene.grid.h, cells = std::max(kContactCfl, seen.gap / h - kContactDistance);
-  const double limit = time_to_move(seen.closing, 0.0, cells * h);
-  return seen.gap < kContactReach * h ? wave_limit(parallel, scene.grid, scene.solids[l], solid, limit) : limit;
+  limit.lower(time_to_move(seen.closing, 0.0, cells * h), StepRule::kFold, l + 1);
+  if (seen.gap < kContactReach * h) limit_by_waves(parallel, scene, l, solid, StepRule::kFoldWave, limit);
 }
 
 // How many cells a solid may move in a step: cfl_solid, or more in flight, away from walls and from other solids, which
@@ -165,15 +164,18 @@ double free_cells(const Scene& scene, const std::vector<Box>& boxes, std::size_t
 }
 
 // The limit by the speed of a solid. A step that turns or strains it much is no longer than elsewhere.
-double speed_limit(const Parallel& parallel, const Scene& scene, const solid::SolidState& solid, double cells,
-                   double limit) {
+void limit_by_speed(const Parallel& parallel, const Scene& scene, std::size_t l, const solid::SolidState& solid,
+                    double cells, StepLimit& limit) {
   const Params& params = scene.params;
   const double h = scene.grid.h, gravity = params.gravity.norm();
   const double near = time_to_move(solid.speed, gravity, params.cfl_solid * h);
-  if (!(cells > params.cfl_solid) || near >= limit) return std::min(near, limit);
+  if (!(cells > params.cfl_solid) || near >= limit.dt) {
+    limit.lower(near, StepRule::kSpeed, l + 1);
+    return;
+  }
   const double rate = solid::largest_strain_rate(parallel, solid, solid.valid);
-  limit = std::min(limit, time_to_move(solid.speed, gravity, cells * h));
-  return rate > 0.0 ? std::max(near, std::min(limit, kFlightStrain / rate)) : limit;
+  limit.lower(time_to_move(solid.speed, gravity, cells * h), StepRule::kSpeed, l + 1);
+  if (rate > 0.0) limit.lower(std::max(near, kFlightStrain / rate), StepRule::kStrain, l + 1);
 }
 
 }  // namespace
@@ -183,32 +185,33 @@ StepLimits step_limits(const Params& params, double lightest_density) {
           flight_cells(params, lightest_density)};
 }
 
-double compute_time_step(const Parallel& parallel, const Scene& scene, const SolidStates& states, double fluid_speed,
-                         std::uint64_t steps, double remaining, const SolidWorks& solids) {
+StepLimit compute_time_step(const Parallel& parallel, const Scene& scene, const SolidStates& states, double fluid_speed,
+                            std::uint64_t steps, double remaining, const SolidWorks& solids) {
   const Params& params = scene.params;
   const grid::Grid& g = scene.grid;
-  double limit = params.max_time_step > 0.0 ? std::min(params.max_time_step, remaining) : remaining;
+  StepLimit limit{remaining, StepRule::kEnd};
+  if (params.max_time_step > 0.0) limit.lower(params.max_time_step, StepRule::kMaximum);
   const std::vector<Box> boxes = surface_boxes(states);
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     if (solid::has_left(states[l])) continue;
     const bool given = is_collider(scene.pins, l);
     for (std::size_t other = 0; other < l; ++other)
-      if (!given || !is_collider(scene.pins, other))
-        limit = std::min(limit, pair_limit(parallel, scene, states, boxes, other, l));
+      if (!given || !is_collider(scene.pins, other)) limit_by_pair(parallel, scene, states, boxes, other, l, limit);
     if (given) {  // walls do not stop it, nor does anything drive it
-      limit = std::min(limit, time_to_move(states[l].speed, 0.0, params.cfl_solid * g.h));
+      limit.lower(time_to_move(states[l].speed, 0.0, params.cfl_solid * g.h), StepRule::kCollider, l + 1);
       continue;
     }
-    limit = std::min(limit, fold_limit(parallel, scene, l, states[l], solids[l]));
+    limit_by_folds(parallel, scene, l, states[l], solids[l], limit);
     const Gaps gaps = measure_gaps(scene, states[l]);
-    limit = std::min(limit, wall_limit(parallel, scene, l, states[l], gaps));
-    limit = speed_limit(parallel, scene, states[l], free_cells(scene, boxes, l, gaps), limit);
+    limit_by_walls(parallel, scene, l, states[l], gaps, limit);
+    limit_by_speed(parallel, scene, l, states[l], free_cells(scene, boxes, l, gaps), limit);
     if (steps == 0 && params.numerics.resolve_impacts && is_dense(params.fluid, scene.solids[l].density))
-      limit = std::min(limit, time_to_move(states[l].speed, 0.0, kStart * g.h));
+      limit.lower(time_to_move(states[l].speed, 0.0, kStart * g.h), StepRule::kStart, l + 1);
   }
   for (const Vec3d& v : params.walls.velocity) fluid_speed = std::max(fluid_speed, v.cwiseAbs().maxCoeff());
-  if (params.fluid.present) limit = std::min(limit, time_to_move(fluid_speed, 0.0, params.cfl_fluid * g.h));
-  return remaining / std::ceil(remaining / limit - 1e-6);
+  if (params.fluid.present) limit.lower(time_to_move(fluid_speed, 0.0, params.cfl_fluid * g.h), StepRule::kFluid);
+  limit.dt = remaining / std::ceil(remaining / limit.dt - 1e-6);
+  return limit;
 }
 
 }  // namespace efsi::sim

@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "frame/scene.hpp"
+#include "frame/step_limit.hpp"
 
 namespace efsi::sim {
 
@@ -21,9 +22,9 @@ struct StepLimits {
 };
 StepLimits step_limits(const Params& params, double lightest_density);
 
-// steps: made so far. The largest step that the limits allow, at most `remaining`; the rest up to `remaining` is
-// divided into equal steps. solids: after find_near_folds.
-double compute_time_step(const Parallel& parallel, const Scene& scene, const SolidStates& states, double fluid_speed,
-                         std::uint64_t steps, double remaining, const SolidWorks& solids);
+// steps: made so far. The largest step that the limits allow, at most `remaining`, and what allows no more; the rest up
+// to `remaining` is divided into equal steps. solids: after find_near_folds.
+StepLimit compute_time_step(const Parallel& parallel, const Scene& scene, const SolidStates& states, double fluid_speed,
+                            std::uint64_t steps, double remaining, const SolidWorks& solids);
 
 }  // namespace efsi::sim
