@@ -1,4 +1,4 @@
-"""The CSV of runs: its columns, reading it with refusals in one line, appending to it, where and on what it was made."""
+"""The CSV of runs: its columns, reading it with refusals in one line, appending to it, what it was made on."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from eulerfsi import files
 from eulerfsi.errors import UsageError
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -134,15 +133,6 @@ def append(path: Path, row: Row) -> None:
         raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from None
 
 
-def write(path: Path, rows: list[Row]) -> None:
-    """Replaces the whole file."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    writer.writerows([_cell(getattr(row, name)) for name in COLUMNS] for row in rows)
-    files.write_text(path, out.getvalue())
-
-
 def demand_writable(path: Path) -> None:
     """Raises UsageError where a row could not be written at the end of a run."""
     folder = path.parent
@@ -160,8 +150,13 @@ def _cell(value: Any) -> str:
 
 def text_of(values: dict[str, Any]) -> str:
     """A JSON object for a column: sorted, numbers with six digits, those that are not finite left out."""
-    short = {k: float(f"{v:.6g}") if isinstance(v, float) else v for k, v in values.items()}
-    kept = {k: v for k, v in short.items() if not isinstance(v, float) or math.isfinite(v)}
+
+    def short(value: Any) -> Any:
+        if isinstance(value, (list, tuple)):
+            return [short(v) for v in value]
+        return float(f"{value:.6g}") if isinstance(value, float) else value
+
+    kept = {k: short(v) for k, v in values.items() if not isinstance(v, float) or math.isfinite(v)}
     return json.dumps(kept, sort_keys=True)
 
 
@@ -194,7 +189,7 @@ def commit() -> str:
 
 @functools.cache
 def triad() -> float:
-    """ns per element of a = b + s c over 32 MiB of floats in one thread, in blocks that stay in the cache; best of 3."""
+    """ns per element of a = b + s c over 32 MiB of floats in one thread, by blocks of the cache; best of 3."""
     b, c = np.ones(TRIAD_SIZE, np.float32), np.ones(TRIAD_SIZE, np.float32)
     a, scaled, best = np.zeros(TRIAD_SIZE, np.float32), np.empty(TRIAD_BLOCK, np.float32), math.inf
     for _ in range(TRIAD_ROUNDS):
