@@ -30,7 +30,7 @@ class Case:
     name: str
     group: str
     across: str = ""
-    cells: tuple[int, ...] = ()
+    cells: tuple[float, ...] = ()
     length: float = 1.0
     dimensions: int = 3
     max_step: float = 0.0
@@ -68,7 +68,7 @@ class Run:
     """One run of a case: a resolution, a step, a tolerance, a preset."""
 
     case: str
-    cells: int
+    cells: float
     preset: str = "production"
     step: str = "default"
     tolerance: float | None = None

@@ -36,7 +36,7 @@ class Row:
     solver: str = SOLVER
     preset: str = ""
     sweep: str = "resolution"
-    cells: int = 0
+    cells: float = 0.0
     step: str = "default"
     tolerance: float | None = None
     seed: int = 0
