@@ -41,7 +41,7 @@ def parse(arguments: Sequence[str] | None, cases: dict[str, Case]) -> argparse.N
     groups = sorted({case.group for case in cases.values()})
     parser.add_argument("--case", metavar="NAME,..", help=f"some of {', '.join(cases)}")
     parser.add_argument("--group", metavar="NAME,..", help=f"some of {', '.join(groups)}")
-    parser.add_argument("--quick", action="store_true", help="every case but scenes at one point, coarse: 10 minutes")
+    parser.add_argument("--quick", action="store_true", help="every case at one point, coarse: at most 10 minutes")
     parser.add_argument("--sweep", metavar="NAME,..", help=f"some of {', '.join(table.SWEEPS[:4])}; default: all")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="draws other parameters; 0: those of the file")
     parser.add_argument("--compare", type=Path, metavar="FILE", help="an earlier table: names what has become worse")
@@ -70,8 +70,6 @@ def chosen(options: argparse.Namespace, cases: dict[str, Case]) -> list[Case]:
     names = options.case.split(",") if options.case else list(cases)
     groups = options.group.split(",") if options.group else None
     picked = [cases[n] for n in names if groups is None or cases[n].group in groups]
-    if options.quick and not options.case:
-        picked = [case for case in picked if case.group != "scenes"]
     return list({(case.of or case.name): cases[case.of or case.name] for case in picked}.values())
 
 
@@ -105,7 +103,9 @@ def run_child(run: Run) -> dict[str, Any]:
     except subprocess.TimeoutExpired:
         return {"cost": {}, "measured": {}, "failure": f"given up after {wait:g} s"}
     if done.returncode == 0:
-        return json.loads(done.stdout)
+        answer = json.loads(done.stdout)
+        said = [line for line in done.stderr.splitlines() if line.startswith("error: ")]  # of `simulate`
+        return answer | {"failure": ": ".join([answer["failure"], *said[:1]])} if answer["failure"] else answer
     last = (done.stderr.strip().splitlines() or [""])[-1]
     return {"cost": {}, "measured": {}, "failure": f"the process ended with code {done.returncode}: {last}"}
 

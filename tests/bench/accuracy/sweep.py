@@ -15,7 +15,7 @@ from . import table
 
 FILE = Path(__file__).with_name("cases.toml")
 # What every case says; everything else in its table is a parameter of its own.
-_COMMON = {"group", "across", "cells", "max_step", "cfl", "length", "dimensions", "of", "sweeps", "limit"}
+_COMMON = {"group", "across", "cells", "max_step", "cfl", "length", "dimensions", "of", "sweeps", "limit", "quick"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -23,8 +23,8 @@ class Case:
     """A table of cases.toml.
 
     across: what `cells` counts over; length: that [m]; dimensions: that the resolution refines; max_step: largest step
-    [s] of the default; cfl: which limit the sweep over steps sets, "" without one; of: the case whose runs this one is
-    measured on, "" where they are its own; limit: processor seconds of a run.
+    [s] of the default; cfl: which limit the sweep over steps sets, "" without one; of: the case whose runs this is
+    measured on, "" where they are its own; limit: processor seconds of a run; quick: what differs with --quick.
     """
 
     name: str
@@ -38,6 +38,7 @@ class Case:
     of: str = ""
     sweeps: tuple[str, ...] = table.SWEEPS[:4]
     limit: float = 60.0
+    quick: tuple[tuple[str, Any], ...] = ()
     own: tuple[tuple[str, Any], ...] = ()  # parameters: a value, or {"value", "low", "high"}
 
     def parameters(self, seed: int) -> dict[str, Any]:
@@ -130,6 +131,7 @@ def load(path: Path = FILE) -> tuple[Protocol, dict[str, Case]]:
     shared, cases = data.pop("protocol"), {}
     for name, values in data.items():
         common = {k: tuple(v) if isinstance(v, list) else v for k, v in values.items() if k in _COMMON}
+        common["quick"] = tuple(common.get("quick", {}).items())
         own = tuple((k, v) for k, v in values.items() if k not in _COMMON)
         cases[name] = Case(name, **common, own=own)
     return Protocol(**{k: tuple(v) if isinstance(v, list) else v for k, v in shared.items()}), cases
@@ -143,7 +145,8 @@ def runs(case: Case, seed: int = 0, quick: bool = False) -> list[Run]:
     """All runs of a case, the default ones first; quick: one, at the coarsest resolution."""
     rules = protocol()
     values = {"max_step": case.max_step, "cfl": case.cfl, "length": case.length, "limit": case.limit}
-    base = Run(case.name, case.cells[0], seed=seed, parameters=tuple(case.parameters(seed).items()), **values)
+    own = case.parameters(seed) | (dict(case.quick) if quick else {})
+    base = Run(case.name, case.cells[0], seed=seed, parameters=tuple(own.items()), **values)
     if quick:
         return [base]
     middle = dataclasses.replace(base, cells=case.cells[len(case.cells) // 2])
