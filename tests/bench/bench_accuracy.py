@@ -28,6 +28,7 @@ for folder in (ROOT / "batch", ROOT / "usd_plugin", ROOT / "tests" / "bench"):
 from accuracy import fit, front, report, sweep, table  # noqa: E402
 from accuracy.sweep import Case, Run  # noqa: E402
 from accuracy.table import Row  # noqa: E402
+from eulerfsi import files  # noqa: E402
 from eulerfsi.errors import UsageError  # noqa: E402
 
 PEERS = ROOT / "tests" / "bench" / "peers" / "accuracy_peers.py"
@@ -179,6 +180,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if code:
             return int(code)
     print("\n".join(report.summary(rows)))
+    if kept := fit.with_errors(front.newest(table.read(options.output))):
+        files.write_text(options.output.with_suffix(".md"), report.document(kept))
     loaded = sum(row.loaded for row in rows)
     if loaded:
         busy = f"others kept over {table.LOADED:g} processors busy"

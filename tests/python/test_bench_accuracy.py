@@ -261,7 +261,7 @@ def test_a_picture_shows_presets_and_peers_and_refuses_an_empty_table(tmp_path: 
 
 def test_the_newest_rows_are_drawn_and_peers_of_any_time() -> None:
     rows = [row(commit="old"), row(solver="other 1.0", commit="1.0"), row(commit="new"), row(commit="new", seed=4)]
-    assert [r.commit for r in draw.newest(rows)] == ["new", "1.0"]
+    assert [r.commit for r in front.newest(rows)] == ["new", "1.0"]
 
 
 # --- what is measured ------------------------------------------------------------------------------------------------
@@ -333,6 +333,8 @@ def test_a_summary_lists_cases_and_the_worst() -> None:
     lines = report.summary(rows)[-1].splitlines()
     assert [line.split()[0] for line in lines] == ["case", "a", "b", "c"]
     assert [r.case for r in report.worst(rows, 2)] == ["c", "a"]
+    text = report.document([row("poiseuille", cells=n, error=1 / n) for n in (8, 16)])
+    assert "## viscous" in text and "| poiseuille | 8 / 16 | 0.12 / 0.062 |" in text
 
 
 # --- stress and skip -------------------------------------------------------------------------------------------------

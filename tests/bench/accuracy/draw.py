@@ -21,14 +21,6 @@ COLORS = {"production": "tab:blue", "paper2016": "tab:orange"}
 PEERS = ("tab:green", "tab:red", "tab:purple", "tab:brown", "tab:pink", "tab:olive", "tab:cyan")
 
 
-def newest(rows: Sequence[Row]) -> list[Row]:
-    """The solver's rows of the commit and machine of its last row, seed 0, first repeats; and the peers'."""
-    own = [row for row in rows if row.solver == SOLVER]
-    last = (own[-1].commit, own[-1].machine) if own else None
-    kept = [row for row in own if (row.commit, row.machine) == last and row.seed == 0 and row.repeat == 1]
-    return kept + [row for row in rows if row.solver != SOLVER]
-
-
 def label(row: Row) -> str:
     return row.preset if row.solver == SOLVER else row.solver
 
@@ -50,11 +42,22 @@ def panel(axes: Axes, rows: Sequence[Row], colors: dict[str, str]) -> None:
     best = front.front(rows)
     axes.plot([r.core_s for r in best], [max(r.error, 1e-9) for r in best], "--", color="black", linewidth=1.0)
     axes.set(xscale="log", yscale="log")
+    frame(axes)
     axes.set_title(rows[0].case, fontsize="small")
     norms = [row.norm for row in rows if row.norm]
     axes.set_ylabel(norms[0][:44] if norms else "error", fontsize=6)
-    axes.tick_params(labelsize=6)
+    axes.tick_params(which="both", labelsize=6)
     axes.grid(alpha=0.3)
+
+
+def frame(axes: Axes) -> None:
+    """Limits of at least a decade, so that what hardly changes looks so; labels at the decades alone."""
+    from matplotlib.ticker import NullFormatter
+
+    for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+        grow = max(1.0, 10.0**0.6 / (high / low) ** 0.5)
+        axis.set_minor_formatter(NullFormatter())
+        (axes.set_xlim if axis is axes.xaxis else axes.set_ylim)(low / grow, high * grow)
 
 
 def picture(rows: Sequence[Row], names: Sequence[str], path: Path) -> None:
@@ -90,7 +93,7 @@ def draw(source: Path = table.RESULTS, folder: Path | None = None) -> list[Path]
     folder = folder or table.ROOT / "docs" / "images"
     if not source.exists():
         raise UsageError(f"{source}: there is no such table; ./eulerfsi bench accuracy writes it")
-    rows = fit.with_errors(newest(table.read(source)))
+    rows = fit.with_errors(front.newest(table.read(source)))
     try:
         import matplotlib
     except ImportError as error:

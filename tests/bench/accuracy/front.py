@@ -33,6 +33,14 @@ def by_case(rows: Sequence[Row]) -> dict[str, list[Row]]:
     return out
 
 
+def newest(rows: Sequence[Row]) -> list[Row]:
+    """The solver's rows of the commit and machine of its last row, seed 0, first repeats; and the peers'."""
+    own = [row for row in rows if row.solver == SOLVER]
+    last = (own[-1].commit, own[-1].machine) if own else None
+    kept = [row for row in own if (row.commit, row.machine) == last and row.seed == 0 and row.repeat == 1]
+    return kept + [row for row in rows if row.solver != SOLVER]
+
+
 def name_of(row: Row) -> str:
     """A run in words."""
     parts = [row.case, f"{row.cells:g} cells", row.preset or row.solver]

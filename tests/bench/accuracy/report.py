@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 
-from loop.table import text
+from loop.table import markdown, text
 
-from . import fit, front
+from . import fit, front, sweep
 from .table import SOLVER, Row
 
 
@@ -47,6 +47,26 @@ def summary(rows: Sequence[Row]) -> list[str]:
     """The cases as lines of a table."""
     lines = [cells(of_case) for of_case in front.by_case(rows).values()]
     return ["", text(lines)] if lines else []
+
+
+def document(rows: Sequence[Row]) -> str:
+    """The same as a Markdown file, a table a group, with the three worst; of rows as `front.newest` gives them."""
+    _, cases = sweep.load()
+    own = [row for row in rows if row.solver == SOLVER]
+    loaded = sum(row.loaded for row in own)
+    parts = [
+        "# Error against run time",
+        f"`./eulerfsi bench accuracy`; commit {own[0].commit}; {own[0].machine}, one thread; {len(own)} runs, {loaded} "
+        "of them beside others that kept more than half a processor busy. Three resolutions each at the default step; "
+        "[columns and cases](../accuracy/README.md), [what they show](../../../docs/accuracy.md).",
+    ]
+    by_case = front.by_case(own)
+    for group in dict.fromkeys(case.group for case in cases.values()):
+        lines = [cells(by_case[name]) for name, case in cases.items() if case.group == group and name in by_case]
+        if lines:
+            parts += [f"## {group}", markdown(lines, lines[0])]
+    parts.append("Largest errors of the finest runs: " + "; ".join(line(row) for row in worst(own)) + ".")
+    return "\n\n".join(parts) + "\n"
 
 
 def worst(rows: Sequence[Row], count: int = 3) -> list[Row]:
