@@ -17,8 +17,10 @@ import bench_loop  # noqa: E402
 import bench_skip  # noqa: E402
 import bench_stress  # noqa: E402
 from accuracy import (  # noqa: E402
+    cases_contact,
     cases_coupled,
     cases_fluid,
+    cases_solid,
     cases_transport,
     draw,
     fit,
@@ -165,6 +167,8 @@ def test_orders_in_h_and_dt_come_from_their_own_sweeps() -> None:
     assert found.dt == pytest.approx(2.0, abs=1e-6)
     rounded = fit.orders([dataclasses.replace(r, error=1e-7) for r in rows])
     assert rounded.rounding and rounded.h is None
+    there_and_back = [row(cells=n, error=e, value=e) for n, e in ((8, 0.1), (16, 0.02), (32, 0.05))]
+    assert fit.orders(there_and_back).h is None
 
 
 def test_scenes_are_measured_against_the_finest() -> None:
@@ -277,6 +281,37 @@ def test_lambs_dipole_is_a_flow_without_a_jump() -> None:
     assert top == pytest.approx(-1.0, rel=1e-3)  # U a^2 / r^2, backwards beside it
     middle = (stream(at, at + small) - stream(at, at - small)) / (2 * small)
     assert middle == pytest.approx(1 - 1 / cases_fluid.bessel(0, np.array(3.8317)), rel=1e-3)
+
+
+@pytest.mark.parametrize("law", cases_solid.PULLED)
+def test_laws_of_a_pulled_bar_are_linear_at_first_and_stiffen_or_soften(law: str) -> None:
+    pulled = cases_solid.PULLED[law]
+    assert pulled(1.0) == pytest.approx(0.0, abs=1e-9)
+    assert (pulled(1.001) - pulled(0.999)) / 0.002 == pytest.approx(1.0, abs=2e-3)
+    small = 1e-3
+    slope = (least_energy(law, 1.2 + small) - least_energy(law, 1.2 - small)) / (2 * small)
+    assert pulled(1.2) == pytest.approx(slope, rel=1e-3)
+
+
+def least_energy(law: str, along: float) -> float:
+    """Of all stretches of the sides, over Young's modulus; Poisson's ratio 0 (docs/numerics/materials.md)."""
+    sides = np.linspace(0.8, 1.2, 400001)
+    total, volume, mu = along**2 + 2 * sides**2, along * sides**2, 0.5
+    if law == "corotational":
+        return float((mu * ((along - 1) ** 2 + 2 * (sides - 1) ** 2)).min())
+    if law == "stVenantKirchhoff":
+        return float((mu / 4 * ((along**2 - 1) ** 2 + 2 * (sides**2 - 1) ** 2)).min())
+    m, k = 4 / 3 * mu, 5 / 6 * mu
+    energy = m / 2 * (total - 3) + k / 2 * (volume - (1 + m / k - m / (4 * k))) ** 2 - m / 2 * np.log(total + 1)
+    return float(energy.min())
+
+
+def test_hertz_contact_is_timed_in_its_middle() -> None:
+    assert cases_contact.middle_share(1e-6) == pytest.approx(1.0, abs=0.01)
+    assert 0.5 < cases_contact.middle_share(0.05) < 0.75
+    assert cases_contact.times_of(np.array([0.0, 1.0, 2.0]), np.array([-1.0, 0.0, 1.0]), 0.25) == pytest.approx(
+        [0.5, 1.5]
+    )
 
 
 def test_a_step_at_the_wind_of_a_turn_carries_particles_around() -> None:

@@ -64,8 +64,25 @@ def csm1(run: Run, meter: Meter) -> Measured:
     return Measured(float(moved[1]), CSM1[1], "relative, tip across the beam", at, None, numbers)
 
 
-# Stress over Young's modulus at a stretch, for a Poisson's ratio of 0, where the held ends hinder nothing.
+def pulled_neo_hookean(stretch: float) -> float:
+    """Of the stable neo-Hookean law (docs/numerics/materials.md) with free sides, by bisection."""
+    m, k = 2 / 3, 5 / 12  # 4/3 mu and 5/6 mu over Young's modulus 2 mu
+    a = 1 + m / k - m / (4 * k)
+
+    def stress(along: float, across: float, which: float) -> float:
+        volume, total = along * across**2, along**2 + 2 * across**2
+        return m * which + k * (volume - a) * volume / which - m * which / (total + 1)
+
+    low, high = 0.2, 2.0
+    for _ in range(60):
+        side = (low + high) / 2
+        low, high = (low, side) if stress(stretch, side, side) > 0 else (side, high)
+    return stress(stretch, side, stretch)
+
+
+# Stress over Young's modulus at a stretch, for a Poisson's ratio of 0, where the held ends hinder little or nothing.
 PULLED = {
+    "stableNeoHookean": pulled_neo_hookean,
     "corotational": lambda s: s - 1,
     "stVenantKirchhoff": lambda s: s * (s**2 - 1) / 2,
 }
@@ -167,6 +184,7 @@ CASES = {
     "csm1": csm1,
     "uniaxial_corotational": uniaxial,
     "uniaxial_stvk": uniaxial,
+    "uniaxial_neo_hookean": uniaxial,
     "plastic_ball": plastic_ball,
     "tumbling": tumbling,
 }

@@ -12,7 +12,7 @@ import numpy as np
 from .table import Row
 
 LEAST, MOST = 0.1, 6.0  # orders that are looked for
-ROUNDING = 1e-5  # errors below it are single precision's
+ROUNDING = 1e-4  # errors below it are single precision's
 
 
 def slope(sizes: Sequence[float], errors: Sequence[float]) -> float | None:
@@ -22,6 +22,11 @@ def slope(sizes: Sequence[float], errors: Sequence[float]) -> float | None:
         return None
     logs = np.log(np.array(pairs))
     return float(np.polyfit(logs[:, 0], logs[:, 1], 1)[0])
+
+
+def monotone(values: Sequence[float]) -> bool:
+    """Whether they only fall or only rise: others follow no power."""
+    return list(values) in (sorted(values), sorted(values, reverse=True))
 
 
 def limit(sizes: Sequence[float], values: Sequence[float]) -> tuple[float, float] | None:
@@ -45,7 +50,7 @@ def limit(sizes: Sequence[float], values: Sequence[float]) -> tuple[float, float
 
 @dataclasses.dataclass(frozen=True)
 class Orders:
-    """Of a case: p in h and dt. None: no power; rounding: errors are those of single precision."""
+    """Of a case: p in h and dt. None: no power, or not three runs; rounding: errors are those of single precision."""
 
     h: float | None = None
     dt: float | None = None
@@ -84,7 +89,8 @@ def orders(rows: Sequence[Row]) -> Orders:
     closed = bool(by_h) and all(r.reference is not None for r in by_h)
     rounding = closed and bool(by_h) and max(r.error or 0.0 for r in by_h) < ROUNDING
     if closed:
-        p = None if rounding or len(by_h) < 3 else slope(sizes, [r.error or 0.0 for r in by_h])
+        errors = [r.error or 0.0 for r in by_h]
+        p = None if rounding or len(by_h) < 3 or not monotone(errors) else slope(sizes, errors)
         end = None
     else:
         found = limit(sizes, [r.value for r in by_h]) if by_h else None
