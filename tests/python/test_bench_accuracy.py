@@ -159,6 +159,14 @@ def test_a_case_without_a_closed_form_is_measured_against_its_limit() -> None:
     assert found.h == pytest.approx(2.0, abs=1e-4) and found.limit == pytest.approx(0.9, abs=1e-6)
 
 
+def test_without_convergence_the_finest_run_is_the_reference_and_said_to_be() -> None:
+    norm = "relative to Richardson's limit, restitution"
+    rows = [row(cells=n, value=v, reference=None, error=None, norm=norm) for n, v in ((8, 0.5), (12, 0.9), (20, 0.8))]
+    filled = fit.with_errors(rows)
+    assert [r.error for r in filled] == [pytest.approx(0.375), pytest.approx(0.125), None]
+    assert filled[0].norm == "relative to the finest run, restitution"
+
+
 def test_orders_in_h_and_dt_come_from_their_own_sweeps() -> None:
     rows = [row(cells=n, error=2 / n, value=2 / n, core_s=n**3.0) for n in (8, 16, 32)]
     rows += [row(cells=16, step=f"dt/{k}", sweep="step", value=0.05 + 0.075 / k**2, error=0.1) for k in (2, 4)]
@@ -237,6 +245,17 @@ def test_on_another_machine_or_commit_times_are_not_compared() -> None:
 def test_options_are_refused_in_one_line(cli, arguments: list[str], says: str) -> None:
     done = cli("bench", "accuracy", *arguments)
     assert done.returncode == 2 and says in done.stderr and len(done.stderr.splitlines()) == 1
+
+
+def test_a_case_that_shares_runs_is_made_on_those_of_the_other_one() -> None:
+    _, cases = sweep.load()
+    options = bench_accuracy.parse(["--case", "swing_vacuum,lamb_vacuum,csm1"], cases)
+    assert [case.name for case in bench_accuracy.chosen(options, cases)] == ["lamb_vacuum", "csm1"]
+    options = bench_accuracy.parse(["--group", "scenes"], cases)
+    assert {case.group for case in bench_accuracy.chosen(options, cases)} == {"scenes"}
+    old = [run.row(error=0.1, core_s=1.0) for run in sweep.runs(cases["csm1"], quick=True)]
+    options = bench_accuracy.parse(["--case", "csm1", "--quick"], cases)
+    assert [run.repeat for run in bench_accuracy.planned(options, cases, old)] == [1, 2, 3]
 
 
 def test_an_absent_peer_is_refused_in_one_line(tmp_path: Path, monkeypatch) -> None:

@@ -126,7 +126,8 @@ def filled(row: Row, company: Sequence[Row]) -> Row:
         return dataclasses.replace(row, error=abs(row.value / found[0] - 1))
     if row.identity == by_h[-1].identity or not by_h[-1].value:
         return row
-    return dataclasses.replace(row, error=abs(row.value / by_h[-1].value - 1))
+    norm = row.norm.replace("Richardson's limit", "the finest run")
+    return dataclasses.replace(row, error=abs(row.value / by_h[-1].value - 1), norm=norm)
 
 
 def distance(points: Sequence[float], others: Sequence[float]) -> float:

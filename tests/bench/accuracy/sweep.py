@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -137,6 +138,7 @@ def load(path: Path = FILE) -> tuple[Protocol, dict[str, Case]]:
     return Protocol(**{k: tuple(v) if isinstance(v, list) else v for k, v in shared.items()}), cases
 
 
+@functools.cache
 def protocol() -> Protocol:
     return load()[0]
 
