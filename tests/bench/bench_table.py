@@ -145,10 +145,13 @@ def scene_at(name: str, voxel: float, folder: Path) -> Path:
     return folder / path.name
 
 
-def run(name: str, voxel: float, preset: str, frames: str | None, folder: Path) -> Statistics:
-    """Simulates a scene; returns its statistics. Raises CalledProcessError."""
-    setting = f"/World/Domain.voxelSize={voxel:g}"
-    options = ["--preset", preset, "--set", setting, "-o", str(folder), "--progress", "none"]
+def run(
+    name: str, voxel: float, preset: str, frames: str | None, folder: Path, settings: Sequence[str] = ()
+) -> Statistics:
+    """Simulates a scene; returns its statistics. settings: as for --set. Raises CalledProcessError."""
+    options = ["--preset", preset, "-o", str(folder), "--progress", "none"]
+    for setting in (f"/World/Domain.voxelSize={voxel:g}", *settings):
+        options += ["--set", setting]
     if frames:
         options += ["--frames", frames]
     command = [sys.executable, "-m", "eulerfsi", "simulate", str(scene_at(name, voxel, folder.parent)), *options]

@@ -27,6 +27,7 @@ _MODULES = {
     "plot": ".plot",
     "new": ".new_scene",
 }
+BENCHMARKS = ("speed", "loop", "random", "accuracy", "stress", "skip", "table", "estimate", "meshes")
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -98,10 +99,18 @@ def build_parser() -> argparse.ArgumentParser:
     info.add_argument("--json", action="store_true", help="as one JSON object")
 
     draw = add("plot", "Draw a cache's statistics: sizes of steps, volumes, energies, time per frame.")
-    draw.add_argument("kind", choices=("step", "volume", "energy", "time"))
-    draw.add_argument("cache", type=Path, metavar="CACHE")
     draw.add_argument(
-        "-o", "--output", type=Path, metavar="FILE", help="png, svg or pdf; default: ./<cache>_<kind>.png"
+        "kind",
+        choices=("step", "volume", "energy", "time", "accuracy"),
+        help="accuracy: error against run time, of `bench accuracy` (in a checkout, without a cache)",
+    )
+    draw.add_argument("cache", type=Path, nargs="?", metavar="CACHE")
+    draw.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="FILE",
+        help="png, svg or pdf; default: ./<cache>_<kind>.png; accuracy: a folder, default: docs/images",
     )
 
     new = add("new", "Write a complete scene around mesh files.")
@@ -111,7 +120,7 @@ def build_parser() -> argparse.ArgumentParser:
     new.add_argument("--smoke", choices=("carpet", "none"), default="carpet", help="default: carpet")
 
     bench = add("bench", "Measure speed and quality against the bars (in a checkout).")
-    bench.add_argument("name", choices=("speed", "loop", "random", "table", "estimate", "meshes"))
+    bench.add_argument("name", choices=BENCHMARKS)
     bench.add_argument("rest", nargs=argparse.REMAINDER, help="options of the benchmark; --help lists them")
 
     package = add("package", "Build a file that installs elsewhere without a system package (in a checkout).")
@@ -262,6 +271,16 @@ def _info(options: argparse.Namespace) -> int:
 def _plot(options: argparse.Namespace) -> int:
     from .plot import plot
 
+    if options.kind == "accuracy":
+        if options.cache:
+            raise UsageError(
+                f"plot accuracy {options.cache}: takes no cache; it draws tests/bench/results/accuracy.csv"
+            )
+        script = _checkout() / "tests" / "bench" / "plot_accuracy.py"
+        say("\n".join(map(str, runpy.run_path(str(script))["main"](options.output))), sys.stdout)
+        return errors.EXIT_OK
+    if options.cache is None:
+        raise UsageError(f"plot {options.kind}: needs the folder of a cache")
     say(str(plot(options.kind, options.cache, options.output)), sys.stdout)
     return errors.EXIT_OK
 

@@ -5,7 +5,6 @@ Each gives, after every step, the columns that its law judges. Lengths [m], time
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -14,7 +13,7 @@ from eulerfsi.errors import LibraryError
 from eulerfsi.solver import binding, c_api
 from eulerfsi.solver.simulation import Mesh, Simulation, Surface
 
-from .experiment import Experiment, step_ends
+from .experiment import Experiment, step_ends, timed_step
 from .shapes import blocks
 
 Probe = Callable[[Simulation], dict[str, Any]]  # the columns of the last step
@@ -120,9 +119,7 @@ def simulate(run: Experiment) -> dict[str, Any]:
         try:
             for end in step_ends(run):
                 while end - simulation.time > 1e-9:
-                    clock = time.perf_counter()
-                    info = simulation.step(end - simulation.time)
-                    columns.append(info | volumes | {"seconds": time.perf_counter() - clock} | probe(simulation))
+                    columns.append(timed_step(simulation, end - simulation.time) | volumes | probe(simulation))
         except LibraryError as error:
             failure = str(error)
     names = columns[0].keys() if columns else ()

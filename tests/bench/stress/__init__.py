@@ -1,0 +1,1 @@
+"""The parts of `./eulerfsi bench stress`: its cases and how one run is judged."""

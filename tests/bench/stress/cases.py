@@ -1,0 +1,177 @@
+"""Stress cases S1 to S24: experiments of `bench loop` at the ends of their ranges, and calls that have to be refused.
+
+Laws, shapes and groups of `bench loop` are called. A case is a name and its runs; what is judged is in `judge.py`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+from eulerfsi.errors import LibraryError
+from eulerfsi.solver.simulation import Mesh, Simulation
+from loop import contact_laws, elastic_laws, laws, survival
+from loop.experiment import FRAME, GRAVITY, SHEAR_MODULUS, YOUNGS_MODULUS, Experiment
+from loop.shapes import SIZE, make_shape
+
+THROWN = Experiment(
+    "thrown", across=8, box=(0.4, 0.4, 0.4), floor=0.03, duration=0.3, gravity=GRAVITY, velocity=(0.0, -2.0, 0.0)
+)
+FREE = Experiment("let go", across=8, box=(0.5, 0.5, 0.5), density_ratio=None, duration=0.5, limit=120.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """runs: experiments; refused: calls by name that must raise LibraryError and nothing else."""
+
+    number: str
+    name: str
+    runs: tuple[Experiment, ...] = ()
+    refused: tuple[tuple[str, Callable[[], object]], ...] = ()
+    volume: bool = True  # the solids start at their rest volume, which they keep
+    energy: bool = True  # closed: the law of energy holds
+
+
+def each(base: Experiment, **values: tuple) -> tuple[Experiment, ...]:
+    """The experiment with each value of one field."""
+    ((name, some),) = values.items()
+    return tuple(dataclasses.replace(base, scene=f"{base.scene}, {name} {value}", **{name: value}) for value in some)
+
+
+def with_settings(base: Experiment, name: str, some: tuple) -> tuple[Experiment, ...]:
+    return tuple(dataclasses.replace(base, scene=f"{base.scene}, {name} {v:g}", settings=((name, v),)) for v in some)
+
+
+def stretched(factors: tuple[float, ...]) -> tuple[Experiment, ...]:
+    """Along x at constant volume."""
+    return each(FREE, stretch=tuple((f, f**-0.5, f**-0.5) for f in factors))
+
+
+def impacts() -> tuple[Experiment, ...]:
+    """So many cells a step at the floor, the limits of the step off."""
+    h = SIZE / THROWN.across
+    return tuple(
+        dataclasses.replace(
+            THROWN,
+            scene=f"{cells:g} cells a step",
+            cfl=elastic_laws.NO_CFL,
+            dt=0.005,
+            velocity=(0.0, -cells * h / 0.005, 0.0),
+            floor=0.1,
+            box=(0.4, 0.5, 0.4),
+            duration=0.1,
+            youngs_modulus=YOUNGS_MODULUS * max(1.0, cells) ** 2,
+        )
+        for cells in (0.1, 1.0, 5.0)
+    )
+
+
+def loop_runs(runs: list[Experiment], limit: float = 120.0) -> tuple[Experiment, ...]:
+    return tuple(dataclasses.replace(run, limit=limit) for run in runs)
+
+
+# --- calls that have to be refused -----------------------------------------------------------------------------------
+
+BOX = {"domain_size": (0.4, 0.4, 0.4), "voxel_size": 0.05, "threads": 1}
+
+
+def solid_of(mesh: Mesh | None = None, **values: float) -> None:
+    """Adds a ball with these values and makes a step."""
+    with Simulation(BOX) as simulation:
+        placed = mesh or make_shape("ball", 4)
+        simulation.add_solid(Mesh(placed.points + 0.2, placed.counts, placed.indices), **values)
+        simulation.step(FRAME)
+
+
+def box_of(**values: object) -> None:
+    with Simulation(BOX | values) as simulation:
+        simulation.step(FRAME)
+
+
+def flat() -> Mesh:
+    ball = make_shape("ball", 4)
+    return Mesh(ball.points * [1, 1, 0], ball.counts, ball.indices)
+
+
+def twice() -> None:
+    with Simulation(BOX) as simulation:
+        ball = make_shape("ball", 4)
+        for _ in range(2):
+            simulation.add_solid(Mesh(ball.points + 0.2, ball.counts, ball.indices))
+
+
+def poisoned() -> None:
+    with Simulation(BOX) as simulation:
+        field = simulation.field("velocity")[0]
+        field[0, 1, 1, 1] = np.nan
+        simulation.set_field("velocity", field)
+
+
+def long_ago() -> None:
+    with Simulation(BOX) as simulation:
+        simulation.step(-1.0)
+
+
+REFUSED_SHAPES = (("a flat mesh", lambda: solid_of(flat())), ("two solids in one place", twice))
+REFUSED_VALUES = (
+    ("density 0", lambda: solid_of(density=0.0)),
+    ("density nan", lambda: solid_of(density=float("nan"))),
+    ("Poisson's ratio 0.5", lambda: solid_of(poissons_ratio=0.5)),
+    ("speed inf", lambda: solid_of(velocity=(float("inf"), 0.0, 0.0))),
+    ("voxel size -1", lambda: box_of(voxel_size=-1.0)),
+    ("gravity nan", lambda: box_of(gravity=(float("nan"), 0.0, 0.0))),
+    ("nan in a field", poisoned),
+    ("a step of -1 s", long_ago),
+)
+
+
+def refusal(call: Callable[[], object]) -> str:
+    """ "" where it is refused, else what happened."""
+    try:
+        call()
+    except LibraryError:
+        return ""
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+    return "it was accepted"
+
+
+# --- the list --------------------------------------------------------------------------------------------------------
+
+
+def cases(full: bool) -> tuple[Case, ...]:
+    """All of them; full: also the whole matrix of survival and finer grids."""
+    tier = "full" if full else "quick"
+    plastic = dataclasses.replace(FREE, stretch=(2**0.5, 0.5, 2**0.5))
+    lost = dataclasses.replace(FREE, scene="turned inside out", stretch=(1.0, 1.0, -1.0))
+    tight = dataclasses.replace(THROWN, box=(0.21, 0.35, 0.23), across=8)
+    squashes = loop_runs(elastic_laws.squash_runs(tier), 300.0)
+    return (
+        Case("S2", "collapsed or inverted start", (*each(FREE, stretch=((0.3,) * 3, (1, 1, 0.2))), lost), volume=False),
+        Case("S3", "stretched 2 to 4 times, pressed to a third", stretched((2.0, 4.0, 1 / 3)), volume=False),
+        Case("S4", "squash (`bench loop`)", squashes, volume=False),
+        Case("S5", "density ratio", each(THROWN, density_ratio=(0.1, 0.9, 1.0, 1.1, 500.0, 1e4))),
+        Case("S6", "Young's modulus", each(dataclasses.replace(THROWN, dt=FRAME), youngs_modulus=(1e3, 1e5, 1e7, 1e9))),
+        Case("S7", "Poisson's ratio", each(THROWN, poissons_ratio=(-0.5, 0.0, 0.45, 0.499))),
+        Case("S8", "survival (`bench loop`): step, CFL, walls", loop_runs(survival.survival_runs(tier), 60.0)),
+        Case("S9", "tolerances of both solves", tolerances()),
+        Case("S10", "a hundred times heavier on soft (`bench loop`)", loop_runs(contact_laws.stack_runs("quick")[1:])),
+        Case("S12", "stack (`bench loop`)", loop_runs(contact_laws.stack_runs("quick")[:1])),
+        Case("S13", "parts of one to two cells", each(dataclasses.replace(THROWN, across=6), shape=("torus", "u"))),
+        Case("S14", "0.1 to 5 cells a step at the floor", impacts(), volume=False),
+        Case("S18", "a box that fits, of odd sizes", (tight,)),
+        Case("S19", "shapes that are none", refused=REFUSED_SHAPES),
+        Case("S20", "rest (`bench loop`)", loop_runs(laws.rest_runs(tier)[:1])),
+        Case("S22", "yield stress", with_settings(plastic, "plastic_yield_stress", (1.0, 0.1 * SHEAR_MODULUS, 1e12))),
+        Case("S24", "values that are none", refused=REFUSED_VALUES),
+    )
+
+
+def tolerances() -> tuple[Experiment, ...]:
+    return tuple(
+        dataclasses.replace(
+            THROWN, scene=f"tolerance {t:g}", settings=(("velocity_tolerance", t), ("pressure_tolerance", t))
+        )
+        for t in (0.5, 0.1, 0.02, 1e-3, 1e-6)
+    )
