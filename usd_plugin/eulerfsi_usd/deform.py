@@ -47,6 +47,8 @@ def points_at(prim: Usd.Prim, frame: float) -> np.ndarray:
 
 
 def _may_deform(prim: Usd.Prim) -> bool:
+    if prim.IsA(UsdGeom.TetMesh):
+        return UsdGeom.TetMesh(prim).GetPointsAttr().ValueMightBeTimeVarying()
     if not prim.IsA(UsdGeom.Mesh):
         return False
     return UsdGeom.Mesh(prim).GetPointsAttr().ValueMightBeTimeVarying() or bool(Pose(prim, True).skeleton)

@@ -154,7 +154,8 @@ def _check_primvar(solid: Usd.Prim) -> list[Issue]:
             return [make_issue(solid, PIN_PRIMVAR, None, "authored where eulerfsi:pinTo is", "MissingPins")]
         return []
     primvar = UsdGeom.PrimvarsAPI(solid).GetPrimvar("eulerfsi:pin")
-    count = len(UsdGeom.Mesh(solid).GetPointsAttr().Get(time) or ()) if solid.IsA(UsdGeom.Mesh) else 0
+    has_points = solid.IsA(UsdGeom.PointBased)
+    count = len(UsdGeom.PointBased(solid).GetPointsAttr().Get(time) or ()) if has_points else 0
     if primvar.GetInterpolation() not in (UsdGeom.Tokens.vertex, UsdGeom.Tokens.varying) or len(held) != count:
         value = f"{len(held)} values, interpolation {primvar.GetInterpolation()}"
         return [make_issue(solid, PIN_PRIMVAR, value, f"{count} values, one per vertex", "BadPins")]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
+from . import deformables
 from .deform import points_move
 from .given import PINS, targets
 from .issues import Issue, first_time, instance_above, is_enabled, listed, make_issue, scopes_of
@@ -16,7 +17,13 @@ PASSENGERS = "eulerfsi:passengers"
 
 def find_passengers(solid: Usd.Prim) -> list[Usd.Prim]:
     """Meshes, curves and points below a solid or named by its eulerfsi:passengers, in stage order and then as named."""
-    return list(dict.fromkeys(_points_below(solid) + _named(solid)))
+    return list(dict.fromkeys(_points_below(solid) + _named(schema_prim(solid))))
+
+
+def schema_prim(solid: Usd.Prim) -> Usd.Prim:
+    """The prim with the attributes of eulerfsi: the solid, or the sim mesh of a body of the standard."""
+    body = deformables.body_at(solid)
+    return body.ours if body else solid
 
 
 def find_riders(collider: Usd.Prim) -> list[Usd.Prim]:
@@ -53,6 +60,8 @@ def _points_below(prim: Usd.Prim) -> list[Usd.Prim]:
 
 def _below(prim: Usd.Prim) -> list[Usd.Prim]:
     """All prims below one, but other solids (colliders, domains, emitters, forces) and what is below those."""
+    if body := deformables.body_at(prim):
+        return [child for child in deformables.below(prim) if child != body.sim]
     found = []
     below = iter(Usd.PrimRange(prim, Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)))
     for child in below:
@@ -70,7 +79,7 @@ def check_passengers(solids: list[Usd.Prim], colliders: list[Usd.Prim]) -> list[
     issues: list[Issue] = []
     carriers: dict[Usd.Prim, Usd.Prim] = {}
     for body in [*solids, *colliders]:
-        for target in targets(body, PASSENGERS):
+        for target in targets(schema_prim(body), PASSENGERS):
             issues += _check_target(body, target)
         try:
             carried = find_passengers(body) if body in solids else find_riders(body)
@@ -82,13 +91,15 @@ def check_passengers(solids: list[Usd.Prim], colliders: list[Usd.Prim]) -> list[
                 limit = f"carried by one body only; {carriers[prim].GetPath()} carries it already"
                 issues.append(make_issue(body, PASSENGERS, prim.GetPath(), limit, "ManyCarriers"))
             carriers.setdefault(prim, body)
-            issues += _check_points(prim) + check_scale(prim) + _check_own_animation(prim, body)
+            issues += _check_points(prim) + check_scale(prim)
+            if not deformables.body_at(body):  # there the bind pose says where it is
+                issues += _check_own_animation(prim, body)
     return issues
 
 
 def _check_left_behind(body: Usd.Prim, is_solid: bool) -> list[Issue]:
     """Warns of what is drawn below a body that deforms and has no points that could ride along."""
-    pins = targets(body, PINS)  # they move as the scene says
+    pins = targets(schema_prim(body), PINS)  # they move as the scene says
     left = [str(p.GetPath()) for p in _below(body) if _is_drawn(p) and not _can_follow(p) and p.GetPath() not in pins]
     if not left or not (is_solid or points_move(body)):
         return []

@@ -106,7 +106,7 @@ class UsdWriter:
         self, solid: Solid | Passenger, frame: int, points: np.ndarray, velocities: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Points and velocities in the space of the prim."""
-        prim = self.scene.stage.GetPrimAtPath(solid.path)
+        prim = self._source(solid)
         to_world = self._local_to_world(prim, frame)
         to_local = np.array(Gf.Matrix4d(to_world).GetInverse())
         local = transform_points(self.scene.space.point_to_world(points), to_local)
@@ -115,6 +115,11 @@ class UsdWriter:
         rate = (self._local_to_world(prim, frame + step) - np.array(to_world)) * (self.scene.fps / step)
         world_velocities = self.scene.space.velocity_to_world(velocities) - transform_points(local, rate)
         return local, transform_vectors(world_velocities, to_local)
+
+    def _source(self, part: Solid | Passenger | Rider) -> Usd.Prim:
+        """The prim of the scene that receives the points; the solid's where that prim is made for the cache."""
+        stage = self.scene.stage
+        return stage.GetPrimAtPath(part.output_path) or stage.GetPrimAtPath(part.path)
 
     @staticmethod
     def _local_to_world(prim: Usd.Prim, frame: float) -> np.ndarray:
@@ -184,7 +189,7 @@ class UsdWriter:
             scheme = Sdf.AttributeSpec(prim, "subdivisionScheme", Sdf.ValueTypeNames.Token, Sdf.VariabilityUniform)
             scheme.default = "none"
         else:
-            _block_deformers(prim, self.scene.stage.GetPrimAtPath(solid.path))
+            _block_deformers(prim, self._source(solid))
             if solid.subdivision:
                 self._hold_topology(prim, solid)
         if solid.subdivision == "none":
@@ -220,13 +225,13 @@ class UsdWriter:
 
     def _block(self, spec: Sdf.PrimSpec, solid: Solid | Passenger | Rider, name: str) -> None:
         """Takes away an attribute that the scene authors."""
-        attribute = self.scene.stage.GetPrimAtPath(solid.path).GetAttribute(name)
+        attribute = self._source(solid).GetAttribute(name)
         if attribute and attribute.HasAuthoredValue():
             Sdf.AttributeSpec(spec, name, attribute.GetTypeName()).default = Sdf.ValueBlock()
 
     def _hold_topology(self, spec: Sdf.PrimSpec, solid: Solid | Passenger | Rider) -> None:
         """Faces that change over time stay those of the first frame, to which the simulated points belong."""
-        mesh = UsdGeom.Mesh(self.scene.stage.GetPrimAtPath(solid.path))
+        mesh = UsdGeom.Mesh(self._source(solid))
         for attribute, value in (
             (mesh.GetFaceVertexCountsAttr(), solid.local.counts),
             (mesh.GetFaceVertexIndicesAttr(), solid.local.indices),

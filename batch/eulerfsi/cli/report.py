@@ -129,6 +129,10 @@ def describe_scene(scene: Scene) -> list[str]:
         )
         if solid.pose:
             lines.append(f"{solid.path}: {solid.pose}")
+        if solid.origins:
+            lines.append(
+                f"{solid.path}: {'; '.join(f'{name} from {origin}' for name, origin in solid.origins.items())}"
+            )
     lines += _describe_given(scene)
     for emitter in scene.emitters:
         mode = next(name for name, number in binding.EMITTER_MODES.items() if number == emitter.values["mode"])

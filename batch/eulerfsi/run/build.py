@@ -13,6 +13,7 @@ from ..log import Log
 from ..reasons import mesh_reason
 from ..scene.follow import Binding
 from ..scene.parts import Collider, Emitter, Passenger, Pin, Scene, Solid
+from ..scene.start_fields import start_fields
 from ..solver import binding
 from ..solver.simulation import Simulation
 
@@ -105,11 +106,27 @@ def build_simulation(scene: Scene, threads: int, memory_limit: int, log: Log) ->
         for force in scene.forces:
             place[0] = f"{force.path}: "
             simulation.add_force(**force.values)
+        for solid in made.solids:
+            place[0] = f"{solid.part.path}: "
+            _set_start(simulation, solid)
     except LibraryError as error:
         simulation.close()
         raise LibraryError(error.status, place[0] + mesh_reason("", error)) from error
     place[0] = ""
     return made
+
+
+def _set_start(simulation: Simulation, solid: Placed[Solid]) -> None:
+    """The map and the velocities of a body that starts deformed, or whose points have velocities of their own."""
+    state = solid.part.tets
+    if state is None or not (state.deforms or state.velocities is not None):
+        return
+    views, place = simulation.field_view("solid_displacement", solid.id)
+    displacement, velocity = start_fields(state, views[0].shape, place)
+    if state.deforms:
+        simulation.set_field("solid_displacement", displacement, solid.id)
+    if velocity is not None:
+        simulation.set_field("solid_velocity", velocity, solid.id)
 
 
 def _add_passenger(

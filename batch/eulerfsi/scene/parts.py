@@ -8,7 +8,7 @@ import functools
 import hashlib
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from eulerfsi_usd import deform, transforms
@@ -22,6 +22,9 @@ from ..solver import binding
 from ..solver import simulation as solver
 from .follow import Binding
 from .space import SimulationSpace, transform_points
+
+if TYPE_CHECKING:
+    from .tet_bodies import TetState
 
 _RECENT = 4  # times of which a shape is kept
 
@@ -41,6 +44,8 @@ class Solid:
     left_handed: bool = False
     pose: str = ""  # what the start follows from, '' for a mesh that stands still as it is
     start: solver.Surface | None = None  # `surface` where the solid starts, where it may be stretched
+    tets: TetState | None = None  # of a body of the standard
+    origins: dict[str, str] = dataclasses.field(default_factory=dict)  # where values are from, for people
 
     @property
     def report(self) -> dict[str, Any]:
@@ -325,6 +330,10 @@ class Scene:
         for solid in self.drawn:
             for array in (solid.mesh.points, solid.mesh.counts, solid.mesh.indices):
                 digest.update(array.tobytes())
+        for solid in self.solids:
+            if solid.tets and (solid.tets.deforms or solid.tets.velocities is not None):
+                digest.update(solid.tets.start.tobytes() + solid.tets.corners.tobytes())
+                digest.update(b"" if solid.tets.velocities is None else solid.tets.velocities.tobytes())
         for pin in self.pins:
             digest.update((pin.mesh.points if pin.mesh else pin.vertices).tobytes())
         for body in [*self.colliders, *(emitter for emitter in self.emitters if emitter.mesh)]:
