@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from conftest import author
+from conftest import author, make_scene
 from eulerfsi.errors import SceneError
 from eulerfsi_usd import standard, tets
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
@@ -201,6 +201,36 @@ def test_attributes_of_ours_win_and_validate_says_which_counted(tmp_path):
     assert "E from eulerfsi:youngsModulus of /World/Jelly" in text
     assert "nu from physics:poissonsRatio of /World/Soft" in text
     assert len(scene.solids) == 1
+
+
+def test_a_mesh_with_our_schema_takes_elastic_values_of_its_material(tmp_path):
+    stage = make_scene(tmp_path / "ours.usda", meters_per_unit=0.01, smoke=False)
+    ball = stage.GetPrimAtPath("/World/Ball")
+    for name in ("physics:density", "eulerfsi:youngsModulus", "eulerfsi:poissonsRatio"):
+        ball.RemoveProperty(name)
+    add_material(
+        stage, "/World/Soft", ball, youngsModulus=500.0, poissonsRatio=0.2, density=0.0012, dynamicFriction=0.4
+    )
+    stage.Save()
+    values = read(tmp_path / "ours.usda")[0].solids[0].values
+    assert values["youngs_modulus"] == pytest.approx(5e4) and values["poissons_ratio"] == pytest.approx(0.2)
+    assert values["density"] == pytest.approx(1200.0) and values["friction"] == pytest.approx(0.4)
+    author(ball, youngsModulus=7e4)
+    stage.Save()
+    solid = read(tmp_path / "ours.usda")[0].solids[0]
+    assert solid.values["youngs_modulus"] == 7e4
+    assert solid.origins["E"] == "eulerfsi:youngsModulus of /World/Ball"
+    assert solid.origins["nu"] == "physics:poissonsRatio of /World/Soft"
+
+
+def test_a_scene_without_a_domain_is_refused_with_the_line_that_adds_one(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    stage = new_stage(tmp_path / "asset.usda")
+    add_body(stage)
+    stage.RemovePrim("/World/Domain")
+    stage.Save()
+    with pytest.raises(SceneError, match="to add one: .* new asset_fsi.usda --from-usd asset.usda"):
+        read(tmp_path / "asset.usda")
 
 
 def test_without_anything_the_standards_fallbacks_count_and_large_ratios_are_cut(tmp_path):

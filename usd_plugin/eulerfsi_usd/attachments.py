@@ -10,6 +10,7 @@ from pxr import Usd, UsdGeom
 
 from . import standard
 from .deformables import Body, points_now, simulated_bodies, tet_indices
+from .given import check_motion
 from .issues import Issue, all_prims, first_time, make_issue, read, scopes_of
 
 _CORNERS = {"point": 1, "face": 3, "tetrahedron": 4}
@@ -57,7 +58,7 @@ def check_attachments(stage: Usd.Stage) -> list[Issue]:
             issues.append(_warn(prim, f"physics:{standard.TYPES[1]}", _token(prim, 1), limit))
         else:
             issues += _check(prim, bodies[source], target) or _check_places(prim, bodies[source], target)
-            issues += _check_stiffness(prim)
+            issues += _check_stiffness(prim) + check_motion(target)
     return issues
 
 

@@ -271,9 +271,17 @@ def _check_apart(scene: Scene, first: Solid | Collider, second: Solid) -> list[I
     value, limit = f"{depth / unit:.4g}", f"at most half a voxel, {most / unit:.4g}"
     message = (
         f"{first.path} and {second.path}: the solids overlap by {value} (a volume of {volume / unit**3:.4g}): "
-        f"must be {limit}; move them apart"
+        f"must be {limit}; {_apart(scene, first, second)}"
     )
     return [Issue(second.path, "points", value, limit, message, "error", "Overlap")]
+
+
+def _apart(scene: Scene, first: Solid | Collider, second: Solid) -> str:
+    """What to do about an overlap."""
+    holds = any(pin.solid == second.path and pin.motion.driver == first.path for pin in scene.pins)
+    if not holds:
+        return "move them apart"
+    return f"{first.path} holds {second.path}: attach it at the surface, or let it be no collider"
 
 
 def _at_start(body: Solid | Collider) -> Surface:
