@@ -71,14 +71,6 @@ def pinned_vertices_out_of_the_box(stage: Usd.Stage) -> None:
     ball.GetRelationship("eulerfsi:pinTo").SetTargets([hand(stage, "/World/Hold", 0.5).GetPath()])
 
 
-def cages(stage: Usd.Stage) -> None:
-    """Without an opinion a mesh is one, too."""
-    UsdGeom.Mesh(stage.GetPrimAtPath("/World/Ball")).GetSubdivisionSchemeAttr().Clear()
-    mesh_emitter_in_a_collider(stage)
-    UsdGeom.Mesh(stage.GetPrimAtPath("/World/Jet")).GetSubdivisionSchemeAttr().Set("loop")
-    stage.RemovePrim("/World/Block")
-
-
 def physics_colliders(stage: Usd.Stage) -> None:
     for number in range(5):
         part = UsdGeom.Cube.Define(stage, f"/World/Part{number}")
@@ -115,7 +107,6 @@ CASES = {
     pinned_vertices_out_of_the_box: [
         "/World/Ball: frame 3: its pinned vertices are moved out of the box by /World/Hold"
     ],
-    cages: ["/World/Ball, /World/Jet: subdivisionScheme = catmullClark", "Set subdivisionScheme = none, or subdivide"],
     physics_colliders: [
         "/World/Part0, /World/Part1, /World/Part2 and 1 more: a collider here, but nothing acts on it",
         "physics:kinematicEnabled",

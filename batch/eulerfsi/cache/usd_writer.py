@@ -89,7 +89,8 @@ class UsdWriter:
         """
         layer = Sdf.Layer.CreateAnonymous(".usdc")
         content = hashlib.sha256()
-        placed = [self._in_own_space(part, frame, *at) for part, at in zip(self.scene.simulated, surfaces, strict=True)]
+        parts = zip(self.scene.simulated, surfaces, strict=True)
+        placed = [self._in_own_space(part, frame, *at) for part, at in parts if part.output_path]
         placed += [rider.in_own_space(frame) for rider in self.scene.riders]
         for part, (points, velocities) in zip(self.scene.drawn, placed, strict=True):
             values = _values(part, points, velocities)
@@ -157,7 +158,7 @@ class UsdWriter:
             self._write_clips(layer, solid, last)
         for part in self.scene.simulated:
             carrier = part.solid if isinstance(part, Passenger) else part.path
-            if carrier in left:
+            if carrier in left and part.output_path:
                 self._hide(layer, part, left[carrier])
         if vdb_frames:
             self._write_volume(layer, vdb_frames, grids)

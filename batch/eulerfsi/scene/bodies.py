@@ -12,6 +12,7 @@ from eulerfsi_usd.deformables import elastic_source, material_at
 from eulerfsi_usd.issues import instance_above
 from eulerfsi_usd.physics import friction_of
 from eulerfsi_usd.pose import Pose, PoseError
+from eulerfsi_usd.subdivide import Refinement, is_smooth, levels_for, scheme_of
 from pxr import Usd, UsdGeom
 
 from ..errors import Cancelled, LibraryError, SceneError
@@ -21,7 +22,7 @@ from ..signals import Signals
 from ..solver import binding
 from ..solver import simulation as solver
 from .motion import fit_rigid_motion, volume_center
-from .parts import Collider, Deformation, Emitter, Motion, Pin, Solid
+from .parts import Collider, Deformation, Emitter, Motion, Passenger, Pin, Solid
 from .space import SimulationSpace, determinant, orthonormal_rows, transform_points, transform_vectors
 from .values import Reader
 
@@ -50,10 +51,43 @@ def read_solid(reader: Reader, space: SimulationSpace, prim: Usd.Prim) -> Solid:
     origins = read_elastic(reader, prim, prim, values)
     animated = _animated_motion(reader, space, pose, local, mesh)
     values["velocity"], values["angular_velocity"] = _initial_motion(reader, space, prim, values, animated)
-    subdivision = "none" if file or not is_mesh else str(UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get())
+    subdivision = "none" if file else scheme_of(prim)
     output = path if is_mesh else _free_child(prim, "surface")
     start = _describe_start(reader, pose, animated, values)
-    return Solid(path, output, mesh, local, values, None, file, subdivision, left_handed, start, origins=origins)
+    solid = Solid(path, output, mesh, local, values, None, file, subdivision, left_handed, start, origins=origins)
+    if refinement := None if file else _refinement(reader, prim, mesh):
+        _use_smooth_surface(solid, refinement, to_sim, left_handed != (handedness < 0))
+    return solid
+
+
+def _use_smooth_surface(solid: Solid, refinement: Refinement, to_sim: np.ndarray, flip: bool) -> None:
+    """The limit surface is simulated, the points of the cage are carried along."""
+    solid.cage = Passenger(
+        path=solid.path,
+        local=solid.local,
+        subdivision=solid.subdivision,
+        left_handed=solid.left_handed,
+        solid=solid.path,
+        mesh=solid.mesh,
+        is_cage=True,
+    )
+    points = refinement.points(solid.local.points.astype(float))
+    solid.local = solver.Mesh(points, refinement.counts, refinement.indices)
+    mesh = solver.Mesh(transform_points(points, to_sim), refinement.counts, refinement.indices)
+    solid.mesh = mesh.flipped() if flip else mesh
+    solid.refinement, solid.output_path = refinement, ""
+
+
+def _refinement(reader: Reader, prim: Usd.Prim, mesh: solver.Mesh) -> Refinement | None:
+    """Of a cage, as fine as the grid. mesh: the cage in simulation space."""
+    if not reader.voxel or not is_smooth(prim):
+        return None
+    ends = np.cumsum(mesh.counts)
+    following = np.arange(1, len(mesh.indices) + 1)
+    following[ends - 1] = ends - mesh.counts
+    edges = mesh.points[mesh.indices[following]].astype(float) - mesh.points[mesh.indices]
+    longest = float(np.sqrt((edges * edges).sum(axis=1)).max(initial=0.0))
+    return Refinement(prim, reader.time, len(mesh.points), levels_for(longest, reader.voxel, len(mesh.counts)))
 
 
 def _surface(reader: Reader, prim: Usd.Prim) -> tuple[solver.Mesh, str, Pose]:
@@ -89,6 +123,11 @@ def posed_mesh(reader: Reader, prim: Usd.Prim) -> tuple[Pose, Any, Any, Any]:
 
 def closed_mesh(reader: Reader, space: SimulationSpace, prim: Usd.Prim) -> solver.Mesh:
     """The surface of a Gprim where it is at the start, in simulation space, faces outwards."""
+    return closed_surface(reader, space, prim)[0]
+
+
+def closed_surface(reader: Reader, space: SimulationSpace, prim: Usd.Prim) -> tuple[solver.Mesh, Refinement | None]:
+    """The same, and how a cage is refined to it."""
     path = str(prim.GetPath())
     try:
         local = solver.Mesh(*gprims.surface_of(prim, reader.time))
@@ -100,7 +139,11 @@ def closed_mesh(reader: Reader, space: SimulationSpace, prim: Usd.Prim) -> solve
         raise SceneError(f"{path}: its transform has a zero scale")
     mesh = solver.Mesh(transform_points(local.points, to_sim), local.counts, local.indices)
     left_handed = prim.IsA(UsdGeom.Mesh) and reader.authored(prim, "orientation") == UsdGeom.Tokens.leftHanded
-    return mesh.flipped() if left_handed != (handedness < 0) else mesh
+    refinement = _refinement(reader, prim, mesh)
+    if refinement:
+        points = refinement.points(local.points.astype(float))
+        mesh = solver.Mesh(transform_points(points, to_sim), refinement.counts, refinement.indices)
+    return mesh.flipped() if left_handed != (handedness < 0) else mesh, refinement
 
 
 def read_pins(reader: Reader, space: SimulationSpace, solid: Usd.Prim, first: int, path: str = "") -> list[Pin]:
@@ -121,14 +164,15 @@ def read_pins(reader: Reader, space: SimulationSpace, solid: Usd.Prim, first: in
 
 def read_collider(reader: Reader, space: SimulationSpace, prim: Usd.Prim, first: int) -> Collider:
     path, stage, shape = str(prim.GetPath()), prim.GetStage(), None
+    mesh, refinement = closed_surface(reader, space, prim)
     stretched = deform.stretches(prim)
     try:
         if stretched or deform.points_move(prim):
-            shape = Deformation(path, stage, space, first, stretched)
+            shape = Deformation(path, stage, space, first, stretched, refinement)
     except PoseError as error:
         raise SceneError(f"{path}: {error}") from error
     motion = Motion("" if stretched else path, stage, space, first)
-    return Collider(path, closed_mesh(reader, space, prim), read_values(reader, prim, "collider"), motion, shape)
+    return Collider(path, mesh, read_values(reader, prim, "collider"), motion, shape, refinement)
 
 
 def examine(body: Solid | Pin | Collider | Emitter, domain: dict[str, Any], threads: int, progress: Progress) -> None:

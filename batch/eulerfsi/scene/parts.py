@@ -14,6 +14,7 @@ import numpy as np
 from eulerfsi_usd import deform, transforms
 from eulerfsi_usd.issues import Issue
 from eulerfsi_usd.pose import PoseError
+from eulerfsi_usd.subdivide import Refinement
 from pxr import Usd, UsdGeom
 
 from ..frames import FrameRange
@@ -34,7 +35,7 @@ class Solid:
     """One solid. mesh: rest surface in simulation space; local: the same surface as the prim holds it."""
 
     path: str
-    output_path: str  # the Mesh prim that receives the points
+    output_path: str  # the prim that receives the points, '' where a cage does
     mesh: solver.Mesh
     local: solver.Mesh
     values: dict[str, Any]  # fields of EfsiSolidDef
@@ -45,6 +46,8 @@ class Solid:
     pose: str = ""  # what the start follows from, '' for a mesh that stands still as it is
     start: solver.Surface | None = None  # `surface` where the solid starts, where it may be stretched
     tets: TetState | None = None  # of a body of the standard
+    refinement: Refinement | None = None  # of a cage whose smooth surface is simulated
+    cage: Passenger | None = None  # its points, which the prim receives
     origins: dict[str, str] = dataclasses.field(default_factory=dict)  # where values are from, for people
 
     @property
@@ -89,6 +92,7 @@ class Deformation:
     space: SimulationSpace
     first: int
     stretched: bool
+    refinement: Refinement | None = None  # of a cage
 
     def __post_init__(self) -> None:
         self.points = functools.lru_cache(_RECENT)(self.points)  # one asks more than once
@@ -98,7 +102,9 @@ class Deformation:
         prim = self.stage.GetPrimAtPath(self.path)
         time = Usd.TimeCode(frame if self.stretched else self.first)
         matrix = UsdGeom.XformCache(time).GetLocalToWorldTransform(prim)
-        points = transform_points(deform.points_at(prim, frame), self.space.from_local(np.array(matrix)))
+        points = deform.points_at(prim, frame)
+        points = self.refinement.points(points) if self.refinement else points
+        points = transform_points(points, self.space.from_local(np.array(matrix)))
         points.flags.writeable = False
         return points
 
@@ -124,6 +130,7 @@ class Collider:
     values: dict[str, Any]
     motion: Motion
     shape: Deformation | None = None  # of one that deforms
+    refinement: Refinement | None = None  # of a cage
     surface: solver.Surface | None = None
     surface_file: str = ""
 
@@ -156,10 +163,11 @@ class Carried:
 
 @dataclasses.dataclass(kw_only=True)
 class Passenger(Carried):
-    """What rides along with a solid. mesh: as of Solid, at rest."""
+    """What rides along with a solid. mesh: as of Solid, at rest; is_cage: it is the cage of the solid's surface."""
 
     solid: str  # path of the solid
     mesh: solver.Mesh
+    is_cage: bool = False
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -282,13 +290,13 @@ class Scene:
 
     @property
     def simulated(self) -> list[Solid | Passenger]:
-        """All that gets points from the solver in every frame."""
+        """All that the solver has points of in every frame."""
         return [*self.solids, *self.passengers]
 
     @property
     def drawn(self) -> list[Solid | Passenger | Rider]:
         """All that gets points in every frame."""
-        return [*self.simulated, *self.riders]
+        return [*(part for part in self.simulated if part.output_path), *self.riders]
 
     @property
     def name(self) -> str:
@@ -315,7 +323,8 @@ class Scene:
             for field in emitter.keys[0] if emitter.keys else ():
                 result[emitter.path] |= {f"key_{field}": emitter.over_time(field).ravel().tolist()}
         for passenger in self.passengers:
-            result[passenger.path] = {"carried_by": passenger.solid}
+            if not passenger.is_cage:
+                result[passenger.path] = {"carried_by": passenger.solid}
         for rider in self.riders:
             result[rider.path] = {"carried_by": rider.collider}
         for pin in self.pins:
@@ -327,7 +336,7 @@ class Scene:
         digest = hashlib.sha256()
         start = {"fps": self.fps, "first": self.frames.first, "parameters": self.parameters()}
         digest.update(json.dumps(start, sort_keys=True).encode())
-        for solid in self.drawn:
+        for solid in [*self.simulated, *self.riders]:
             for array in (solid.mesh.points, solid.mesh.counts, solid.mesh.indices):
                 digest.update(array.tobytes())
         for solid in self.solids:

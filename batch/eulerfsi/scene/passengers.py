@@ -32,7 +32,7 @@ def read_passenger(reader: Reader, space: SimulationSpace, solid: Solid, prim: U
 def read_riders(reader: Reader, space: SimulationSpace, collider: Collider, stage: Usd.Stage) -> list[Rider]:
     """What follows the surface of a collider, bound to it where both are at the start."""
     body, first, riders = stage.GetPrimAtPath(collider.path), collider.motion.first, []
-    place = Deformation(collider.path, stage, space, first, stretched=True)
+    place = Deformation(collider.path, stage, space, first, True, collider.refinement)
     for prim in find_riders(body):
         points, shape = _shape(reader, prim)
         placed = _place(reader, space, collider.path, prim, points)

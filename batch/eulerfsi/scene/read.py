@@ -111,6 +111,7 @@ def read_scene(
         velocity = np.array(space.vector_to_sim(domain[f"wall_velocity[{face}]"]))
         velocity[np.abs(velocity) < 1e-9 * np.abs(velocity).max()] = 0.0  # what turning it has left
         domain[f"wall_velocity[{face}]"] = velocity.tolist()
+    reader.voxel = domain["voxel_size"]
     warnings: list[Issue] = []
     domain["gravity"] = space.vector_to_sim(_gravity(stage, units, warnings)).tolist()
     enabled = table()["solid"]["enabled"]
@@ -133,7 +134,8 @@ def read_scene(
         emitters = []  # nothing carries the smoke; check_stage warns
     for body in [*(pin for pin in pins if pin.mesh), *colliders, *(emitter for emitter in emitters if emitter.mesh)]:
         examine(body, domain, threads, progress)
-    passengers = [
+    passengers = [solid.cage for solid in solids if solid.cage]
+    passengers += [
         read_passenger(reader, space, solid, prim)
         for solid in solids
         for prim in find_passengers(stage.GetPrimAtPath(solid.path))
@@ -164,7 +166,12 @@ def read_scene(
 def _pins_of(reader: Reader, space: SimulationSpace, stage: Usd.Stage, solid: Solid, first: int) -> list[Pin]:
     if solid.tets:
         return read_body_pins(reader, space, solid, first)
-    return read_pins(reader, space, stage.GetPrimAtPath(solid.path), first)
+    pins = read_pins(reader, space, stage.GetPrimAtPath(solid.path), first)
+    for pin in pins:
+        if pin.vertices is not None and solid.refinement:
+            near = solid.refinement.spread(pin.vertices[:, None].astype(float))[:, 0]
+            pin.vertices = near >= min(0.5, near.max())
+    return pins
 
 
 def _the_domain(stage: Usd.Stage) -> Usd.Prim:
