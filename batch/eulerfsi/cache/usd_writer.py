@@ -17,6 +17,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 
 from .. import files
 from ..frames import file_number
+from ..scene.instancers import instances_layer
 from ..scene.parts import Passenger, Rider, Scene, Solid
 from ..scene.space import transform_points, transform_vectors
 
@@ -153,6 +154,9 @@ class UsdWriter:
         """
         layer = Sdf.Layer.CreateAnonymous(".usda")
         layer.subLayerPaths.append(sublayer)
+        if made := instances_layer(self.scene.stage):
+            for prim in made.rootPrims:
+                Sdf.CopySpec(made, prim.path, layer, prim.path)
         self._write_stage_metadata(layer, last, data)
         for solid in self.scene.drawn:
             self._write_clips(layer, solid, last)

@@ -14,6 +14,7 @@ from ..progress import Progress, finding
 from ..run import estimate
 from ..scene import checks, memory
 from ..scene.checks import Issue
+from ..scene.instancers import expand_instancers
 from ..scene.overrides import apply_overrides
 from ..scene.parts import Scene
 from ..scene.read import open_stage, read_scene, set_frames
@@ -69,6 +70,7 @@ def validate(
     frames = parse_frames(frames_text) if frames_text else None
     stage = open_stage(path)
     set_frames(stage, frames, start)
+    expand_instancers(stage)
     apply_overrides(stage, settings)
     warnings = checks.raise_errors(checks.stage_issues(stage))
     limit = available_memory()
