@@ -30,6 +30,11 @@ def dimensions(prim: Usd.Prim) -> tuple[str, ...]:
     return _DIMENSIONS.get(str(prim.GetTypeName()), ())
 
 
+def is_shape(prim: Usd.Prim) -> bool:
+    """Whether it is an implicit Gprim that has a surface here."""
+    return str(prim.GetTypeName()) in _DIMENSIONS
+
+
 def surface_of(prim: Usd.Prim, time: Usd.TimeCode) -> Surface:
     """Points (n, 3), face vertex counts and indices, faces outwards. Raises PoseError, ValueError for other prims."""
     if prim.IsA(UsdGeom.Mesh):

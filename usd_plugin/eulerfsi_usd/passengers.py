@@ -8,6 +8,7 @@ from pxr import Sdf, Usd, UsdGeom
 from . import deformables
 from .deform import points_move
 from .given import PINS, targets
+from .gprims import is_shape
 from .issues import Issue, first_time, instance_above, is_enabled, listed, make_issue, scopes_of
 from .pose import Pose, PoseError, transform_drivers
 from .transforms import frames_of, moves, places
@@ -16,8 +17,11 @@ PASSENGERS = "eulerfsi:passengers"
 
 
 def find_passengers(solid: Usd.Prim) -> list[Usd.Prim]:
-    """Meshes, curves and points below a solid or named by its eulerfsi:passengers, in stage order and then as named."""
-    return list(dict.fromkeys(_points_below(solid) + _named(schema_prim(solid))))
+    """What has points, and shapes, below a solid or named by its eulerfsi:passengers: in stage order, then as named."""
+    ours = schema_prim(solid)
+    pins = targets(ours, PINS)  # they move as the scene says
+    below = [prim for prim in _points_below(solid) if prim.GetPath() not in pins]
+    return list(dict.fromkeys(below + _named(ours)))
 
 
 def schema_prim(solid: Usd.Prim) -> Usd.Prim:
@@ -45,11 +49,15 @@ def _named(body: Usd.Prim) -> list[Usd.Prim]:
 
 
 def _deforms_itself(prim: Usd.Prim) -> bool:
+    if is_shape(prim):
+        return False
     points = UsdGeom.PointBased(prim).GetPointsAttr()
     return points.ValueMightBeTimeVarying() or (prim.IsA(UsdGeom.Mesh) and bool(Pose(prim, True).skeleton))
 
 
 def _can_follow(prim: Usd.Prim) -> bool:
+    if is_shape(prim):
+        return _is_drawn(prim) and not scopes_of(prim)
     has_points = prim.IsA(UsdGeom.PointBased) and bool(UsdGeom.PointBased(prim).GetPointsAttr().HasAuthoredValue())
     return has_points and not scopes_of(prim)
 
@@ -104,8 +112,10 @@ def _check_left_behind(body: Usd.Prim, is_solid: bool) -> list[Issue]:
     if not left or not (is_solid or points_move(body)):
         return []
     value = listed(left)
-    message = f"{body.GetPath()}: does not carry {value}: only a Mesh, curves and Points have points that can follow"
-    limit = "a Mesh, curves or Points"
+    message = (
+        f"{body.GetPath()}: does not carry {value}: only a Mesh, curves, Points and shapes such as a Sphere can follow"
+    )
+    limit = "a Mesh, curves, Points or a shape"
     return [Issue(left[0], "typeName", value, limit, message, "warning", "LeftBehind")]
 
 
@@ -116,7 +126,7 @@ def _is_drawn(prim: Usd.Prim) -> bool:
 
 def _check_target(solid: Usd.Prim, target: Sdf.Path) -> list[Issue]:
     prim = solid.GetStage().GetPrimAtPath(target)
-    limit = "a Mesh, curves or Points, or a prim above such"
+    limit = "a Mesh, curves, Points or a shape, or a prim above such"
     if not prim:
         return [make_issue(solid, PASSENGERS, target, limit, "MissingTarget", "there is no such prim")]
     scopes = scopes_of(prim)
@@ -132,6 +142,8 @@ def _check_points(prim: Usd.Prim) -> list[Issue]:
     if prim.IsInstanceProxy():
         limit = f"false: {prim.GetPath()} inside it is carried and needs its own points"
         return [make_issue(instance_above(prim), "instanceable", True, limit, "InstancePassenger")]
+    if is_shape(prim):
+        return []
     points = UsdGeom.PointBased(prim).GetPointsAttr().Get(first_time(prim.GetStage()))
     points = np.asarray(points if points is not None else (), float).reshape(-1, 3)
     if len(points) == 0:
@@ -167,7 +179,7 @@ def _check_own_animation(prim: Usd.Prim, body: Usd.Prim) -> list[Issue]:
     if prim.IsA(UsdGeom.Mesh):
         drivers = Pose(prim, True).drivers(after)
     else:
-        varies = UsdGeom.PointBased(prim).GetPointsAttr().ValueMightBeTimeVarying()
+        varies = not is_shape(prim) and UsdGeom.PointBased(prim).GetPointsAttr().ValueMightBeTimeVarying()
         drivers = transform_drivers(prim, after) + (["its points"] if varies else [])
     drivers = [driver for driver in drivers if driver not in shared]
     if not drivers:

@@ -17,6 +17,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 
 from .. import files
 from ..frames import file_number
+from ..scene.follow import nearest_rotation
 from ..scene.instancers import instances_layer
 from ..scene.parts import Passenger, Rider, Scene, Solid
 from ..scene.space import transform_points, transform_vectors
@@ -27,6 +28,7 @@ _TYPES = {
     "normals": Sdf.ValueTypeNames.Normal3fArray,
     "extent": Sdf.ValueTypeNames.Float3Array,
 }
+_TRANSFORM = "xformOp:transform:eulerfsi"  # of a shape without points
 _CLIP_SET = "eulerfsi"
 _STAGE_METADATA = (
     "defaultPrim",
@@ -56,6 +58,11 @@ def vertex_normals(points: np.ndarray, triangles: np.ndarray, left_handed: bool)
     normals[length == 0] = (0, 0, 1)
     length[length == 0] = 1
     return (normals / length[:, None]).astype(np.float32)
+
+
+def _kinds(part: Solid | Passenger | Rider) -> dict[str, Sdf.ValueTypeName]:
+    """Attributes that a part gets in every frame."""
+    return {_TRANSFORM: Sdf.ValueTypeNames.Matrix4d} if part.rigid else _TYPES
 
 
 def _values(part: Solid | Passenger | Rider, points: np.ndarray, velocities: np.ndarray) -> dict[str, np.ndarray]:
@@ -90,19 +97,45 @@ class UsdWriter:
         """
         layer = Sdf.Layer.CreateAnonymous(".usdc")
         content = hashlib.sha256()
-        parts = zip(self.scene.simulated, surfaces, strict=True)
-        placed = [self._in_own_space(part, frame, *at) for part, at in parts if part.output_path]
-        placed += [rider.in_own_space(frame) for rider in self.scene.riders]
-        for part, (points, velocities) in zip(self.scene.drawn, placed, strict=True):
-            values = _values(part, points, velocities)
+        parts = [*zip(self.scene.simulated, surfaces, strict=True), *((rider, None) for rider in self.scene.riders)]
+        for part, at in parts:
+            if not part.output_path:
+                continue
             prim = Sdf.CreatePrimInLayer(layer, part.output_path)
-            for name, value in values.items():
-                spec = Sdf.AttributeSpec(prim, name, _TYPES[name])
-                layer.SetTimeSample(spec.path, frame, Vt.Vec3fArray.FromNumpy(value))
-            content.update(part.output_path.encode() + values["points"].tobytes() + values["velocities"].tobytes())
+            content.update(part.output_path.encode())
+            for name, value in self._frame_values(part, frame, at).items():
+                spec = Sdf.AttributeSpec(prim, name, _kinds(part)[name])
+                as_usd = Gf.Matrix4d(value) if part.rigid else Vt.Vec3fArray.FromNumpy(value)
+                layer.SetTimeSample(spec.path, frame, as_usd)
+                if name in ("points", "velocities", _TRANSFORM):
+                    content.update(value.tobytes())
         with files.replacing(self.folder / self.frame_name(frame)) as temporary:
             files.export_layer(layer, temporary)
         return content.hexdigest()
+
+    def _frame_values(
+        self, part: Solid | Passenger | Rider, frame: int, at: tuple[np.ndarray, np.ndarray] | None
+    ) -> dict[str, np.ndarray]:
+        """Values by attribute. at: points and velocities in simulation space, None for riders."""
+        if part.rigid:
+            points = part.points(frame) if at is None else at[0]
+            return {_TRANSFORM: self._transform(part, frame, self.scene.space.point_to_world(points.astype(float)))}
+        own = part.in_own_space(frame) if at is None else self._in_own_space(part, frame, *at)
+        return _values(part, *own)
+
+    def _transform(self, part: Passenger | Rider, frame: int, now: np.ndarray) -> np.ndarray:
+        """(4, 4) of a shape relative to its parent: its place at the start, moved as its surface (n, 3) has."""
+        prim = self._source(part)
+        start = self._local_to_world(prim, self.scene.frames.first)
+        before = transform_points(part.local.points, start)
+        center, middle = now.mean(axis=0), before.mean(axis=0)
+        away, apart = now - center, before - middle
+        moments = np.array([[(away[:, i] * apart[:, j]).sum() for j in range(3)] for i in range(3)])
+        motion = np.eye(4)
+        motion[:3, :3] = nearest_rotation(moments[None])[0].T
+        motion[3, :3] = center - transform_vectors(middle, motion)
+        parent = Gf.Matrix4d(self._local_to_world(prim.GetParent(), frame))
+        return np.array(Gf.Matrix4d(start) * Gf.Matrix4d(motion) * parent.GetInverse())
 
     def _in_own_space(
         self, solid: Solid | Passenger, frame: int, points: np.ndarray, velocities: np.ndarray
@@ -132,7 +165,7 @@ class UsdWriter:
         layer = Sdf.Layer.CreateAnonymous(".usda")
         for solid in self.scene.drawn:
             prim = Sdf.CreatePrimInLayer(layer, solid.output_path)
-            for name, kind in _TYPES.items():
+            for name, kind in _kinds(solid).items():
                 if name != "normals" or solid.subdivision == "none":
                     Sdf.AttributeSpec(prim, name, kind)
         with files.replacing(self.folder / f"frames/{self.scene.name}.manifest.usda") as temporary:
@@ -195,6 +228,10 @@ class UsdWriter:
             scheme.default = "none"
         else:
             _block_deformers(prim, self._source(solid))
+            if solid.rigid:
+                order = Sdf.AttributeSpec(prim, "xformOpOrder", Sdf.ValueTypeNames.TokenArray, Sdf.VariabilityUniform)
+                order.default = Vt.TokenArray([_TRANSFORM])
+                Sdf.AttributeSpec(prim, _TRANSFORM, Sdf.ValueTypeNames.Matrix4d)  # its values are the clips'
             if solid.subdivision:
                 self._hold_topology(prim, solid)
         if solid.subdivision == "none":

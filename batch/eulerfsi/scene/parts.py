@@ -34,6 +34,7 @@ _RECENT = 4  # times of which a shape is kept
 class Solid:
     """One solid. mesh: rest surface in simulation space; local: the same surface as the prim holds it."""
 
+    rigid = False
     path: str
     output_path: str  # the prim that receives the points, '' where a cage does
     mesh: solver.Mesh
@@ -147,13 +148,17 @@ class Collider:
 
 @dataclasses.dataclass(kw_only=True)
 class Carried:
-    """What a body carries, drawn only. local: as of Solid; curves and points have no faces."""
+    """What a body carries, drawn only. local: as of Solid; curves and points have no faces.
+
+    rigid: a shape without points, such as a Sphere, whose transform follows; `local` is its surface.
+    """
 
     path: str
     local: solver.Mesh
     subdivision: str  # "" where there are no faces
     left_handed: bool
     surface_file: str = ""
+    rigid: bool = False
 
     @property
     def output_path(self) -> str:

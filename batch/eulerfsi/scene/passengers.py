@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from eulerfsi_usd import gprims
 from eulerfsi_usd.passengers import find_riders
 from pxr import Usd, UsdGeom
 
@@ -44,6 +45,10 @@ def read_riders(reader: Reader, space: SimulationSpace, collider: Collider, stag
 def _shape(reader: Reader, prim: Usd.Prim) -> tuple[np.ndarray, dict[str, Any]]:
     """Points (n, 3) in its own space as posed, and the fields of Carried."""
     is_mesh, counts, indices, subdivision = prim.IsA(UsdGeom.Mesh), None, None, ""
+    if gprims.is_shape(prim):
+        surface = solver.Mesh(*gprims.surface_of(prim, reader.time))
+        shape = dict(path=str(prim.GetPath()), local=surface, subdivision="", left_handed=False, rigid=True)
+        return surface.points.astype(float), shape
     if is_mesh:
         _, points, counts, indices = posed_mesh(reader, prim)
         subdivision = str(UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get())
