@@ -141,8 +141,10 @@ def check_animation(prim: Usd.Prim, scope: str) -> list[Issue]:
         effect = "it starts from that pose and motion at frame {}; later animation is ignored"
     else:
         drivers = Pose(prim, True).drivers(after) if prim.IsA(UsdGeom.Mesh) else transform_drivers(prim, after)
+        if scope == "emitter" and read(prim, "eulerfsi:mode") != "initial":  # follows its transform
+            drivers = [driver for driver in drivers if driver not in transform_drivers(prim, after)]
         drivers += [f"its {name}" for name in dimensions(prim) if prim.GetAttribute(name).ValueMightBeTimeVarying()]
-        effect = "it stays where it is at frame {}"
+        effect = "it is as it is at frame {}" if scope == "emitter" else "it stays where it is at frame {}"
     if not drivers:
         return []
     effect = effect.format("1" if time.IsEarliestTime() else f"{time.GetValue():g}")

@@ -141,7 +141,8 @@ def describe_scene(scene: Scene) -> list[str]:
         text = f"{emitter.path}: {mode} emitter, smoke density {emitter.over_time('density').max():g}"
         if emitter.values["has_velocity"]:
             text += f", velocity {np.linalg.norm(emitter.over_time('velocity'), axis=-1).max():.4g} m/s"
-        lines.append(text + (f", {len(emitter.keys)} keys" if emitter.keys else ""))
+        text += f", {len(emitter.keys)} keys" if emitter.keys else ""
+        lines.append(text + (f", moves through {len(emitter.stays)} places" if emitter.stays else ""))
     for force in scene.forces:
         kind, on = (
             next(name for name, number in names.items() if number == force.values[field])

@@ -25,6 +25,7 @@ from .follow import Binding
 from .space import SimulationSpace, transform_points
 
 if TYPE_CHECKING:
+    from .moving_emitters import Stay
     from .tet_bodies import TetState
 
 _RECENT = 4  # times of which a shape is kept
@@ -71,7 +72,7 @@ class Motion:
         """Whether it does."""
         return bool(self.driver) and transforms.moves(self.stage.GetPrimAtPath(self.driver))
 
-    def pose(self, frame: int) -> np.ndarray:
+    def pose(self, frame: float) -> np.ndarray:
         """(4, 4) for column vectors in simulation space: where a frame puts what lies there at the first frame."""
         if not self.moves:
             return np.eye(4)
@@ -229,7 +230,7 @@ class Emitter:
     """One emitter. values: fields of EfsiEmitterDef; keys: of EfsiEmitterKey, empty where nothing changes in time.
 
     hull: surface of the region in simulation space; mesh: the same where it is no box or ball; surface: as the library
-    examined that.
+    examined that; stays: where it is, one after the other, if it moves.
     """
 
     path: str
@@ -238,6 +239,8 @@ class Emitter:
     keys: list[dict[str, Any]] = dataclasses.field(default_factory=list)
     mesh: solver.Mesh | None = None
     surface: solver.Surface | None = None
+    stays: list[Stay] = dataclasses.field(default_factory=list)
+    stage: Usd.Stage | None = None
 
     @property
     def report(self) -> dict[str, Any]:
@@ -250,7 +253,10 @@ class Emitter:
         return bool(self.values["has_velocity"]) and self.values["mode"] == binding.EMITTER_MODES["continuous"]
 
     def extent(self) -> tuple[np.ndarray, np.ndarray]:
-        """Corners of the box around the region, simulation space [m]."""
+        """Corners of the box around the region, wherever it moves, simulation space [m]."""
+        if self.stays:
+            points = np.concatenate([stay.hull.points for stay in self.stays])
+            return points.min(axis=0).astype(float), points.max(axis=0).astype(float)
         if self.mesh:
             return np.array(self.report["extent_min"]), np.array(self.report["extent_max"])
         matrix = np.reshape(self.values["transform"], (4, 4))[:3]
@@ -261,7 +267,10 @@ class Emitter:
 
     def over_time(self, field: str) -> np.ndarray:
         """(times, ...) all values that a field has."""
-        return np.array([key[field] for key in self.keys or [self.values]], float)
+        values = np.array([key[field] for key in self.keys or [self.values]], float)
+        if field == "velocity" and self.stays:
+            return np.concatenate([values + stay.velocity for stay in self.stays])
+        return values
 
 
 @dataclasses.dataclass
@@ -355,6 +364,10 @@ class Scene:
         for moved in [*self.pins, *self.colliders]:
             if moved.motion.moves:
                 digest.update(transforms.motion_text(self.stage.GetPrimAtPath(moved.motion.driver)).encode())
+        for emitter in self.emitters:
+            if emitter.stays:
+                digest.update(transforms.motion_text(emitter.stage.GetPrimAtPath(emitter.path)).encode())
+                digest.update(np.array([stay.velocity for stay in emitter.stays]).tobytes())
         for collider in self.colliders:
             if collider.shape:
                 digest.update(deform.shape_digest(self.stage.GetPrimAtPath(collider.path)))
