@@ -233,6 +233,20 @@ def test_a_scene_without_a_domain_is_refused_with_the_line_that_adds_one(tmp_pat
         read(tmp_path / "asset.usda")
 
 
+def test_settings_reach_a_body_without_our_schema(tmp_path):
+    from eulerfsi.log import Log
+    from eulerfsi.run.simulate import Options, load_scene
+
+    stage = new_stage(tmp_path / "set.usda")
+    sim = add_body(stage)
+    masses(sim, [9.0], "constant")
+    stage.Save()
+    settings = ("Jelly.youngsModulus=30000", "/World/Jelly.density=700")
+    scene, overrides = load_scene(tmp_path / "set.usda", Options(settings=settings), Log(), 0)
+    assert scene.solids[0].values["youngs_modulus"] == 30000 and len(overrides) == 2
+    assert scene.solids[0].values["density"] == pytest.approx(700, rel=1e-6)
+
+
 def test_without_anything_the_standards_fallbacks_count_and_large_ratios_are_cut(tmp_path):
     stage = new_stage(tmp_path / "plain.usda")
     sim = add_body(stage)
@@ -331,6 +345,25 @@ def test_a_body_saved_while_bent_starts_bent_with_the_energy_of_a_beam(tmp_path)
     assert np.abs(now - scene.solids[0].tets.start).max() < 0.15 * 0.02
     energy = made.simulation.solid_diagnostics(1)["elastic_energy"]
     assert energy == pytest.approx(0.5 * 1e5 * 0.1**4 / 12 * 3.0**2 * 0.3, rel=0.15)
+
+
+def test_a_bent_start_by_a_time_sample_bends_what_is_embedded_in_the_straight_default(tmp_path):
+    path = tmp_path / "sampled.usda"
+    stage = new_stage(path, voxel=0.02, fluid=False)
+    points, corners = tet_box((10, 4, 4), (0.3, 0.1, 0.1))
+    sim = add_body(stage, "/World/Body/sim", points, corners, "/World/Body")
+    UsdGeom.TetMesh(sim).GetPointsAttr().Set(vec_array(bent(points, 3.0)), 1)
+    curve = UsdGeom.Points.Define(stage, "/World/Body/Dots")
+    dots = np.array([(x, y, 0.01) for x in (-0.14, -0.05, 0.08, 0.14) for y in (-0.04, 0.0, 0.045)])
+    curve.CreatePointsAttr(vec_array(dots))
+    stage.Save()
+    run = Run(path, tmp_path / "cache", frames="1-2")
+    got = np.asarray(UsdGeom.Points(run.stage.GetPrimAtPath("/World/Body/Dots")).GetPointsAttr().Get(1))
+    assert np.abs(got - bent(dots, 3.0)).max() < 0.15 * 0.02
+    mesh = UsdGeom.TetMesh(run.stage.GetPrimAtPath("/World/Body/sim"))
+    assert np.abs(np.asarray(mesh.GetPointsAttr().Get(1)) - bent(points, 3.0)).max() < 0.15 * 0.02
+    assert np.abs(np.asarray(mesh.GetPointsAttr().Get()) - points).max() < 1e-6  # the rest shape survives
+    assert run.solid("/World/Body", 1)["elastic_energy"] > 1.0
 
 
 def test_velocities_of_the_points_are_a_field(tmp_path):
@@ -441,6 +474,28 @@ def test_colliders_of_usd_physics_and_kinematic_bodies_act(tmp_path):
     assert center[0] > 0.02  # pushed
     assert run.solid("/World/Jelly", 6)["extent_min"][1] > -0.16  # on the floor, not in it
     assert sum(step["pin_impulses"]["/World/Ram"][0] for step in run.steps) > 0
+
+
+def test_a_kinematic_rigid_body_takes_its_colliders_along(tmp_path):
+    stage = new_stage(tmp_path / "kinematic.usda", voxel=0.03)
+    body = UsdGeom.Xform.Define(stage, "/World/Arm")
+    UsdPhysics.RigidBodyAPI.Apply(body.GetPrim()).CreateKinematicEnabledAttr(True)
+    move = body.AddTranslateOp()
+    for frame in (1, 3):
+        move.Set((0.05 * frame, 0, 0), frame)
+    UsdPhysics.CollisionAPI.Apply(UsdGeom.Capsule.Define(stage, "/World/Arm/Hand").GetPrim())
+    hand = UsdGeom.Capsule(stage.GetPrimAtPath("/World/Arm/Hand"))
+    hand.CreateRadiusAttr(0.04)
+    hand.CreateHeightAttr(0.1)
+    off = UsdGeom.Sphere.Define(stage, "/World/Off")
+    UsdPhysics.CollisionAPI.Apply(off.GetPrim()).CreateCollisionEnabledAttr(False)
+    apply(UsdGeom.Xform.Define(stage, "/World/Group").GetPrim(), standard.COLLISION)
+    stage.Save()
+    scene, codes = read(tmp_path / "kinematic.usda")
+    assert [collider.path for collider in scene.colliders] == ["/World/Arm/Hand"]
+    ways = [scene.colliders[0].points(frame).mean(axis=0)[0] for frame in (1, 3)]
+    assert ways[1] - ways[0] == pytest.approx(0.1, abs=1e-6)
+    assert codes.count("ForeignCollider") == 1  # of the Xform alone
 
 
 # ----------------------------------------------------------------------------------------------------- ignored, refused

@@ -43,6 +43,8 @@ def stretches(prim: Usd.Prim) -> bool:
 
 def points_at(prim: Usd.Prim, frame: float) -> np.ndarray:
     """(n, 3) in its local space. Raises PoseError."""
+    if prim.IsA(UsdGeom.TetMesh):
+        return np.asarray(UsdGeom.TetMesh(prim).GetPointsAttr().Get(frame), float)
     return surface_of(prim, Usd.TimeCode(frame))[0]
 
 

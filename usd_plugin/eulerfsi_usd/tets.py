@@ -64,30 +64,58 @@ def boundary(tets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Faces (k, 3) of one tetrahedron only, outwards, and whose they are (k,). tets: with positive volumes."""
     faces = np.concatenate([tets[:, face] for face in _FACES])
     owners = np.tile(np.arange(len(tets)), len(_FACES))
-    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    a, b, c = np.sort(faces, axis=1).astype(np.int64).T
+    points = int(tets.max(initial=0)) + 1
+    keys = np.unique(a * points + b, return_inverse=True)[1] * points + c
+    _, first, count = np.unique(keys, return_index=True, return_counts=True)
     once = np.sort(first[count == 1])
     return faces[once], owners[once]
 
 
 def weights(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
     """(n, 4) of the corners (n, 4, 3), with which they add to the points (n, 3)."""
-    a, b, c, d = (corners[:, k] for k in range(4))
-    matrix = inverse(np.stack([b - a, c - a, d - a], axis=-1))
-    x = points - a
-    rest = np.stack([dot(matrix[:, k], x) for k in range(3)], axis=1)
-    return np.concatenate([1.0 - rest.sum(axis=1, keepdims=True), rest], axis=1)
+    return _weights(corners[:, 0], _to_weights(corners), points)
+
+
+def _to_weights(corners: np.ndarray) -> np.ndarray:
+    """(m, 3, 3) from places relative to the first corner to the weights of the others."""
+    return inverse(np.stack([corners[:, k] - corners[:, 0] for k in (1, 2, 3)], axis=-1))
+
+
+def _weights(first: np.ndarray, matrices: np.ndarray, points: np.ndarray) -> np.ndarray:
+    x = points - first
+    rest = [matrices[:, k, 0] * x[:, 0] + matrices[:, k, 1] * x[:, 1] + matrices[:, k, 2] * x[:, 2] for k in range(3)]
+    return np.stack([1.0 - rest[0] - rest[1] - rest[2], *rest], axis=1)
+
+
+class _Holders:
+    """Which tetrahedron holds each of some points, from pairs that may: of several the first."""
+
+    def __init__(self, corners: np.ndarray, wanted: np.ndarray) -> None:
+        self._first, self._matrices, self._wanted = corners[:, 0], _to_weights(corners), wanted
+        self.owner, self.weights = np.full(len(wanted), -1), np.zeros((len(wanted), 4))
+
+    def try_pairs(self, point: np.ndarray, tet: np.ndarray) -> None:
+        """Pairs of points and tetrahedra; a call has all of a point, or its tetrahedra come in their order."""
+        share = _weights(self._first[tet], self._matrices[tet], self._wanted[point])
+        holds = np.flatnonzero((share.min(axis=1) >= _INSIDE) & (self.owner[point] < 0))[::-1]
+        self.owner[point[holds]], self.weights[point[holds]] = tet[holds], share[holds]  # the last assigned counts
 
 
 def locate(points: np.ndarray, tets: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The first tetrahedron that holds each wanted point, (n,), -1 for none, and the weights of its corners (n, 4)."""
-    owner, found = np.full(len(wanted), -1), np.zeros((len(wanted), 4))
     corners = points[tets]
+    holders = _Holders(corners, wanted)
     low, high = corners.min(axis=1), corners.max(axis=1)
-    origin, size = low.min(axis=0), max(float((high - low).mean()), 1e-30)
+    origin, size = low.min(axis=0), max(float((high - low).mean()) / 2.0, 1e-30)
     shape = np.maximum(np.ceil((high.max(axis=0) - origin) / size).astype(int), 1)
     inside = np.flatnonzero(((wanted >= origin) & (wanted <= high.max(axis=0))).all(axis=1))
     place = np.minimum(((wanted[inside] - origin) / size).astype(int), shape - 1)
-    bins, members = _bins(((low - origin) / size).astype(int), ((high - origin) / size).astype(int), shape)
+    ends = (np.minimum(((end - origin) / size).astype(int), shape - 1) for end in (low, high))
+    box, at = _boxes(*ends)
+    bins = (at[:, 0] * shape[1] + at[:, 1]) * shape[2] + at[:, 2]
+    order = np.argsort(bins, kind="stable")
+    bins, members = bins[order], box[order]
     cell = (place[:, 0] * shape[1] + place[:, 1]) * shape[2] + place[:, 2]
     first, last = np.searchsorted(bins, cell, "left"), np.searchsorted(bins, cell, "right")
     count = last - first
@@ -97,24 +125,34 @@ def locate(points: np.ndarray, tets: np.ndarray, wanted: np.ndarray) -> tuple[np
         tet = members[np.repeat(first[some], count[some]) + step]
         point = inside[who]
         boxed = ((wanted[point] >= low[tet]) & (wanted[point] <= high[tet])).all(axis=1)
-        tet, point = tet[boxed], point[boxed]
-        share = weights(corners[tet], wanted[point])
-        holds = np.flatnonzero((share >= _INSIDE).all(axis=1))[::-1]  # the last that is assigned counts
-        owner[point[holds]], found[point[holds]] = tet[holds], share[holds]
-    return owner, found
+        holders.try_pairs(point[boxed], tet[boxed])
+    return holders.owner, holders.weights
 
 
-def _bins(low: np.ndarray, high: np.ndarray, shape: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Cells that boxes of cells (m, 3) touch, in their order, and the box of each."""
-    high = np.minimum(high, shape - 1)
-    spans = high - np.minimum(low, high) + 1
+def locate_nodes(
+    points: np.ndarray, tets: np.ndarray, origin: np.ndarray, spacing: float, shape: tuple[int, ...]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same of all nodes of a grid, x slowest: owners, weights, and the nodes (n, 3)."""
+    index = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 3)
+    nodes = np.asarray(origin, float) + spacing * index
+    corners = points[tets]
+    holders = _Holders(corners, nodes)
+    most = np.array(shape) - 1
+    low = np.clip(np.ceil((corners.min(axis=1) - origin) / spacing - 1e-6).astype(int), 0, most)
+    high = np.clip(np.floor((corners.max(axis=1) - origin) / spacing + 1e-6).astype(int), -1, most)
+    some = np.flatnonzero((high >= low).all(axis=1))
+    count = (high[some] - low[some] + 1).prod(axis=1)
+    for part in np.array_split(some, 1 + int(count.sum()) // _AT_ONCE):
+        box, at = _boxes(low[part], high[part])
+        holders.try_pairs((at[:, 0] * shape[1] + at[:, 1]) * shape[2] + at[:, 2], part[box])
+    return holders.owner, holders.weights, nodes
+
+
+def _boxes(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Cells of boxes from low to high (m, 3), both included: whose they are, and where (k, 3)."""
+    spans = high - low + 1
     count = spans.prod(axis=1)
     box = np.repeat(np.arange(len(low)), count)
     step = np.arange(len(box)) - np.repeat(np.cumsum(count) - count, count)
-    k = step % spans[box, 2]
-    j = step // spans[box, 2] % spans[box, 1]
-    i = step // (spans[box, 2] * spans[box, 1])
-    at = np.minimum(low, high)[box] + np.stack([i, j, k], axis=1)
-    cell = (at[:, 0] * shape[1] + at[:, 1]) * shape[2] + at[:, 2]
-    order = np.argsort(cell, kind="stable")
-    return cell[order], box[order]
+    k, rest = step % spans[box, 2], step // spans[box, 2]
+    return box, low[box] + np.stack([rest // spans[box, 1], rest % spans[box, 1], k], axis=1)

@@ -8,6 +8,7 @@ from typing import Any
 
 import eulerfsi_usd  # noqa: F401 - registers the schema before a stage is opened
 import numpy as np
+from eulerfsi_usd.attachments import Attachment, find_attachments
 from eulerfsi_usd.deformables import body_at, kinematic_bodies, simulated_bodies
 from eulerfsi_usd.foreign import physics_colliders
 from eulerfsi_usd.issues import Issue, all_prims
@@ -119,7 +120,8 @@ def read_scene(
     solids = [read_solid(reader, space, prim) for prim in marked if reader.value(prim, enabled)]
     solids += [read_tet_solid(reader, space, body) for body in simulated_bodies(stage)]
     warnings += evenness(solids)
-    pins = [pin for solid in solids for pin in _pins_of(reader, space, stage, solid, frames.first)]
+    attachments = find_attachments(stage)
+    pins = [pin for solid in solids for pin in _pins_of(reader, space, stage, solid, frames.first, attachments)]
     marked = [prim for prim in find_prims(stage, "collider") if reader.value(prim, enabled)]
     marked += physics_colliders(stage) + [body.sim for body in kinematic_bodies(stage)]
     colliders = [read_collider(reader, space, prim, frames.first) for prim in marked]
@@ -163,9 +165,16 @@ def read_scene(
     )
 
 
-def _pins_of(reader: Reader, space: SimulationSpace, stage: Usd.Stage, solid: Solid, first: int) -> list[Pin]:
+def _pins_of(
+    reader: Reader,
+    space: SimulationSpace,
+    stage: Usd.Stage,
+    solid: Solid,
+    first: int,
+    attachments: list[Attachment],
+) -> list[Pin]:
     if solid.tets:
-        return read_body_pins(reader, space, solid, first)
+        return read_body_pins(reader, space, solid, first, attachments)
     pins = read_pins(reader, space, stage.GetPrimAtPath(solid.path), first)
     for pin in pins:
         if pin.vertices is not None and solid.refinement:

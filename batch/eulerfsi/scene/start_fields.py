@@ -18,9 +18,7 @@ def start_fields(
     state: TetState, shape: tuple[int, ...], place: dict[str, Any]
 ) -> tuple[np.ndarray, np.ndarray | None]:
     """Displacement (3, nx, ny, nz) [m], velocity likewise [m/s] or None. place: of the field, as the library says."""
-    index = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 3)
-    nodes = np.array(place["origin"]) + place["spacing"] * index
-    owner, weights = tets.locate(state.start, state.corners, nodes)
+    owner, weights, nodes = tets.locate_nodes(state.start, state.corners, place["origin"], place["spacing"], shape)
     at_points = [state.start - state.rest] if state.velocities is None else [state.start - state.rest, state.velocities]
     values = np.concatenate(at_points, axis=1)
     inside = owner >= 0

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from eulerfsi_usd import deformables, standard, tets
-from eulerfsi_usd.attachments import find_attachments
+from eulerfsi_usd.attachments import Attachment
 from eulerfsi_usd.deformable_checks import check_evenness
 from eulerfsi_usd.deformables import Body
 from eulerfsi_usd.issues import Issue
@@ -164,11 +164,13 @@ def evenness(solids: list[Solid]) -> list[Issue]:
     return [issue for state in states for issue in check_evenness(state.body, state.masses, state.volumes)]
 
 
-def read_body_pins(reader: Reader, space: SimulationSpace, solid: Solid, first: int) -> list[Pin]:
-    """What attributes of ours hold, and attachments."""
+def read_body_pins(
+    reader: Reader, space: SimulationSpace, solid: Solid, first: int, attachments: list[Attachment]
+) -> list[Pin]:
+    """What attributes of ours hold, and those of the stage's attachments that are the solid's."""
     body, stage = solid.tets.body, solid.tets.body.prim.GetStage()
     pins = read_pins(reader, space, body.ours, first, solid.path)
-    for attachment in find_attachments(stage):
+    for attachment in attachments:
         if attachment.body == body:
             motion = Motion(str(attachment.target.GetPath()), stage, space, first)
             pins.append(Pin(str(attachment.prim.GetPath()), solid.path, motion, vertices=attachment.held))
