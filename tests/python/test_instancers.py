@@ -100,7 +100,7 @@ def test_a_setting_of_the_prototype_holds_for_all_and_of_an_instance_for_one(tmp
     apply(stage.GetPrimAtPath("/World/Many/Protos/Ball"), "EulerFsiSolidAPI")
     stage.GetPrimAtPath("/World/Many").GetAttribute("positions").Set(PLACES[:2])
     stage.Save()
-    settings = ("/World/Many/Protos/Ball.friction=0.5", "/World/Many_instances/i1/Ball.youngsModulus=70000")
+    settings = ("Ball.friction=0.5", "/World/Many_instances/i1/Ball.youngsModulus=70000")
     scene, _ = load_scene(tmp_path / "many.usda", Options(settings=settings), Log(), 0)
     assert [solid.values["friction"] for solid in scene.solids] == [0.5, 0.5]
     assert scene.solids[0].values["youngs_modulus"] < scene.solids[1].values["youngs_modulus"] == 70000

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from pxr import Sdf, Usd, UsdShade
 
@@ -17,7 +18,9 @@ def check_foreign(stage: Usd.Stage) -> list[Issue]:
     """Faults of colliders of UsdPhysics; warnings, once for all prims, of what is none, and of missing textures."""
     issues = []
     for prim in physics_colliders(stage):
-        issues += check_friction(prim) + check_collider(prim)
+        faults = check_friction(prim) + check_collider(prim)
+        way_out = f"; physics:{standard.COLLISION_ENABLED} = false takes it out"
+        issues += [replace(fault, message=fault.message + way_out) for fault in faults]
     return issues + _check_colliders(stage) + _check_textures(all_prims(stage))
 
 

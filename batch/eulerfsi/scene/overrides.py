@@ -12,6 +12,7 @@ from pxr import Sdf, Usd
 
 from ..errors import UsageError
 from ..parameters import NAMESPACE, table
+from .instancers import instances_layer
 from .values import SOLID_API, applied_scopes
 
 _TYPES = {
@@ -35,6 +36,8 @@ def apply_overrides(stage: Usd.Stage, settings: Iterable[str]) -> dict[str, str]
     applied: dict[str, str] = {}
     prims = [prim for prim in stage.TraverseAll() if applied_scopes(prim)]
     prims += [body.prim for body in find_bodies(stage) if not body.schemas]
+    made = instances_layer(stage)
+    prims.sort(key=lambda prim: bool(made and made.GetPrimAtPath(prim.GetPath())))  # by name the prototype comes first
     with Usd.EditContext(stage, stage.GetSessionLayer()):
         for setting in settings:
             target, equals, text = setting.partition("=")
@@ -42,7 +45,7 @@ def apply_overrides(stage: Usd.Stage, settings: Iterable[str]) -> dict[str, str]
             where = f"--set {setting}"
             if not (equals and dot and prim_name and name):
                 raise UsageError(f"{where}: must read PRIM.ATTR=VALUE, for example Domain.voxelSize=0.01")
-            prim = _find_prim(prims, prim_name.strip(), where)
+            prim = _find_prim(prims, prim_name.strip(), where, made)
             attribute = _set(prim, name.strip(), text.strip(), where)
             applied[f"{prim.GetPath()}.{attribute}"] = text.strip()
     return applied
@@ -61,11 +64,13 @@ def _suggest(name: str, options: list[str]) -> str:
     return f"; did you mean {' or '.join(near)}?" if near else f"; there are: {', '.join(options) or 'none'}"
 
 
-def _find_prim(prims: list[Usd.Prim], name: str, where: str) -> Usd.Prim:
+def _find_prim(prims: list[Usd.Prim], name: str, where: str, made: Sdf.Layer | None) -> Usd.Prim:
     if name.startswith("/"):
         found = [prim for prim in prims if str(prim.GetPath()) == name]
     else:
         found = [prim for prim in prims if prim.GetName() == name]
+        if found and made and not made.GetPrimAtPath(found[0].GetPath()):
+            found = [prim for prim in found if not made.GetPrimAtPath(prim.GetPath())]
     if len(found) > 1:
         raise UsageError(
             f"{where}: give the path, several prims are named {name}: {', '.join(str(p.GetPath()) for p in found)}"
