@@ -7,8 +7,9 @@ import json
 import numpy as np
 import pytest
 from conftest import sphere, without_progress, write_obj
-from eulerfsi.cli import new_layout
+from eulerfsi.cli import new_layout, new_pieces
 from eulerfsi.scene.read import EARTH_GRAVITY
+from eulerfsi.solver.simulation import Mesh
 from pxr import Usd, UsdGeom
 from standard_scenes import add_body, new_stage
 
@@ -139,6 +140,18 @@ def test_one_solid_per_object_of_a_file_where_it_is_in_the_file(cli, tmp_path):
     assert boxes[0][:, 0] == pytest.approx([0.0, 0.2]) and boxes[1][:, 0] == pytest.approx([0.5, 0.8])
     moduli = [part.GetAttribute("eulerfsi:youngsModulus").Get() for part in parts]
     assert moduli[1] == pytest.approx(1.5 * moduli[0], rel=0.05)
+
+
+def test_crumbs_stay_with_the_nearest_object():
+    meshes = []
+    for place, edge in ((0.0, 1.0), (3.0, 1.0), (4.5, 0.02)):
+        corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], float) * edge
+        meshes.append(corners + [place, 0, 0])
+    faces = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+    indices = np.concatenate([faces.ravel() + 8 * number for number in range(3)])
+    parts = new_pieces.split(Mesh(np.concatenate(meshes), np.full(18, 4), indices))
+    assert [len(part.points) for part in parts] == [8, 16]
+    assert parts[1].points[:, 0].min() == 3.0 and parts[1].points[:, 0].max() == pytest.approx(4.52)
 
 
 def test_units_and_up_axis_are_those_of_file_and_scene(cli, tmp_path):

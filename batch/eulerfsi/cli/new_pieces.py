@@ -1,4 +1,7 @@
-"""The objects of a mesh file: groups of pieces whose boxes do not overlap, each of which becomes a solid."""
+"""The objects of a mesh file: groups of pieces whose boxes do not overlap, each of which becomes a solid.
+
+Crumbs, much smaller than the largest, stay with the object that is nearest to them.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,8 @@ from ..errors import LibraryError, SceneError
 from ..reasons import mesh_reason
 from ..solver import simulation as solver
 from ..solver.simulation import Mesh
+
+_CRUMB = 0.05  # of the longest edge of the largest group
 
 
 def read_objects(file: Path) -> list[Mesh]:
@@ -88,6 +93,12 @@ def _join_boxes(mesh: Mesh, label: np.ndarray, owner: np.ndarray) -> np.ndarray:
                 high[number] = np.maximum(high[number], high[others].max(axis=0))
                 group[np.isin(group, others)] = number
                 changed = True
+    heads = np.flatnonzero(group == np.arange(count))
+    length, middle = (high - low).max(axis=1), (high + low) / 2
+    large = heads[length[heads] >= _CRUMB * length[heads].max()]
+    for crumb in np.setdiff1d(heads, large):
+        away = ((middle[large] - middle[crumb]) ** 2).sum(axis=1)
+        group[group == crumb] = large[away.argmin()]
     _, group = np.unique(group, return_inverse=True)
     return group[label]
 
