@@ -366,6 +366,26 @@ def test_a_bent_start_by_a_time_sample_bends_what_is_embedded_in_the_straight_de
     assert run.solid("/World/Body", 1)["elastic_energy"] > 1.0
 
 
+def test_another_run_goes_on_from_a_cache_as_from_any_stage(tmp_path):
+    """Points, velocities and rest shape of a frame of a cache are those of a body that is saved while bent."""
+    from eulerfsi.run.simulate import Options, simulate
+
+    stage = new_stage(tmp_path / "bent.usda", frames=(1, 5), voxel=0.03, fluid=False)
+    points, corners = tet_box((6, 3, 3), (0.3, 0.12, 0.12))
+    sim = add_body(stage, points=bent(points, 3.0), tets=corners)
+    put(sim, "points", restShapePoints=points)
+    add_material(stage, "/World/Soft", sim, youngsModulus=3e3)
+    stage.Save()
+    run = Run(tmp_path / "bent.usda", tmp_path / "one")
+    again = simulate(tmp_path / "one/bent.usda", Options(output=tmp_path / "two", progress="none", start=4))
+    first, second = (
+        [np.asarray(UsdGeom.TetMesh(opened.GetPrimAtPath("/World/Jelly")).GetPointsAttr().Get(f)) for f in (4, 5)]
+        for opened in (run.stage, Usd.Stage.Open(str(again.root)))
+    )
+    assert np.abs(first[1] - first[0]).max() > 0.05
+    assert max(np.abs(a - b).max() for a, b in zip(first, second, strict=True)) < 0.06 * 0.03
+
+
 def test_velocities_of_the_points_are_a_field(tmp_path):
     stage = new_stage(tmp_path / "spin.usda", voxel=0.02, fluid=False)
     sim = add_body(stage)
