@@ -25,7 +25,7 @@ KINDS = {"double": "DOUBLE", "int": "INT", "bool": "BOOL", "token": "TOKEN", "ve
 USD_TYPES = {"double": "double", "int": "int", "bool": "bool", "token": "token", "vector": "vector3d", "asset": "asset"}
 PRIM_TYPES = {
     "domain": ("Cube", "Xform"),
-    "solid": ("Mesh", "Xform"),
+    "solid": ("Mesh", "Xform", "TetMesh"),
     "emitter": ("Mesh", "Sphere", "Cube", "Cylinder", "Cone", "Capsule"),
     "force": ("Cube", "Sphere"),
     "collider": ("Mesh", "Sphere", "Cube", "Cylinder", "Cone", "Capsule", "Plane"),

@@ -34,6 +34,7 @@ def rising(tmp_path: Path) -> Path:
     stage.GetPrimAtPath("/World/Domain").GetAttribute("eulerfsi:ambientFluid").Set(False)
     _, counts, indices = sphere(0.12, 8)
     rock = UsdGeom.Mesh.Define(stage, ROCK)
+    rock.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     rock.CreateFaceVertexCountsAttr(counts)
     rock.CreateFaceVertexIndicesAttr(indices)
     move = rock.AddTranslateOp()

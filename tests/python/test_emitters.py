@@ -254,3 +254,69 @@ def test_a_jet_pushes_a_soft_ball(tmp_path: Path, library) -> None:
     low, high = np.array(last["extent_min"]), np.array(last["extent_max"])
     assert (high - low)[1] < 0.97 * (high - low)[0]
     assert last["volume_mesh"] == pytest.approx(last["rest_volume"], rel=0.01)
+
+
+def move(stage: Usd.Stage, *keys: tuple[float, tuple[float, float, float]]) -> None:
+    """The emitter's translation over time."""
+    source = UsdGeom.Xformable(stage.GetPrimAtPath("/World/Source"))
+    op = (source.GetOrderedXformOps() or [source.AddTranslateOp()])[0]
+    for frame, place in keys:
+        op.Set(Gf.Vec3d(*place), frame)
+    save(stage)
+
+
+@pytest.mark.parametrize("kind", ["Sphere", "Mesh"])
+def test_an_emitter_that_moves_leaves_smoke_along_its_way(kind: str, room: Path, tmp_path: Path, library) -> None:
+    stage = emit(room, kind, smokeDensity=0.7)
+    move(stage, (1, (-0.15, -0.1, 0)), (3, (0.15, -0.1, 0)))
+    assert "AnimatedPrim" not in [issue.code for issue in checks.check_stage(stage)]
+    emitter = read_scene(stage, room).emitters[0]
+    assert len(emitter.stays) == 2 * 3 + 1  # 0.15 m a frame, voxels of 0.05 m, and where it rests
+    low, high = emitter.extent()
+    assert low[0] == pytest.approx(-0.15 - 0.12 + 0.025, abs=0.003) and high[0] == pytest.approx(0.27, abs=0.003)
+    folder, events = run(room, tmp_path / "cache")
+    frames = {event["frame"]: event["fluid"]["smoke"] for event in events if event["event"] == "frame"}
+    swept = 0.7 * (
+        4 / 3 * math.pi * 0.12**3 + math.pi * 0.0144 * 0.25
+    )  # between the middles of the first and last part
+    assert frames[3] == pytest.approx(swept, rel=0.12) and frames[1] < 0.6 * frames[3]
+    again, _ = run(room, tmp_path / "again", frames="1-2")
+    assert content_hashes(again) == {k: v for k, v in content_hashes(folder).items() if k in content_hashes(again)}
+
+
+def test_a_jet_that_moves_brings_its_volume_and_has_its_motion_where_asked(room: Path, tmp_path: Path, library) -> None:
+    stage = emit(room, "Sphere", emitVelocity=True, velocity=Gf.Vec3d(0, 1.5, 0))
+    move(stage, (1, (-0.1, -0.1, 0)), (3, (0.1, -0.1, 0)))
+    _, events = run(room, tmp_path / "cache")
+    steps = [event for event in events if event["event"] == "step"]
+    for frame in (2, 3):
+        brought = sum(s["dt"] * s["emitter_flux"]["/World/Source"] for s in steps if s["frame"] == frame)
+        assert brought == pytest.approx(1.5 * AREAS["Sphere"] / 24, rel=0.02)
+    plain = read_scene(stage, room).emitters[0]
+    assert np.abs(plain.over_time("velocity") - [0, 1.5, 0]).max() == 0.0
+    author(stage.GetPrimAtPath("/World/Source"), addMotion=True)
+    save(stage)
+    moved = read_scene(stage, room).emitters[0]
+    assert moved.over_time("velocity")[0] == pytest.approx([2.4, 1.5, 0.0])  # 0.1 m a frame
+    assert moved.over_time("velocity")[-1] == pytest.approx([0.0, 1.5, 0.0])  # it rests
+    author(stage.GetPrimAtPath("/World/Source"), emitVelocity=False)
+    stage.GetPrimAtPath("/World/Source").GetAttribute("eulerfsi:velocity").Clear()
+    save(stage)
+    pushed = read_scene(stage, room).emitters[0]
+    assert pushed.values["has_velocity"] and pushed.over_time("velocity")[0] == pytest.approx([2.4, 0.0, 0.0])
+
+
+def test_an_emitter_may_come_into_the_box_later_but_not_never(room: Path, tmp_path: Path, library) -> None:
+    stage = emit(room, "Sphere")
+    move(stage, (1, (-0.6, -0.1, 0)), (2, (0.0, -0.1, 0)))
+    _, events = run(room, tmp_path / "cache")
+    frames = {event["frame"]: event["fluid"]["smoke"] for event in events if event["event"] == "frame"}
+    assert frames[1] == 0.0 and frames[2] > 0.004
+    move(stage, (1, (-0.6, 9, 0)), (2, (0.0, 9, 0)))
+    assert "/World/Source: the emitter reaches from" in messages(room)
+
+
+def test_an_emitter_with_too_many_places_is_refused(room: Path, library) -> None:
+    stage = emit(room, "Mesh")
+    move(stage, *[(frame, (0.05 * (-1) ** frame, 0, 0)) for frame in range(1, 300)])
+    assert "/World/Source: moves through" in messages(room) and "must be at most 400" in messages(room)

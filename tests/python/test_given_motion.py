@@ -119,6 +119,7 @@ def test_a_collider_with_a_hole_is_refused(held: Path, cli) -> None:
     stage = Usd.Stage.Open(str(held))
     points, counts, indices = sphere(0.05, 6)
     mesh = UsdGeom.Mesh.Define(stage, "/World/Bowl")
+    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     mesh.CreatePointsAttr(points + (0.2, 0.1, 0.1))
     mesh.CreateFaceVertexCountsAttr(counts[1:])
     mesh.CreateFaceVertexIndicesAttr(indices[counts[0] :])

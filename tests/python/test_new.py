@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
-from conftest import without_progress, write_obj
-from eulerfsi.cli import new_scene
+from conftest import sphere, without_progress, write_obj
+from eulerfsi.cli import new_layout, new_pieces
 from eulerfsi.scene.read import EARTH_GRAVITY
-from pxr import Usd
+from eulerfsi.solver.simulation import Mesh
+from pxr import Usd, UsdGeom
+from standard_scenes import add_body, new_stage
 
 BAR_OBJ = "".join(f"v {x} {y} {z}\n" for x in (0, 1) for y in (0, 1) for z in (0, 1)) + "".join(
     f"f {f}\n" for f in ("1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4")
@@ -39,8 +43,8 @@ SHAPES = {
 @pytest.mark.parametrize("shape", SHAPES)
 def test_layout_is_affordable_and_holds_the_solids_apart(shape):
     edges = np.array(SHAPES[shape], float)
-    layout = new_scene.lay_out(edges)
-    assert layout.cells <= 1.1 * new_scene._MAX_CELLS
+    layout = new_layout.lay_out(edges)
+    assert layout.cells <= 1.1 * new_layout.MAX_CELLS
     assert 48 <= layout.frames <= 480
     low, high = layout.centers - edges / 2, layout.centers + edges / 2
     assert (low[:, 1] > 0).all() and (high[:, 1] < layout.size[1]).all()
@@ -53,7 +57,7 @@ def test_layout_is_affordable_and_holds_the_solids_apart(shape):
 
 
 def test_layout_does_not_depend_on_the_size_but_for_its_clock():
-    small, large = (new_scene.lay_out(np.full((1, 3), size)) for size in (0.004, 0.4))
+    small, large = (new_layout.lay_out(np.full((1, 3), size)) for size in (0.004, 0.4))
     assert small.cells == pytest.approx(large.cells, rel=0.2)
     assert small.size / 0.004 == pytest.approx(large.size / 0.4, rel=0.05)
     assert small.fps > large.fps == 24
@@ -61,9 +65,9 @@ def test_layout_does_not_depend_on_the_size_but_for_its_clock():
 
 
 def test_finer_where_thin_and_coarser_where_there_is_much():
-    cube, rod, ten = (new_scene.lay_out(np.array(SHAPES[name], float)) for name in ("cube", "rod", "ten"))
+    cube, rod, ten = (new_layout.lay_out(np.array(SHAPES[name], float)) for name in ("cube", "rod", "ten"))
     assert rod.voxel < 2 / 24 and rod.voxel < cube.voxel
-    assert ten.voxel > new_scene.lay_out(np.array(SHAPES["ten"][:1], float)).voxel
+    assert ten.voxel > new_layout.lay_out(np.array(SHAPES["ten"][:1], float)).voxel
 
 
 @pytest.mark.parametrize(
@@ -106,3 +110,129 @@ def test_new_for_a_tiny_thing_is_slow_motion(cli, tmp_path):
     assert stage.GetTimeCodesPerSecond() == stage.GetFramesPerSecond() > 24
     run = cli("simulate", "shot.usda", "--frames", "1-2", "--progress", "none")
     assert run.returncode == 0, run.stderr
+
+
+def two_boxes(path):
+    """An obj file with two boxes apart, and one within the box around the second."""
+    lines, count = [], 0
+    for low, edge in ((0.0, 0.2), (0.5, 0.3), (0.6, 0.05)):
+        for line in BAR_OBJ.splitlines():
+            word, *numbers = line.split()
+            if word == "v":
+                numbers = [f"{float(n) * edge + (low if axis == 0 else 0):.6g}" for axis, n in enumerate(numbers)]
+            else:
+                numbers = [str(int(n) + count) for n in numbers]
+            lines.append(" ".join([word, *numbers]))
+        count += 8
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_one_solid_per_object_of_a_file_where_it_is_in_the_file(cli, tmp_path):
+    two_boxes(tmp_path / "two.obj")
+    done = cli("new", "shot.usda", "--solid", "two.obj", "--smoke", "none")
+    assert done.returncode == 0 and "2 solid(s)" in done.stdout, done.stderr
+    assert "SeparatePieces" not in done.stderr and "do not touch" not in done.stderr
+    stage = Usd.Stage.Open(str(tmp_path / "shot.usda"))
+    parts = stage.GetPrimAtPath("/World/Two").GetChildren()
+    assert [len(UsdGeom.Mesh(part).GetPointsAttr().Get()) for part in parts] == [8, 16]
+    boxes = [np.array(UsdGeom.Mesh(part).GetExtentAttr().Get()) for part in parts]
+    assert boxes[0][:, 0] == pytest.approx([0.0, 0.2]) and boxes[1][:, 0] == pytest.approx([0.5, 0.8])
+    moduli = [part.GetAttribute("eulerfsi:youngsModulus").Get() for part in parts]
+    assert moduli[1] == pytest.approx(1.5 * moduli[0], rel=0.05)
+
+
+def test_crumbs_stay_with_the_nearest_object():
+    meshes = []
+    for place, edge in ((0.0, 1.0), (3.0, 1.0), (4.5, 0.02)):
+        corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], float) * edge
+        meshes.append(corners + [place, 0, 0])
+    faces = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+    indices = np.concatenate([faces.ravel() + 8 * number for number in range(3)])
+    parts = new_pieces.split(Mesh(np.concatenate(meshes), np.full(18, 4), indices))
+    assert [len(part.points) for part in parts] == [8, 16]
+    assert parts[1].points[:, 0].min() == 3.0 and parts[1].points[:, 0].max() == pytest.approx(4.52)
+
+
+def test_units_and_up_axis_are_those_of_file_and_scene(cli, tmp_path):
+    write_box(tmp_path / "small.obj", 0.1, 0.32, 0.2)  # metres, y up
+    write_box(tmp_path / "large.obj", 10, 20, 32)  # centimetres, z up
+    options = ("--smoke", "carpet")
+    assert cli("new", "m.usda", "--solid", "small.obj", *options).returncode == 0
+    done = cli("new", "cm.usda", "--solid", "large.obj", "--units", "cm", "--up-axis", "z", *options)
+    assert done.returncode == 0, done.stderr
+    metres, centimetres = (Usd.Stage.Open(str(tmp_path / f"{name}.usda")) for name in ("m", "cm"))
+    assert UsdGeom.GetStageMetersPerUnit(centimetres) == 0.01 and UsdGeom.GetStageUpAxis(centimetres) == "Z"
+    boxes = []
+    for stage, unit, axes in ((metres, 1.0, [0, 1, 2]), (centimetres, 0.01, [0, 2, 1])):
+        purposes = ["default", "guide"]
+        cache = UsdGeom.BBoxCache(1, purposes)
+        domain, carpet = (
+            cache.ComputeWorldBound(stage.GetPrimAtPath(f"/World/{name}")).ComputeAlignedRange()
+            for name in ("Domain", "Carpet")
+        )
+        boxes.append([np.array(end)[axes] * unit for r in (domain, carpet) for end in (r.GetSize(), r.GetMidpoint())])
+        gravity = stage.GetPrimAtPath("/World/PhysicsScene")
+        assert gravity.GetAttribute("physics:gravityMagnitude").Get() * unit == pytest.approx(9.81)
+        assert gravity.GetAttribute("physics:gravityDirection").Get()[axes[1]] == -1
+    for a, b in zip(*boxes, strict=True):
+        assert a == pytest.approx(b, abs=1e-6)
+    first, second = (cli("validate", f"{name}.usda", "--json") for name in ("m", "cm"))
+    first, second = (json.loads(done.stdout)["parameters"] for done in (first, second))
+    assert first["/World/Domain"]["voxel_size"] == pytest.approx(second["/World/Domain"]["voxel_size"])
+    assert first["/World/Small"]["youngs_modulus"] == pytest.approx(second["/World/Large"]["youngs_modulus"])
+
+
+def test_values_have_comments_that_say_what_they_do(cli, tmp_path):
+    write_obj(tmp_path / "ball.obj", 0.2)
+    assert cli("new", "shot.usda", "--solid", "ball.obj").returncode == 0
+    stage = Usd.Stage.Open(str(tmp_path / "shot.usda"))
+    for prim in stage.Traverse():
+        for attribute in prim.GetAuthoredPropertiesInNamespace("eulerfsi"):
+            assert attribute.GetMetadata("comment"), attribute.GetPath()
+    assert "Young's modulus, always in pascal" in (tmp_path / "shot.usda").read_text()
+
+
+def test_a_usd_file_gets_a_domain_and_its_meshes_become_solids(cli, tmp_path):
+    stage = Usd.Stage.CreateNew(str(tmp_path / "asset.usda"))
+    UsdGeom.SetStageMetersPerUnit(stage, 0.01)
+    UsdGeom.SetStageUpAxis(stage, "Z")
+    points, counts, indices = sphere(10.0)
+    for name, x in (("A", 0), ("B", 30)):
+        mesh = UsdGeom.Mesh.Define(stage, f"/Things/{name}")
+        mesh.CreatePointsAttr(points)
+        mesh.CreateFaceVertexCountsAttr(counts)
+        mesh.CreateFaceVertexIndicesAttr(indices)
+        mesh.CreateSubdivisionSchemeAttr("none")
+        mesh.AddTranslateOp().Set((x, 0, 50))
+    flat = UsdGeom.Mesh.Define(stage, "/Things/Ground")
+    flat.CreatePointsAttr([(0, 0, 0), (1, 0, 0), (0, 1, 0)])
+    stage.SetDefaultPrim(stage.GetPrimAtPath("/Things"))
+    stage.Save()
+    done = cli("new", "shots/shot.usda", "--from-usd", "asset.usda")
+    assert done.returncode == 0 and "2 solid(s)" in done.stdout, done.stderr
+    facts = json.loads(cli("validate", "shots/shot.usda", "--json").stdout)
+    assert {"/Things/A", "/Things/B"} <= facts["parameters"].keys() and "/Things/Ground" not in facts["parameters"]
+    assert facts["meters_per_unit"] == 0.01 and facts["parameters"]["/EulerFsi/Domain"]["gravity"][2] == pytest.approx(
+        -9.81
+    )
+    run = cli("simulate", "shots/shot.usda", "--frames", "1-2", "--set", "Domain.voxelSize=3", "--progress", "none")
+    assert run.returncode == 0, run.stderr
+    again = cli("new", "other.usda", "--from-usd", "shots/shot.usda")
+    assert again.returncode == 3 and "has a domain, /EulerFsi/Domain" in again.stderr
+    both = cli("new", "other.usda", "--from-usd", "asset.usda", "--units", "cm")
+    assert both.returncode == 2 and not (tmp_path / "other.usda").exists()
+
+
+def test_a_usd_file_of_the_standard_keeps_its_bodies(cli, tmp_path):
+    stage = new_stage(tmp_path / "asset.usda")
+    add_body(stage)
+    stage.RemovePrim("/World/Domain")
+    stage.Save()
+    refused = cli("simulate", "asset.usda")
+    assert refused.returncode == 3
+    line = refused.stderr.split("to add one: ")[1].strip().split()
+    done = cli(*line[line.index("new") :])
+    assert done.returncode == 0 and "1 solid(s)" in done.stdout, done.stderr
+    facts = json.loads(cli("validate", "asset_fsi.usda", "--json").stdout)
+    assert facts["parameters"]["/World/Jelly"]["youngs_modulus"] == 1e6 and facts["last"] == 3

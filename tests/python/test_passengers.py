@@ -137,3 +137,33 @@ def test_a_prim_that_two_solids_carry_is_refused(dressed: Path) -> None:
     other.GetRelationship("eulerfsi:passengers").SetTargets(["/World/Style/Hair"])
     [(code, message)] = faults(stage)
     assert code == "ManyCarriers" and "/World/Ball carries it already" in message
+
+
+def test_shapes_without_points_follow_by_their_transform(dressed: Path, tmp_path: Path, library) -> None:
+    """A Cylinder, scaled and turned below an Xform, is where a Mesh of the same place is, and keeps its shape."""
+    stage = Usd.Stage.Open(str(dressed))
+    group = UsdGeom.Xform.Define(stage, "/World/Ball/Head")
+    group.AddRotateXOp().Set(20.0)
+    knob = UsdGeom.Cylinder.Define(stage, "/World/Ball/Head/Knob")
+    knob.CreateRadiusAttr(0.5)
+    knob.CreateHeightAttr(1.0)
+    knob.AddTranslateOp().Set((0.12, 0.06, 0.0))
+    knob.AddScaleOp().Set((0.04, 0.03, 0.05))
+    eye = add_eye(stage, "/World/Ball/Head/Eye", (0.12, 0.06, 0.0))
+    UsdGeom.Sphere.Define(stage, "/World/Ball/Guide").CreatePurposeAttr(UsdGeom.Tokens.guide)
+    stage.GetRootLayer().Save()
+    assert not [issue for issue in checks.check_stage(stage) if issue.code == "LeftBehind"]
+    opened = Usd.Stage.Open(str(simulate(dressed, Options(output=tmp_path / "cache", progress="none")).root))
+    matrices = {
+        frame: np.array(UsdGeom.XformCache(frame).GetLocalToWorldTransform(opened.GetPrimAtPath(knob.GetPath())))
+        for frame in (1, 6)
+    }
+    source = np.array(UsdGeom.XformCache(1).GetLocalToWorldTransform(knob.GetPrim()))
+    assert np.abs(matrices[1] - source).max() < 1e-6
+    for frame, matrix in matrices.items():
+        middle = world_points(opened, eye.GetPath(), frame).mean(axis=0)
+        assert np.abs(matrix[3, :3] - middle).max() < 1e-3
+        assert np.sqrt((matrix[:3, :3] ** 2).sum(axis=1)) == pytest.approx([0.04, 0.03, 0.05], rel=1e-5)
+    cosine = (matrices[1][0, :3] @ matrices[6][0, :3]) / 0.04**2
+    assert np.degrees(np.arccos(cosine)) == pytest.approx(180 * 5 / 24, abs=2.0)
+    assert opened.GetPrimAtPath("/World/Ball/Guide").GetAttribute("xformOpOrder").Get() is None

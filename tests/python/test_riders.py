@@ -257,18 +257,33 @@ def test_what_cannot_follow_is_named(tmp_path: Path, library) -> None:
 
 def test_what_has_no_points_is_left_behind_with_a_warning(tmp_path: Path, library) -> None:
     stage = make_body(tmp_path / "body.usda", body_points)
-    UsdGeom.Sphere.Define(stage, f"{BODY}/Button")
+    UsdGeom.PointInstancer.Define(stage, f"{BODY}/Studs")
     UsdGeom.PointInstancer.Define(stage, "/World/Ball/Beads")
     UsdGeom.Sphere.Define(stage, "/World/Ball/Region").CreatePurposeAttr(UsdGeom.Tokens.guide)
     UsdGeom.Sphere.Define(stage, "/World/Ball/Hand").CreateRadiusAttr(0.1)
     stage.GetPrimAtPath("/World/Ball").GetRelationship("eulerfsi:pins").SetTargets(["/World/Ball/Hand"])
     assert [code for code, _ in issues(stage)] == ["LeftBehind"] * 2
     found = [message for _, message in issues(stage)]
-    assert found[0].startswith("/World/Ball: does not carry /World/Ball/Beads: only a Mesh, curves and Points")
-    assert found[1].startswith(f"{BODY}: does not carry {BODY}/Button")
+    assert found[0].startswith("/World/Ball: does not carry /World/Ball/Beads: only a Mesh, curves, Points")
+    assert found[1].startswith(f"{BODY}: does not carry {BODY}/Studs")
     stage.GetPrimAtPath(BODY).GetAttribute("points").Clear()  # what does not deform takes along by its transform
     stage.GetPrimAtPath(BODY).GetAttribute("points").Set(body_points(1))
     assert len(issues(stage)) == 1
+
+
+def test_a_shape_without_points_rides_on_a_collider_that_deforms(tmp_path: Path, library) -> None:
+    stage = make_body(tmp_path / "body.usda", body_points)
+    top = int(body_points(1)[:, 1].argmax())
+    for kind, name in ((UsdGeom.Sphere, "Button"), (UsdGeom.Points, "Dot")):
+        prim = kind.Define(stage, f"{BODY}/{name}")
+        prim.AddTranslateOp().Set(Gf.Vec3d(*map(float, body_points(1)[top])))
+    UsdGeom.Sphere(stage.GetPrimAtPath(f"{BODY}/Button")).CreateRadiusAttr(0.01)
+    UsdGeom.Points(stage.GetPrimAtPath(f"{BODY}/Dot")).CreatePointsAttr([(0, 0, 0)])
+    opened = run(stage, tmp_path / "cache")
+    for frame in FRAMES:
+        matrix = np.array(UsdGeom.XformCache(frame).GetLocalToWorldTransform(opened.GetPrimAtPath(f"{BODY}/Button")))
+        assert matrix[3, :3] == pytest.approx(world_points(opened, f"{BODY}/Dot", frame)[0], abs=2e-3)
+        assert matrix[3, :3] == pytest.approx(world_points(opened, BODY, frame)[top], abs=2e-3)
 
 
 def test_an_instance_below_a_collider_that_deforms_is_refused(tmp_path: Path, library) -> None:

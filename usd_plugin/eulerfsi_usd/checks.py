@@ -12,7 +12,9 @@ from collections.abc import Iterable
 
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
-from .foreign import check_foreign
+from .deformable_checks import check_deformables, check_elastic
+from .deformables import body_at, kinematic_bodies, simulated_bodies
+from .foreign import check_foreign, physics_colliders
 from .given import check_collider as check_given_collider
 from .given import check_pins
 from .gprims import dimensions
@@ -60,12 +62,18 @@ def check_scene(stage: Usd.Stage) -> list[Issue]:
     for prim in prims["domain"][1:]:
         hint = f"the first is {prims['domain'][0].GetPath()}"
         issues.append(make_issue(prim, "apiSchemas", "EulerFsiDomainAPI", "on one prim only", "ManyDomains", hint))
-    if not prims["solid"] and not prims["emitter"]:
-        limit = "at least one prim with EulerFsiSolidAPI or EulerFsiEmitterAPI, enabled"
+    bodies = simulated_bodies(stage)
+    prims["solid"] = [prim for prim in prims["solid"] if not body_at(prim)]
+    prims["collider"] += physics_colliders(stage) + [body.sim for body in kinematic_bodies(stage)]
+    if not prims["solid"] and not prims["emitter"] and not bodies:
+        limit = (
+            "at least one prim with EulerFsiSolidAPI or EulerFsiEmitterAPI, enabled, or a volume body of the standard"
+        )
         issues.append(make_issue(None, "content", None, limit, "EmptyScene", severity="warning"))
     issues += check_cages([*prims["solid"], *prims["collider"], *prims["emitter"]])
-    issues += check_foreign(stage) + check_passengers(prims["solid"], prims["collider"])
-    for prim in prims["solid"]:
+    issues += check_foreign(stage) + check_deformables(stage)
+    issues += check_passengers([*prims["solid"], *(body.prim for body in bodies)], prims["collider"])
+    for prim in [*prims["solid"], *(body.sim for body in bodies)]:
         issues += check_scale(prim)
     if len(prims["domain"]) == 1:
         domain = prims["domain"][0]
@@ -295,7 +303,10 @@ def check_solid(prim: Usd.Prim) -> list[Issue]:
     issues = check_values(prim, "solid")
     if not is_enabled(prim):
         return issues
+    if body := body_at(prim):
+        return issues + check_friction(body.prim) + check_pins(prim)
     issues += check_density(prim) + check_friction(prim) + check_surface(prim) + check_skinning(prim)
+    issues += check_elastic(prim)
     return issues + check_animation(prim, "solid") + check_pins(prim)
 
 

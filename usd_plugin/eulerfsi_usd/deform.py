@@ -43,10 +43,14 @@ def stretches(prim: Usd.Prim) -> bool:
 
 def points_at(prim: Usd.Prim, frame: float) -> np.ndarray:
     """(n, 3) in its local space. Raises PoseError."""
+    if prim.IsA(UsdGeom.TetMesh):
+        return np.asarray(UsdGeom.TetMesh(prim).GetPointsAttr().Get(frame), float)
     return surface_of(prim, Usd.TimeCode(frame))[0]
 
 
 def _may_deform(prim: Usd.Prim) -> bool:
+    if prim.IsA(UsdGeom.TetMesh):
+        return UsdGeom.TetMesh(prim).GetPointsAttr().ValueMightBeTimeVarying()
     if not prim.IsA(UsdGeom.Mesh):
         return False
     return UsdGeom.Mesh(prim).GetPointsAttr().ValueMightBeTimeVarying() or bool(Pose(prim, True).skeleton)

@@ -66,7 +66,7 @@ def _check_turns(prim: Usd.Prim) -> list[Issue]:
 def _check_volume(prim: Usd.Prim) -> list[Issue]:
     """Of a pin: its shape is the same in all frames, and moves rigidly."""
     shape = check_surface(prim) or _check_same_mesh(prim) if prim.IsA(UsdGeom.Mesh) else _check_dimensions(prim)
-    return shape + _check_motion(prim)
+    return shape + check_motion(prim)
 
 
 def _check_dimensions(prim: Usd.Prim) -> list[Issue]:
@@ -99,8 +99,8 @@ def _check_same_mesh(prim: Usd.Prim) -> list[Issue]:
     return []
 
 
-def _check_motion(prim: Usd.Prim) -> list[Issue]:
-    """Rigid in all frames, less than half a turn from frame to frame."""
+def check_motion(prim: Usd.Prim) -> list[Issue]:
+    """Of what a pin follows: rigid in all frames, less than half a turn from frame to frame."""
     if not moves(prim):
         return []
     first, *frames = frames_of(prim.GetStage())
@@ -130,7 +130,7 @@ def check_pins(solid: Usd.Prim) -> list[Issue]:
         if not prim or not prim.IsA(UsdGeom.Xformable):
             issues.append(make_issue(solid, PIN_TO, target, "a prim with a transform", "WrongTarget"))
             continue
-        issues += _check_motion(prim)
+        issues += check_motion(prim)
     if len(targets(solid, PIN_TO)) > 1:
         number = f"{len(targets(solid, PIN_TO))} targets"
         issues.append(make_issue(solid, PIN_TO, number, "one target", "ManyTargets"))
@@ -154,7 +154,8 @@ def _check_primvar(solid: Usd.Prim) -> list[Issue]:
             return [make_issue(solid, PIN_PRIMVAR, None, "authored where eulerfsi:pinTo is", "MissingPins")]
         return []
     primvar = UsdGeom.PrimvarsAPI(solid).GetPrimvar("eulerfsi:pin")
-    count = len(UsdGeom.Mesh(solid).GetPointsAttr().Get(time) or ()) if solid.IsA(UsdGeom.Mesh) else 0
+    has_points = solid.IsA(UsdGeom.PointBased)
+    count = len(UsdGeom.PointBased(solid).GetPointsAttr().Get(time) or ()) if has_points else 0
     if primvar.GetInterpolation() not in (UsdGeom.Tokens.vertex, UsdGeom.Tokens.varying) or len(held) != count:
         value = f"{len(held)} values, interpolation {primvar.GetInterpolation()}"
         return [make_issue(solid, PIN_PRIMVAR, value, f"{count} values, one per vertex", "BadPins")]

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from pxr import Usd, UsdGeom
 
+from .deformables import surface_at
 from .pose import Pose
 
 AROUND = 48  # sides of what is round
@@ -29,12 +30,19 @@ def dimensions(prim: Usd.Prim) -> tuple[str, ...]:
     return _DIMENSIONS.get(str(prim.GetTypeName()), ())
 
 
+def is_shape(prim: Usd.Prim) -> bool:
+    """Whether it is an implicit Gprim that has a surface here."""
+    return str(prim.GetTypeName()) in _DIMENSIONS
+
+
 def surface_of(prim: Usd.Prim, time: Usd.TimeCode) -> Surface:
     """Points (n, 3), face vertex counts and indices, faces outwards. Raises PoseError, ValueError for other prims."""
     if prim.IsA(UsdGeom.Mesh):
         mesh = UsdGeom.Mesh(prim)
         counts, indices = mesh.GetFaceVertexCountsAttr().Get(time), mesh.GetFaceVertexIndicesAttr().Get(time)
         return Pose(prim, own_points=True).points(time), np.array(counts or (), int), np.array(indices or (), int)
+    if prim.IsA(UsdGeom.TetMesh):
+        return surface_at(prim, time)
     kind = str(prim.GetTypeName())
     if kind not in _DIMENSIONS:
         raise ValueError(f"a {kind or 'typeless prim'} has no volume")

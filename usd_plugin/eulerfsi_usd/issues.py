@@ -64,8 +64,12 @@ def listed(names: Sequence[object]) -> str:
 
 
 def all_prims(stage: Usd.Stage) -> Iterable[Usd.Prim]:
-    """Prims that are there, those inside instances too, in stage order."""
-    return Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate))
+    """Prims that are there, those inside instances too, in stage order; not what only a PointInstancer shows."""
+    prims = iter(Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)))
+    for prim in prims:
+        if prim.IsA(UsdGeom.PointInstancer):
+            prims.PruneChildren()
+        yield prim
 
 
 def instance_above(prim: Usd.Prim) -> Usd.Prim:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
+from . import deformables
 from .deform import points_move
 from .given import PINS, targets
+from .gprims import is_shape
 from .issues import Issue, first_time, instance_above, is_enabled, listed, make_issue, scopes_of
 from .pose import Pose, PoseError, transform_drivers
 from .transforms import frames_of, moves, places
@@ -15,8 +17,17 @@ PASSENGERS = "eulerfsi:passengers"
 
 
 def find_passengers(solid: Usd.Prim) -> list[Usd.Prim]:
-    """Meshes, curves and points below a solid or named by its eulerfsi:passengers, in stage order and then as named."""
-    return list(dict.fromkeys(_points_below(solid) + _named(solid)))
+    """What has points, and shapes, below a solid or named by its eulerfsi:passengers: in stage order, then as named."""
+    ours = schema_prim(solid)
+    pins = targets(ours, PINS)  # they move as the scene says
+    below = [prim for prim in _points_below(solid) if prim.GetPath() not in pins]
+    return list(dict.fromkeys(below + _named(ours)))
+
+
+def schema_prim(solid: Usd.Prim) -> Usd.Prim:
+    """The prim with the attributes of eulerfsi: the solid, or the sim mesh of a body of the standard."""
+    body = deformables.body_at(solid)
+    return body.ours if body else solid
 
 
 def find_riders(collider: Usd.Prim) -> list[Usd.Prim]:
@@ -38,11 +49,15 @@ def _named(body: Usd.Prim) -> list[Usd.Prim]:
 
 
 def _deforms_itself(prim: Usd.Prim) -> bool:
+    if is_shape(prim):
+        return False
     points = UsdGeom.PointBased(prim).GetPointsAttr()
     return points.ValueMightBeTimeVarying() or (prim.IsA(UsdGeom.Mesh) and bool(Pose(prim, True).skeleton))
 
 
 def _can_follow(prim: Usd.Prim) -> bool:
+    if is_shape(prim):
+        return _is_drawn(prim) and not scopes_of(prim)
     has_points = prim.IsA(UsdGeom.PointBased) and bool(UsdGeom.PointBased(prim).GetPointsAttr().HasAuthoredValue())
     return has_points and not scopes_of(prim)
 
@@ -53,6 +68,8 @@ def _points_below(prim: Usd.Prim) -> list[Usd.Prim]:
 
 def _below(prim: Usd.Prim) -> list[Usd.Prim]:
     """All prims below one, but other solids (colliders, domains, emitters, forces) and what is below those."""
+    if body := deformables.body_at(prim):
+        return [child for child in deformables.below(prim) if child != body.sim]
     found = []
     below = iter(Usd.PrimRange(prim, Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)))
     for child in below:
@@ -70,7 +87,7 @@ def check_passengers(solids: list[Usd.Prim], colliders: list[Usd.Prim]) -> list[
     issues: list[Issue] = []
     carriers: dict[Usd.Prim, Usd.Prim] = {}
     for body in [*solids, *colliders]:
-        for target in targets(body, PASSENGERS):
+        for target in targets(schema_prim(body), PASSENGERS):
             issues += _check_target(body, target)
         try:
             carried = find_passengers(body) if body in solids else find_riders(body)
@@ -82,19 +99,23 @@ def check_passengers(solids: list[Usd.Prim], colliders: list[Usd.Prim]) -> list[
                 limit = f"carried by one body only; {carriers[prim].GetPath()} carries it already"
                 issues.append(make_issue(body, PASSENGERS, prim.GetPath(), limit, "ManyCarriers"))
             carriers.setdefault(prim, body)
-            issues += _check_points(prim) + check_scale(prim) + _check_own_animation(prim, body)
+            issues += _check_points(prim) + check_scale(prim)
+            if not deformables.body_at(body):  # there the bind pose says where it is
+                issues += _check_own_animation(prim, body)
     return issues
 
 
 def _check_left_behind(body: Usd.Prim, is_solid: bool) -> list[Issue]:
     """Warns of what is drawn below a body that deforms and has no points that could ride along."""
-    pins = targets(body, PINS)  # they move as the scene says
+    pins = targets(schema_prim(body), PINS)  # they move as the scene says
     left = [str(p.GetPath()) for p in _below(body) if _is_drawn(p) and not _can_follow(p) and p.GetPath() not in pins]
     if not left or not (is_solid or points_move(body)):
         return []
     value = listed(left)
-    message = f"{body.GetPath()}: does not carry {value}: only a Mesh, curves and Points have points that can follow"
-    limit = "a Mesh, curves or Points"
+    message = (
+        f"{body.GetPath()}: does not carry {value}: only a Mesh, curves, Points and shapes such as a Sphere can follow"
+    )
+    limit = "a Mesh, curves, Points or a shape"
     return [Issue(left[0], "typeName", value, limit, message, "warning", "LeftBehind")]
 
 
@@ -105,7 +126,7 @@ def _is_drawn(prim: Usd.Prim) -> bool:
 
 def _check_target(solid: Usd.Prim, target: Sdf.Path) -> list[Issue]:
     prim = solid.GetStage().GetPrimAtPath(target)
-    limit = "a Mesh, curves or Points, or a prim above such"
+    limit = "a Mesh, curves, Points or a shape, or a prim above such"
     if not prim:
         return [make_issue(solid, PASSENGERS, target, limit, "MissingTarget", "there is no such prim")]
     scopes = scopes_of(prim)
@@ -121,6 +142,8 @@ def _check_points(prim: Usd.Prim) -> list[Issue]:
     if prim.IsInstanceProxy():
         limit = f"false: {prim.GetPath()} inside it is carried and needs its own points"
         return [make_issue(instance_above(prim), "instanceable", True, limit, "InstancePassenger")]
+    if is_shape(prim):
+        return []
     points = UsdGeom.PointBased(prim).GetPointsAttr().Get(first_time(prim.GetStage()))
     points = np.asarray(points if points is not None else (), float).reshape(-1, 3)
     if len(points) == 0:
@@ -156,7 +179,7 @@ def _check_own_animation(prim: Usd.Prim, body: Usd.Prim) -> list[Issue]:
     if prim.IsA(UsdGeom.Mesh):
         drivers = Pose(prim, True).drivers(after)
     else:
-        varies = UsdGeom.PointBased(prim).GetPointsAttr().ValueMightBeTimeVarying()
+        varies = not is_shape(prim) and UsdGeom.PointBased(prim).GetPointsAttr().ValueMightBeTimeVarying()
         drivers = transform_drivers(prim, after) + (["its points"] if varies else [])
     drivers = [driver for driver in drivers if driver not in shared]
     if not drivers:

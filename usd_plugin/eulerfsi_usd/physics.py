@@ -4,26 +4,24 @@ from __future__ import annotations
 
 import math
 
-from pxr import Usd, UsdPhysics, UsdShade
+from pxr import Usd
 
-from .issues import Issue, make_issue
+from . import standard
+from .deformables import body_at, collision_geometry, material_at
+from .issues import Issue, first_time, make_issue
 
 FRICTION = "eulerfsi:friction"
-
-
-def physics_material(prim: Usd.Prim) -> Usd.Prim | None:
-    """The material bound for the purpose "physics" (else for all purposes) that has PhysicsMaterialAPI."""
-    material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")
-    return material.GetPrim() if material and material.GetPrim().HasAPI(UsdPhysics.MaterialAPI) else None
 
 
 def friction_of(prim: Usd.Prim) -> Usd.Attribute | None:
     """The attribute that gives a body's one coefficient of friction; None where none is authored.
 
-    eulerfsi:friction, else physics:dynamicFriction of the physics material, else its physics:staticFriction.
+    eulerfsi:friction, else physics:dynamicFriction of the physics material, else its physics:staticFriction. Of a body
+    of the standard the material is that of what collides.
     """
-    material = physics_material(prim)
-    named = [(prim, FRICTION)]
+    body = body_at(prim)
+    material = material_at(next(iter(collision_geometry(body)), body.sim) if body else prim)
+    named = [(body.ours if body else prim, FRICTION)]
     if material:
         named += [(material, "physics:dynamicFriction"), (material, "physics:staticFriction")]
     attributes = (owner.GetAttribute(name) for owner, name in named)
@@ -55,9 +53,9 @@ def check_density(prim: Usd.Prim) -> list[Issue]:
         value = float(density.Get())
         bad = not (math.isfinite(value) and value > 0.0)
         return [make_issue(prim, "physics:density", value, "> 0", "OutOfRange")] if bad else []
-    material = physics_material(prim)
+    material = material_at(prim)
     if material:
-        value = float(UsdPhysics.MaterialAPI(material).GetDensityAttr().Get())
+        value = float(standard.value(material, standard.DENSITY, first_time(prim.GetStage()), 0.0))
         if not (math.isfinite(value) and value >= 0.0):
             return [make_issue(material, "physics:density", value, ">= 0 (0: the default)", "OutOfRange")]
     return []

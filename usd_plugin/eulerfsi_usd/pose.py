@@ -68,7 +68,7 @@ class Pose:
 
     def points(self, time: Usd.TimeCode) -> np.ndarray:
         """(n, 3) float64 in the prim's local space. Raises PoseError."""
-        points = UsdGeom.Mesh(self.prim).GetPointsAttr().Get(time)
+        points = UsdGeom.PointBased(self.prim).GetPointsAttr().Get(time)
         if points and self._skeleton:
             try:
                 self._apply_blend_shapes(points, time)

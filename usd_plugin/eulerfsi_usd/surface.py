@@ -9,8 +9,9 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from .gprims import dimensions
-from .issues import Issue, domain_box, first_time, listed, make_issue, read, slab_axis
+from .issues import Issue, domain_box, first_time, make_issue, read, slab_axis
 from .pose import Pose, PoseError, transform_drivers
+from .subdivide import is_smooth, scheme_of
 
 # Part of the box by which points may stick out of it through rounding of the transforms.
 TOLERANCE = 1e-6
@@ -72,8 +73,8 @@ def mesh_arrays(prim: Usd.Prim) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def check_inside(prim: Usd.Prim, domain: Usd.Prim) -> list[Issue]:
-    """All points of a mesh lie inside the domain's box. Surface files and faulty meshes are not looked at here."""
-    if surface_file(prim) or not prim.IsA(UsdGeom.Mesh):
+    """All points of a mesh lie inside the domain's box. Surface files, cages and faulty meshes are not looked at."""
+    if surface_file(prim) or not prim.IsA(UsdGeom.Mesh) or is_smooth(prim):
         return []
     try:
         points, _, _ = mesh_arrays(prim)
@@ -105,18 +106,18 @@ def check_inside(prim: Usd.Prim, domain: Usd.Prim) -> list[Issue]:
 
 
 def check_cages(prims: Iterable[Usd.Prim]) -> list[Issue]:
-    """Warns, once for all, of meshes that are drawn as smooth surfaces and simulated as polygons."""
-    cages = [prim for prim in prims if prim.IsA(UsdGeom.Mesh) and not surface_file(prim)]
-    schemes = {prim: str(UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get()) for prim in cages}
-    smooth = [prim for prim, scheme in schemes.items() if scheme != "none"]
-    if not smooth:
-        return []
-    first, value = str(smooth[0].GetPath()), listed([prim.GetPath() for prim in smooth])
-    message = (
-        f"{value}: subdivisionScheme = {schemes[smooth[0]]}: should be none: the polygons of the cage are simulated, "
-        "the smooth surface that is drawn lies inside them. Set subdivisionScheme = none, or subdivide the mesh first"
-    )
-    return [Issue(first, "subdivisionScheme", value, "none", message, "warning", "SubdivisionCage")]
+    """The scheme loop is one of triangles."""
+    issues = []
+    for prim in prims:
+        if scheme_of(prim) != "loop" or surface_file(prim):
+            continue
+        counts = np.asarray(UsdGeom.Mesh(prim).GetFaceVertexCountsAttr().Get(first_time(prim.GetStage())) or (3,))
+        other = np.flatnonzero(counts != 3)
+        if len(other):
+            limit = "3 with subdivisionScheme = loop; use catmullClark"
+            field = f"faceVertexCounts[{other[0]}]"
+            issues.append(make_issue(prim, field, int(counts[other[0]]), limit, "LoopFaces"))
+    return issues
 
 
 def check_skinning(prim: Usd.Prim) -> list[Issue]:
@@ -140,8 +141,10 @@ def check_animation(prim: Usd.Prim, scope: str) -> list[Issue]:
         effect = "it starts from that pose and motion at frame {}; later animation is ignored"
     else:
         drivers = Pose(prim, True).drivers(after) if prim.IsA(UsdGeom.Mesh) else transform_drivers(prim, after)
+        if scope == "emitter" and read(prim, "eulerfsi:mode") != "initial":  # follows its transform
+            drivers = [driver for driver in drivers if driver not in transform_drivers(prim, after)]
         drivers += [f"its {name}" for name in dimensions(prim) if prim.GetAttribute(name).ValueMightBeTimeVarying()]
-        effect = "it stays where it is at frame {}"
+        effect = "it is as it is at frame {}" if scope == "emitter" else "it stays where it is at frame {}"
     if not drivers:
         return []
     effect = effect.format("1" if time.IsEarliestTime() else f"{time.GetValue():g}")

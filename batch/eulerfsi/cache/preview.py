@@ -89,6 +89,8 @@ def write_preview(
     toward = flip * (1.0 if (right, up, depth) in ((0, 1, 2), (1, 2, 0), (2, 0, 1)) else -1.0)
     polygons, shades, distances = [], [], []
     shapes = [(solid, points) for solid, (points, _) in zip(scene.simulated, surfaces, strict=True)]
+    shapes = [(part, points) for part, points in shapes if not getattr(part, "is_cage", False)]
+    carried = len(shapes) + len(scene.riders)
     shapes += [(body, body.points(frame)) for body in [*scene.riders, *scene.colliders]]
     for number, (solid, points) in enumerate(shapes):
         view = np.stack([points[:, right], flip * points[:, up], toward * points[:, depth]], axis=1).astype(float)
@@ -102,7 +104,7 @@ def write_preview(
         normal *= np.where(normal[:, 2:] < 0, -1, 1)  # open or inverted faces are lit from the viewer's side
         light = 0.25 + 0.75 * np.clip(normal @ _LIGHT, 0, 1)
         shine = 0.35 * np.clip(normal @ ((_LIGHT + (0, 0, 1)) / np.linalg.norm(_LIGHT + (0, 0, 1))), 0, 1) ** 40
-        rest = _PASSENGER if number < len(scene.drawn) else _COLLIDER
+        rest = _PASSENGER if number < carried else _COLLIDER
         color = np.array(_COLORS[number % len(_COLORS)] if number < len(scene.solids) else rest)
         polygons.append(corners[:, :, :2])
         shades.append(np.clip(color * light[:, None] + shine[:, None], 0, 1))

@@ -17,6 +17,8 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 
 from .. import files
 from ..frames import file_number
+from ..scene.follow import nearest_rotation
+from ..scene.instancers import instances_layer
 from ..scene.parts import Passenger, Rider, Scene, Solid
 from ..scene.space import transform_points, transform_vectors
 
@@ -26,6 +28,7 @@ _TYPES = {
     "normals": Sdf.ValueTypeNames.Normal3fArray,
     "extent": Sdf.ValueTypeNames.Float3Array,
 }
+_TRANSFORM = "xformOp:transform:eulerfsi"  # of a shape without points
 _CLIP_SET = "eulerfsi"
 _STAGE_METADATA = (
     "defaultPrim",
@@ -55,6 +58,11 @@ def vertex_normals(points: np.ndarray, triangles: np.ndarray, left_handed: bool)
     normals[length == 0] = (0, 0, 1)
     length[length == 0] = 1
     return (normals / length[:, None]).astype(np.float32)
+
+
+def _kinds(part: Solid | Passenger | Rider) -> dict[str, Sdf.ValueTypeName]:
+    """Attributes that a part gets in every frame."""
+    return {_TRANSFORM: Sdf.ValueTypeNames.Matrix4d} if part.rigid else _TYPES
 
 
 def _values(part: Solid | Passenger | Rider, points: np.ndarray, velocities: np.ndarray) -> dict[str, np.ndarray]:
@@ -89,24 +97,51 @@ class UsdWriter:
         """
         layer = Sdf.Layer.CreateAnonymous(".usdc")
         content = hashlib.sha256()
-        placed = [self._in_own_space(part, frame, *at) for part, at in zip(self.scene.simulated, surfaces, strict=True)]
-        placed += [rider.in_own_space(frame) for rider in self.scene.riders]
-        for part, (points, velocities) in zip(self.scene.drawn, placed, strict=True):
-            values = _values(part, points, velocities)
+        parts = [*zip(self.scene.simulated, surfaces, strict=True), *((rider, None) for rider in self.scene.riders)]
+        for part, at in parts:
+            if not part.output_path:
+                continue
             prim = Sdf.CreatePrimInLayer(layer, part.output_path)
-            for name, value in values.items():
-                spec = Sdf.AttributeSpec(prim, name, _TYPES[name])
-                layer.SetTimeSample(spec.path, frame, Vt.Vec3fArray.FromNumpy(value))
-            content.update(part.output_path.encode() + values["points"].tobytes() + values["velocities"].tobytes())
+            content.update(part.output_path.encode())
+            for name, value in self._frame_values(part, frame, at).items():
+                spec = Sdf.AttributeSpec(prim, name, _kinds(part)[name])
+                as_usd = Gf.Matrix4d(value) if part.rigid else Vt.Vec3fArray.FromNumpy(value)
+                layer.SetTimeSample(spec.path, frame, as_usd)
+                if name in ("points", "velocities", _TRANSFORM):
+                    content.update(value.tobytes())
         with files.replacing(self.folder / self.frame_name(frame)) as temporary:
             files.export_layer(layer, temporary)
         return content.hexdigest()
+
+    def _frame_values(
+        self, part: Solid | Passenger | Rider, frame: int, at: tuple[np.ndarray, np.ndarray] | None
+    ) -> dict[str, np.ndarray]:
+        """Values by attribute. at: points and velocities in simulation space, None for riders."""
+        if part.rigid:
+            points = part.points(frame) if at is None else at[0]
+            return {_TRANSFORM: self._transform(part, frame, self.scene.space.point_to_world(points.astype(float)))}
+        own = part.in_own_space(frame) if at is None else self._in_own_space(part, frame, *at)
+        return _values(part, *own)
+
+    def _transform(self, part: Passenger | Rider, frame: int, now: np.ndarray) -> np.ndarray:
+        """(4, 4) of a shape relative to its parent: its place at the start, moved as its surface (n, 3) has."""
+        prim = self._source(part)
+        start = self._local_to_world(prim, self.scene.frames.first)
+        before = transform_points(part.local.points, start)
+        center, middle = now.mean(axis=0), before.mean(axis=0)
+        away, apart = now - center, before - middle
+        moments = np.array([[(away[:, i] * apart[:, j]).sum() for j in range(3)] for i in range(3)])
+        motion = np.eye(4)
+        motion[:3, :3] = nearest_rotation(moments[None])[0].T
+        motion[3, :3] = center - transform_vectors(middle, motion)
+        parent = Gf.Matrix4d(self._local_to_world(prim.GetParent(), frame))
+        return np.array(Gf.Matrix4d(start) * Gf.Matrix4d(motion) * parent.GetInverse())
 
     def _in_own_space(
         self, solid: Solid | Passenger, frame: int, points: np.ndarray, velocities: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Points and velocities in the space of the prim."""
-        prim = self.scene.stage.GetPrimAtPath(solid.path)
+        prim = self._source(solid)
         to_world = self._local_to_world(prim, frame)
         to_local = np.array(Gf.Matrix4d(to_world).GetInverse())
         local = transform_points(self.scene.space.point_to_world(points), to_local)
@@ -115,6 +150,11 @@ class UsdWriter:
         rate = (self._local_to_world(prim, frame + step) - np.array(to_world)) * (self.scene.fps / step)
         world_velocities = self.scene.space.velocity_to_world(velocities) - transform_points(local, rate)
         return local, transform_vectors(world_velocities, to_local)
+
+    def _source(self, part: Solid | Passenger | Rider) -> Usd.Prim:
+        """The prim of the scene that receives the points; the solid's where that prim is made for the cache."""
+        stage = self.scene.stage
+        return stage.GetPrimAtPath(part.output_path) or stage.GetPrimAtPath(part.path)
 
     @staticmethod
     def _local_to_world(prim: Usd.Prim, frame: float) -> np.ndarray:
@@ -125,7 +165,7 @@ class UsdWriter:
         layer = Sdf.Layer.CreateAnonymous(".usda")
         for solid in self.scene.drawn:
             prim = Sdf.CreatePrimInLayer(layer, solid.output_path)
-            for name, kind in _TYPES.items():
+            for name, kind in _kinds(solid).items():
                 if name != "normals" or solid.subdivision == "none":
                     Sdf.AttributeSpec(prim, name, kind)
         with files.replacing(self.folder / f"frames/{self.scene.name}.manifest.usda") as temporary:
@@ -147,12 +187,15 @@ class UsdWriter:
         """
         layer = Sdf.Layer.CreateAnonymous(".usda")
         layer.subLayerPaths.append(sublayer)
+        if made := instances_layer(self.scene.stage):
+            for prim in made.rootPrims:
+                Sdf.CopySpec(made, prim.path, layer, prim.path)
         self._write_stage_metadata(layer, last, data)
         for solid in self.scene.drawn:
             self._write_clips(layer, solid, last)
         for part in self.scene.simulated:
             carrier = part.solid if isinstance(part, Passenger) else part.path
-            if carrier in left:
+            if carrier in left and part.output_path:
                 self._hide(layer, part, left[carrier])
         if vdb_frames:
             self._write_volume(layer, vdb_frames, grids)
@@ -184,7 +227,11 @@ class UsdWriter:
             scheme = Sdf.AttributeSpec(prim, "subdivisionScheme", Sdf.ValueTypeNames.Token, Sdf.VariabilityUniform)
             scheme.default = "none"
         else:
-            _block_deformers(prim, self.scene.stage.GetPrimAtPath(solid.path))
+            _block_deformers(prim, self._source(solid))
+            if solid.rigid:
+                order = Sdf.AttributeSpec(prim, "xformOpOrder", Sdf.ValueTypeNames.TokenArray, Sdf.VariabilityUniform)
+                order.default = Vt.TokenArray([_TRANSFORM])
+                Sdf.AttributeSpec(prim, _TRANSFORM, Sdf.ValueTypeNames.Matrix4d)  # its values are the clips'
             if solid.subdivision:
                 self._hold_topology(prim, solid)
         if solid.subdivision == "none":
@@ -220,13 +267,13 @@ class UsdWriter:
 
     def _block(self, spec: Sdf.PrimSpec, solid: Solid | Passenger | Rider, name: str) -> None:
         """Takes away an attribute that the scene authors."""
-        attribute = self.scene.stage.GetPrimAtPath(solid.path).GetAttribute(name)
+        attribute = self._source(solid).GetAttribute(name)
         if attribute and attribute.HasAuthoredValue():
             Sdf.AttributeSpec(spec, name, attribute.GetTypeName()).default = Sdf.ValueBlock()
 
     def _hold_topology(self, spec: Sdf.PrimSpec, solid: Solid | Passenger | Rider) -> None:
         """Faces that change over time stay those of the first frame, to which the simulated points belong."""
-        mesh = UsdGeom.Mesh(self.scene.stage.GetPrimAtPath(solid.path))
+        mesh = UsdGeom.Mesh(self._source(solid))
         for attribute, value in (
             (mesh.GetFaceVertexCountsAttr(), solid.local.counts),
             (mesh.GetFaceVertexIndicesAttr(), solid.local.indices),

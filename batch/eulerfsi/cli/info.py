@@ -16,6 +16,7 @@ from ..frames import FrameRange
 from ..parameters import Parameter, table
 from ..run.watch import last_text
 from ..scene import checks
+from ..scene.instancers import expand_instancers
 from ..scene.read import open_stage, read_scene, set_frames
 from ..solver import binding
 from ..system import available_memory, available_threads, format_bytes
@@ -38,6 +39,7 @@ def info(path: Path | None) -> Info:
     if path.is_dir() or path.name == FILE_NAME:
         return _cache_info(Manifest.load(path if path.is_dir() else path.parent))
     stage = open_stage(path)
+    expand_instancers(stage)
     checks.raise_errors(checks.stage_issues(stage))
     if not stage.HasAuthoredTimeCodeRange():
         set_frames(stage, FrameRange(1, 2), None)

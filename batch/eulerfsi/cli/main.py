@@ -113,10 +113,16 @@ def build_parser() -> argparse.ArgumentParser:
         help="png, svg or pdf; default: ./<cache>_<kind>.png; accuracy: a folder, default: docs/images",
     )
 
-    new = add("new", "Write a complete scene around mesh files.")
+    new = add("new", "Write a complete scene around mesh files, or a domain around a USD file.")
     new.add_argument("scene", type=Path, metavar="SCENE.usda")
     formats = f"mesh file, named as one of: {', '.join(mesh_file.FORMATS)}; may be repeated"
-    new.add_argument("--solid", type=Path, action="append", required=True, metavar="FILE", help=formats)
+    source = new.add_mutually_exclusive_group(required=True)
+    source.add_argument("--solid", type=Path, action="append", metavar="FILE", help=formats)
+    text = "USD file to put a domain around, in its units: its bodies and solids, else one solid per Mesh"
+    source.add_argument("--from-usd", type=Path, metavar="FILE", help=text)
+    units = ("m", "cm", "mm", "km", "in", "ft")
+    new.add_argument("--units", choices=units, help="of the mesh files and the scene; default: m")
+    new.add_argument("--up-axis", choices=("y", "z"), help="of the mesh files and the scene; default: y")
     new.add_argument("--smoke", choices=("carpet", "none"), default="carpet", help="default: carpet")
 
     bench = add("bench", "Measure speed and quality against the bars (in a checkout).")
@@ -289,14 +295,18 @@ def _new(options: argparse.Namespace) -> int:
     from ..usd_messages import usd_messages
     from .new_scene import new_scene
 
+    if options.from_usd and (options.units or options.up_axis):
+        raise UsageError("--units, --up-axis: must not be given with --from-usd, whose file has its own")
+    unit, up = options.units or "m", options.up_axis or "y"
     with usd_messages():
-        layout, warnings = new_scene(options.scene, options.solid, options.smoke)
+        layout, warnings = new_scene(options.scene, options.solid or (), options.smoke, unit, up, options.from_usd)
     for line in warnings:
         say(line, sys.stderr)
-    slow = f" (slow motion, 1:{layout.fps // 24})" if layout.fps > 24 else ""
+    stiff = "" if options.from_usd else f"Young's modulus up to {max(layout.moduli):g} Pa, "
+    slow = f" (slow motion, 1:{layout.fps // 24})" if layout.fps > 24 and not options.from_usd else ""
     say(
-        f"{options.scene}: {len(options.solid)} solid(s), voxel size {layout.voxel:g} m, {layout.cells:,} cells, "
-        f"Young's modulus up to {max(layout.moduli):g} Pa, frames 1-{layout.frames} at {layout.fps} per second{slow}\n"
+        f"{options.scene}: {len(layout.moduli)} solid(s), voxel size {layout.voxel:g} m, {layout.cells:,} cells, "
+        f"{stiff}frames {layout.first}-{layout.first + layout.frames - 1} at {layout.fps:g} per second{slow}\n"
         f"next: {command_line('simulate', options.scene)}",
         sys.stdout,
     )

@@ -14,6 +14,7 @@ from ..progress import Progress, finding
 from ..run import estimate
 from ..scene import checks, memory
 from ..scene.checks import Issue
+from ..scene.instancers import expand_instancers
 from ..scene.overrides import apply_overrides
 from ..scene.parts import Scene
 from ..scene.read import open_stage, read_scene, set_frames
@@ -69,6 +70,7 @@ def validate(
     frames = parse_frames(frames_text) if frames_text else None
     stage = open_stage(path)
     set_frames(stage, frames, start)
+    expand_instancers(stage)
     apply_overrides(stage, settings)
     warnings = checks.raise_errors(checks.stage_issues(stage))
     limit = available_memory()
@@ -129,13 +131,18 @@ def describe_scene(scene: Scene) -> list[str]:
         )
         if solid.pose:
             lines.append(f"{solid.path}: {solid.pose}")
+        if solid.origins:
+            lines.append(
+                f"{solid.path}: {'; '.join(f'{name} from {origin}' for name, origin in solid.origins.items())}"
+            )
     lines += _describe_given(scene)
     for emitter in scene.emitters:
         mode = next(name for name, number in binding.EMITTER_MODES.items() if number == emitter.values["mode"])
         text = f"{emitter.path}: {mode} emitter, smoke density {emitter.over_time('density').max():g}"
         if emitter.values["has_velocity"]:
             text += f", velocity {np.linalg.norm(emitter.over_time('velocity'), axis=-1).max():.4g} m/s"
-        lines.append(text + (f", {len(emitter.keys)} keys" if emitter.keys else ""))
+        text += f", {len(emitter.keys)} keys" if emitter.keys else ""
+        lines.append(text + (f", moves through {len(emitter.stays)} places" if emitter.stays else ""))
     for force in scene.forces:
         kind, on = (
             next(name for name, number in names.items() if number == force.values[field])

@@ -13,8 +13,9 @@ from ..log import Log
 from ..reasons import mesh_reason
 from ..scene.follow import Binding
 from ..scene.parts import Collider, Emitter, Passenger, Pin, Scene, Solid
+from ..scene.start_fields import start_fields
 from ..solver import binding
-from ..solver.simulation import Simulation
+from ..solver.simulation import Simulation, Surface
 
 Part = TypeVar("Part")
 
@@ -100,16 +101,54 @@ def build_simulation(scene: Scene, threads: int, memory_limit: int, log: Log) ->
             made.names[solid_id] = collider.path
         for emitter in scene.emitters:
             place[0] = f"{emitter.path}: "
-            identifier = simulation.add_emitter(emitter.surface, emitter.keys, **emitter.values)
-            made.emitters.append(Placed(emitter, identifier))
+            made.emitters += _add_emitter(simulation, emitter, definition)
         for force in scene.forces:
             place[0] = f"{force.path}: "
             simulation.add_force(**force.values)
+        for solid in made.solids:
+            place[0] = f"{solid.part.path}: "
+            _set_start(simulation, solid)
     except LibraryError as error:
         simulation.close()
         raise LibraryError(error.status, place[0] + mesh_reason("", error)) from error
     place[0] = ""
     return made
+
+
+def _add_emitter(simulation: Simulation, emitter: Emitter, definition: dict[str, Any]) -> list[Placed[Emitter]]:
+    """An emitter, or one for each of the places where it stays; what is outside the box then is none."""
+    if not emitter.stays:
+        return [Placed(emitter, simulation.add_emitter(emitter.surface, emitter.keys, **emitter.values))]
+    placed, refused = [], None
+    for stay in emitter.stays:
+        volume = None
+        if emitter.mesh:
+            volume = Surface(stay.hull, definition["voxel_size"], definition["threads"])
+        values = emitter.values | stay.values
+        values["velocity"] = (np.array(values["velocity"]) + stay.velocity).tolist()
+        keys = [key | {"velocity": (np.array(key["velocity"]) + stay.velocity).tolist()} for key in emitter.keys]
+        try:
+            placed.append(Placed(emitter, simulation.add_emitter(volume, keys, **values)))
+        except LibraryError as error:
+            if error.status != binding.ERROR_ARGUMENT or "holds 0" not in str(error):
+                raise
+            refused = error
+    if not placed:
+        raise refused
+    return placed
+
+
+def _set_start(simulation: Simulation, solid: Placed[Solid]) -> None:
+    """The map and the velocities of a body that starts deformed, or whose points have velocities of their own."""
+    state = solid.part.tets
+    if state is None or not (state.deforms or state.velocities is not None):
+        return
+    views, place = simulation.field_view("solid_displacement", solid.id)
+    displacement, velocity = start_fields(state, views[0].shape, place)
+    if state.deforms:
+        simulation.set_field("solid_displacement", displacement, solid.id)
+    if velocity is not None:
+        simulation.set_field("solid_velocity", velocity, solid.id)
 
 
 def _add_passenger(

@@ -240,7 +240,10 @@ class Run:
             for column, field in _GIVEN_COLUMNS.items():
                 columns[column] = {path: reaction[field] for path, reaction in reactions.items()}
         emitters = [emitter for emitter in self.build.emitters if emitter.part.is_jet]
-        jets = {emitter.part.path: self.simulation.emitter_flux(emitter.id) for emitter in emitters}
+        jets: dict[str, float] = {}
+        for emitter in emitters:  # one that moves has several ids
+            flux = self.simulation.emitter_flux(emitter.id)
+            jets[emitter.part.path] = jets.get(emitter.part.path, 0.0) + flux
         if jets:
             columns["emitter_flux"] = jets
             self.brought = {path: max(abs(flux), self.brought.get(path, 0.0)) for path, flux in jets.items()}

@@ -17,6 +17,7 @@ from ..frames import demand_start, parse_frames
 from ..log import Log
 from ..progress import Progress, make_progress
 from ..scene import checks
+from ..scene.instancers import expand_instancers
 from ..scene.overrides import apply_overrides, set_domain_parameter
 from ..scene.parts import Scene
 from ..scene.read import open_stage, read_scene, set_frames
@@ -65,6 +66,7 @@ def load_scene(
     """
     stage = open_stage(path)
     set_frames(stage, parse_frames(options.frames) if options.frames else None, options.start)
+    expand_instancers(stage)
     overrides = apply_overrides(stage, options.settings)
     if options.preset:
         overrides |= set_domain_parameter(stage, "preset", options.preset)

@@ -6,10 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from eulerfsi_usd import deform, given, gprims
+from eulerfsi_usd import deform, given, gprims, standard
+from eulerfsi_usd.deformable_checks import LARGEST_POISSON
+from eulerfsi_usd.deformables import elastic_source, material_at
 from eulerfsi_usd.issues import instance_above
-from eulerfsi_usd.physics import friction_of, physics_material
+from eulerfsi_usd.physics import friction_of
 from eulerfsi_usd.pose import Pose, PoseError
+from eulerfsi_usd.subdivide import Refinement, is_smooth, levels_for, scheme_of
 from pxr import Usd, UsdGeom
 
 from ..errors import Cancelled, LibraryError, SceneError
@@ -19,7 +22,7 @@ from ..signals import Signals
 from ..solver import binding
 from ..solver import simulation as solver
 from .motion import fit_rigid_motion, volume_center
-from .parts import Collider, Deformation, Emitter, Motion, Pin, Solid
+from .parts import Collider, Deformation, Emitter, Motion, Passenger, Pin, Solid
 from .space import SimulationSpace, determinant, orthonormal_rows, transform_points, transform_vectors
 from .values import Reader
 
@@ -44,13 +47,47 @@ def read_solid(reader: Reader, space: SimulationSpace, prim: Usd.Prim) -> Solid:
     left_handed = is_mesh and not file and reader.authored(prim, "orientation") == UsdGeom.Tokens.leftHanded
     if left_handed != (handedness < 0):
         mesh = mesh.flipped()  # outward faces stay outward
-    values = _read_values(reader, prim, "solid")
+    values = read_values(reader, prim, "solid")
+    origins = read_elastic(reader, prim, prim, values)
     animated = _animated_motion(reader, space, pose, local, mesh)
     values["velocity"], values["angular_velocity"] = _initial_motion(reader, space, prim, values, animated)
-    subdivision = "none" if file or not is_mesh else str(UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get())
+    subdivision = "none" if file else scheme_of(prim)
     output = path if is_mesh else _free_child(prim, "surface")
     start = _describe_start(reader, pose, animated, values)
-    return Solid(path, output, mesh, local, values, None, file, subdivision, left_handed, start)
+    solid = Solid(path, output, mesh, local, values, None, file, subdivision, left_handed, start, origins=origins)
+    if refinement := None if file else _refinement(reader, prim, mesh):
+        _use_smooth_surface(solid, refinement, to_sim, left_handed != (handedness < 0))
+    return solid
+
+
+def _use_smooth_surface(solid: Solid, refinement: Refinement, to_sim: np.ndarray, flip: bool) -> None:
+    """The limit surface is simulated, the points of the cage are carried along."""
+    solid.cage = Passenger(
+        path=solid.path,
+        local=solid.local,
+        subdivision=solid.subdivision,
+        left_handed=solid.left_handed,
+        solid=solid.path,
+        mesh=solid.mesh,
+        is_cage=True,
+    )
+    points = refinement.points(solid.local.points.astype(float))
+    solid.local = solver.Mesh(points, refinement.counts, refinement.indices)
+    mesh = solver.Mesh(transform_points(points, to_sim), refinement.counts, refinement.indices)
+    solid.mesh = mesh.flipped() if flip else mesh
+    solid.refinement, solid.output_path = refinement, ""
+
+
+def _refinement(reader: Reader, prim: Usd.Prim, mesh: solver.Mesh) -> Refinement | None:
+    """Of a cage, as fine as the grid. mesh: the cage in simulation space."""
+    if not reader.voxel or not is_smooth(prim):
+        return None
+    ends = np.cumsum(mesh.counts)
+    following = np.arange(1, len(mesh.indices) + 1)
+    following[ends - 1] = ends - mesh.counts
+    edges = mesh.points[mesh.indices[following]].astype(float) - mesh.points[mesh.indices]
+    longest = float(np.sqrt((edges * edges).sum(axis=1)).max(initial=0.0))
+    return Refinement(prim, reader.time, len(mesh.points), levels_for(longest, reader.voxel, len(mesh.counts)))
 
 
 def _surface(reader: Reader, prim: Usd.Prim) -> tuple[solver.Mesh, str, Pose]:
@@ -86,6 +123,11 @@ def posed_mesh(reader: Reader, prim: Usd.Prim) -> tuple[Pose, Any, Any, Any]:
 
 def closed_mesh(reader: Reader, space: SimulationSpace, prim: Usd.Prim) -> solver.Mesh:
     """The surface of a Gprim where it is at the start, in simulation space, faces outwards."""
+    return closed_surface(reader, space, prim)[0]
+
+
+def closed_surface(reader: Reader, space: SimulationSpace, prim: Usd.Prim) -> tuple[solver.Mesh, Refinement | None]:
+    """The same, and how a cage is refined to it."""
     path = str(prim.GetPath())
     try:
         local = solver.Mesh(*gprims.surface_of(prim, reader.time))
@@ -97,12 +139,17 @@ def closed_mesh(reader: Reader, space: SimulationSpace, prim: Usd.Prim) -> solve
         raise SceneError(f"{path}: its transform has a zero scale")
     mesh = solver.Mesh(transform_points(local.points, to_sim), local.counts, local.indices)
     left_handed = prim.IsA(UsdGeom.Mesh) and reader.authored(prim, "orientation") == UsdGeom.Tokens.leftHanded
-    return mesh.flipped() if left_handed != (handedness < 0) else mesh
+    refinement = _refinement(reader, prim, mesh)
+    if refinement:
+        points = refinement.points(local.points.astype(float))
+        mesh = solver.Mesh(transform_points(points, to_sim), refinement.counts, refinement.indices)
+    return mesh.flipped() if left_handed != (handedness < 0) else mesh, refinement
 
 
-def read_pins(reader: Reader, space: SimulationSpace, solid: Usd.Prim, first: int) -> list[Pin]:
-    """What holds parts of a solid: its volumes, and the vertices that its primvar marks."""
-    stage, path = solid.GetStage(), str(solid.GetPath())
+def read_pins(reader: Reader, space: SimulationSpace, solid: Usd.Prim, first: int, path: str = "") -> list[Pin]:
+    """What holds parts of a solid: its volumes, and the vertices that its primvar marks. path: of the solid, else its
+    prim's."""
+    stage, path = solid.GetStage(), path or str(solid.GetPath())
     pins = []
     for target in given.targets(solid, given.PINS):
         motion = Motion(str(target), stage, space, first)
@@ -111,20 +158,21 @@ def read_pins(reader: Reader, space: SimulationSpace, solid: Usd.Prim, first: in
     held = given.pinned_vertices(solid, reader.time)
     if held is not None:
         driver = next((str(target) for target in given.targets(solid, given.PIN_TO)), "")
-        pins.append(Pin(path, path, Motion(driver, stage, space, first), vertices=held))
+        pins.append(Pin(str(solid.GetPath()), path, Motion(driver, stage, space, first), vertices=held))
     return pins
 
 
 def read_collider(reader: Reader, space: SimulationSpace, prim: Usd.Prim, first: int) -> Collider:
     path, stage, shape = str(prim.GetPath()), prim.GetStage(), None
+    mesh, refinement = closed_surface(reader, space, prim)
     stretched = deform.stretches(prim)
     try:
         if stretched or deform.points_move(prim):
-            shape = Deformation(path, stage, space, first, stretched)
+            shape = Deformation(path, stage, space, first, stretched, refinement)
     except PoseError as error:
         raise SceneError(f"{path}: {error}") from error
     motion = Motion("" if stretched else path, stage, space, first)
-    return Collider(path, closed_mesh(reader, space, prim), _read_values(reader, prim, "collider"), motion, shape)
+    return Collider(path, mesh, read_values(reader, prim, "collider"), motion, shape, refinement)
 
 
 def examine(body: Solid | Pin | Collider | Emitter, domain: dict[str, Any], threads: int, progress: Progress) -> None:
@@ -133,7 +181,10 @@ def examine(body: Solid | Pin | Collider | Emitter, domain: dict[str, Any], thre
     if isinstance(body, Solid):
         stretched = body.values["stretch"] != [1.0, 1.0, 1.0]
         body.start = body.surface
-        if stretched:
+        if body.tets and body.tets.deforms:
+            start = solver.Mesh(body.tets.start, body.mesh.counts, body.mesh.indices)
+            body.start = _surface_of(body, start, domain, threads, progress)
+        elif stretched:
             body.start = _surface_of(body, _stretched(body, domain), domain, threads, progress)
 
 
@@ -192,17 +243,49 @@ def read_density(reader: Reader, prim: Usd.Prim, volume: float) -> float:
     if mass is not None and mass != 0:  # UsdPhysics: 0 is "not given"
         return mass * reader.units.kilograms_per_unit / volume
     if density is None:
-        material = physics_material(prim)
+        material = material_at(prim)
         density = reader.authored(material, "physics:density") if material else None
     return density * to_si if density else DEFAULT_DENSITY
 
 
-def _read_values(reader: Reader, prim: Usd.Prim, scope: str) -> dict[str, Any]:
-    """The values of a body in SI; the friction is that of its physics material where none is authored on it."""
-    values, friction = reader.fields(prim, scope), friction_of(prim)
+def read_values(reader: Reader, prim: Usd.Prim, scope: str, body: Usd.Prim | None = None) -> dict[str, Any]:
+    """The values of a body in SI; the friction is that of its physics material where none is authored on it.
+
+    body: of the standard, whose attributes of ours are those of `prim`.
+    """
+    values, friction = reader.fields(prim, scope), friction_of(body or prim)
     if friction:
         values["friction"] = float(friction.Get(reader.time))
     return values
+
+
+def read_elastic(
+    reader: Reader, prim: Usd.Prim, bound: Usd.Prim, values: dict[str, Any], of_standard: bool = False
+) -> dict[str, str]:
+    """Sets E and nu to those of the physics material where attributes of ours are not authored. Returns which counted.
+
+    bound: the prim at which the material is bound. of_standard: without any of both, the standard's fallback counts.
+    """
+    fallbacks = (standard.YOUNGS_MODULUS_FALLBACK, standard.POISSONS_RATIO_FALLBACK)
+    pascal = reader.units.kilograms_per_unit / reader.units.meters_per_unit
+    origins = {}
+    for name, field, symbol, unit, fallback in (
+        (standard.YOUNGS_MODULUS, "youngs_modulus", "E", pascal, fallbacks[0]),
+        (standard.POISSONS_RATIO, "poissons_ratio", "nu", 1.0, fallbacks[1]),
+    ):
+        source = elastic_source(bound, name)
+        if reader.authored(prim, f"eulerfsi:{name}") is not None:
+            if source or of_standard:
+                origins[symbol] = f"eulerfsi:{name} of {prim.GetPath()}"
+            continue
+        if source:
+            values[field] = float(source.Get(reader.time)) * unit
+            origins[symbol] = f"physics:{name} of {source.GetPrimPath()}"
+        elif of_standard:
+            values[field], origins[symbol] = fallback, "the standard's fallback"
+        if source and field == "poissons_ratio":
+            values[field] = min(values[field], LARGEST_POISSON)
+    return origins
 
 
 def _initial_motion(

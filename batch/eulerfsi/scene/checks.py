@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 import os
@@ -13,6 +14,7 @@ from eulerfsi_usd.checks import check_stage
 from eulerfsi_usd.issues import Issue
 from pxr import Usd
 
+from ..command import command_line
 from ..errors import CacheIOError, SceneError
 from ..solver import binding
 from ..solver.simulation import Surface, slab_axis
@@ -37,13 +39,23 @@ def stage_issues(stage: Usd.Stage) -> list[Issue]:
     That is a warning while the rest is sound and the cause a file that is missing or of a kind that USD has no plug-in
     for: a scene may refer to what a run does not need. A file that is there and broken cannot be copied into a cache.
     """
-    issues = check_stage(stage)
+    issues = [_with_way_out(stage, issue) for issue in check_stage(stage)]
     unsound = any(issue.severity == "error" for issue in issues)
     faults = []
     for message, broken in composition_faults(stage):
         severity = "error" if broken or unsound else "warning"
         faults.append(Issue("/", "references", "unresolved", "a layer that USD opens", message, severity, "Unresolved"))
     return faults + issues
+
+
+def _with_way_out(stage: Usd.Stage, issue: Issue) -> Issue:
+    """The command that adds a domain, where there is none."""
+    file = stage.GetRootLayer().realPath
+    if issue.code != "MissingDomain" or not file:
+        return issue
+    name = Path(os.path.relpath(file))
+    command = command_line("new", name.with_name(f"{name.stem}_fsi.usda"), "--from-usd", name)
+    return dataclasses.replace(issue, message=f"{issue.message}; to add one: {command}")
 
 
 def raise_errors(issues: Iterable[Issue]) -> list[Issue]:
@@ -259,9 +271,17 @@ def _check_apart(scene: Scene, first: Solid | Collider, second: Solid) -> list[I
     value, limit = f"{depth / unit:.4g}", f"at most half a voxel, {most / unit:.4g}"
     message = (
         f"{first.path} and {second.path}: the solids overlap by {value} (a volume of {volume / unit**3:.4g}): "
-        f"must be {limit}; move them apart"
+        f"must be {limit}; {_apart(scene, first, second)}"
     )
     return [Issue(second.path, "points", value, limit, message, "error", "Overlap")]
+
+
+def _apart(scene: Scene, first: Solid | Collider, second: Solid) -> str:
+    """What to do about an overlap."""
+    holds = any(pin.solid == second.path and pin.motion.driver == first.path for pin in scene.pins)
+    if not holds:
+        return "move them apart"
+    return f"{first.path} holds {second.path}: attach it at the surface, or let it be no collider"
 
 
 def _at_start(body: Solid | Collider) -> Surface:
@@ -271,6 +291,8 @@ def _at_start(body: Solid | Collider) -> Surface:
 def _check_stretch(scene: Scene, solid: Solid) -> list[Issue]:
     factors = solid.values["stretch"]
     field, growth = "eulerfsi:stretch", math.prod(factors)
+    if solid.tets and factors != [1.0, 1.0, 1.0]:
+        field = "physics:restShapePoints: stretch at the start"
     value = f"({', '.join(f'{factor:g}' for factor in factors)})"
     if not _GROWTH[0] <= growth <= _GROWTH[1]:
         limit = f"a product from {_GROWTH[0]:g} to {_GROWTH[1]:g}"
@@ -281,6 +303,10 @@ def _check_stretch(scene: Scene, solid: Solid) -> list[Issue]:
         limit = f"1 along the box's {'xyz'[slab]} in a 2-D domain"
         message = f"{solid.path}: {field} = {value}: must be {limit}"
         return [Issue(solid.path, field, value, limit, message, "error", "Stretch")]
+    if slab is not None and solid.tets and (solid.tets.deforms or solid.tets.velocities is not None):
+        field, limit = "physics:restShapePoints, velocities", "those of a rigid body in a 2-D domain"
+        message = f"{solid.path}: {field}: must be {limit}"
+        return [Issue(solid.path, field, "a field", limit, message, "error", "NotFlat")]
     if set(factors) != {1.0} and any(pin.solid == solid.path for pin in scene.pins):
         limit = "(1, 1, 1) for a solid that is pinned"
         message = f"{solid.path}: {field} = {value}: must be {limit}"

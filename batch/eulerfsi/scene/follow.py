@@ -41,7 +41,7 @@ class Binding:
         share = lambda values: sum(  # noqa: E731
             self._weights[:, k].reshape(-1, *[1] * (values.ndim - 1)) * values[self._corners[:, k]] for k in range(3)
         )
-        rotation = _nearest_rotation(share(turn))
+        rotation = nearest_rotation(share(turn))
         offsets = self._offsets * np.sqrt(share(growth))[:, None]
         return self._on_surface(now) + sum(rotation[:, :, k] * offsets[:, k : k + 1] for k in range(3))
 
@@ -85,7 +85,7 @@ def _frame(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, ...]:
     return first, second, normal / np.where(area > 0.0, area, 1.0)[:, None], area
 
 
-def _nearest_rotation(matrices: np.ndarray) -> np.ndarray:
+def nearest_rotation(matrices: np.ndarray) -> np.ndarray:
     """(n, 3, 3) rotations R with the largest trace of R^T M; the quaternion is an eigenvector (Horn 1987).
 
     Every M has one; where all fit equally well, as of 0, it is the one that does not turn.

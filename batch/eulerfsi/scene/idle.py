@@ -43,7 +43,7 @@ def _check_emitter(scene: Scene, emitter: Emitter) -> list[Issue]:
 def _stays(collider: Collider, emitter: Emitter) -> bool:
     """Whether it is where it starts while the emitter is on."""
     once = emitter.values["mode"] == binding.EMITTER_MODES["initial"]
-    return once or not (collider.motion.moves or collider.shape)
+    return once or not (collider.motion.moves or collider.shape or emitter.stays)
 
 
 def _region_points(scene: Scene, hull: Mesh) -> np.ndarray:

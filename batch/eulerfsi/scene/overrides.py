@@ -6,11 +6,14 @@ import difflib
 from collections.abc import Iterable
 from typing import Any
 
+from eulerfsi_usd import standard
+from eulerfsi_usd.deformables import body_at, find_bodies
 from pxr import Sdf, Usd
 
 from ..errors import UsageError
 from ..parameters import NAMESPACE, table
-from .values import applied_scopes
+from .instancers import instances_layer
+from .values import SOLID_API, applied_scopes
 
 _TYPES = {
     "double": Sdf.ValueTypeNames.Double,
@@ -32,6 +35,9 @@ def apply_overrides(stage: Usd.Stage, settings: Iterable[str]) -> dict[str, str]
     """
     applied: dict[str, str] = {}
     prims = [prim for prim in stage.TraverseAll() if applied_scopes(prim)]
+    prims += [body.prim for body in find_bodies(stage) if not body.schemas]
+    made = instances_layer(stage)
+    prims.sort(key=lambda prim: bool(made and made.GetPrimAtPath(prim.GetPath())))  # by name the prototype comes first
     with Usd.EditContext(stage, stage.GetSessionLayer()):
         for setting in settings:
             target, equals, text = setting.partition("=")
@@ -39,7 +45,7 @@ def apply_overrides(stage: Usd.Stage, settings: Iterable[str]) -> dict[str, str]
             where = f"--set {setting}"
             if not (equals and dot and prim_name and name):
                 raise UsageError(f"{where}: must read PRIM.ATTR=VALUE, for example Domain.voxelSize=0.01")
-            prim = _find_prim(prims, prim_name.strip(), where)
+            prim = _find_prim(prims, prim_name.strip(), where, made)
             attribute = _set(prim, name.strip(), text.strip(), where)
             applied[f"{prim.GetPath()}.{attribute}"] = text.strip()
     return applied
@@ -58,11 +64,13 @@ def _suggest(name: str, options: list[str]) -> str:
     return f"; did you mean {' or '.join(near)}?" if near else f"; there are: {', '.join(options) or 'none'}"
 
 
-def _find_prim(prims: list[Usd.Prim], name: str, where: str) -> Usd.Prim:
+def _find_prim(prims: list[Usd.Prim], name: str, where: str, made: Sdf.Layer | None) -> Usd.Prim:
     if name.startswith("/"):
         found = [prim for prim in prims if str(prim.GetPath()) == name]
     else:
         found = [prim for prim in prims if prim.GetName() == name]
+        if found and made and not made.GetPrimAtPath(found[0].GetPath()):
+            found = [prim for prim in found if not made.GetPrimAtPath(prim.GetPath())]
     if len(found) > 1:
         raise UsageError(
             f"{where}: give the path, several prims are named {name}: {', '.join(str(p.GetPath()) for p in found)}"
@@ -76,7 +84,8 @@ def _find_prim(prims: list[Usd.Prim], name: str, where: str) -> Usd.Prim:
 def _set(prim: Usd.Prim, name: str, text: str, where: str) -> str:
     """Authors the value; returns the attribute's name."""
     known = {}
-    for scope in applied_scopes(prim):
+    body = body_at(prim)
+    for scope in applied_scopes(prim) or (["solid"] if body else []):
         known.update(table()[scope])
     short = name.removeprefix(NAMESPACE)
     parameter = known.get(short) or next((p for p in known.values() if p.attribute == name), None)
@@ -88,12 +97,17 @@ def _set(prim: Usd.Prim, name: str, text: str, where: str) -> str:
         raise UsageError(f"{where}: {text!r} is not a value of type {parameter.type}{error}") from None
     if parameter.type == "token" and text not in parameter.tokens:
         raise UsageError(f"{where}: {text!r} is not one of {', '.join(parameter.tokens)}")
+    if not applied_scopes(prim):
+        prim.AddAppliedSchema(SOLID_API)
     attribute = prim.GetAttribute(parameter.attribute)
     if not attribute:
         attribute = prim.CreateAttribute(parameter.attribute, _TYPES[parameter.type], custom=False)
     attribute.Set(value)
     if parameter.attribute == "physics:density" and prim.GetAttribute("physics:mass").HasAuthoredValue():
         prim.GetAttribute("physics:mass").Set(0.0)  # a mass would win over the density that was just asked for
+    masses = body.sim.GetAttribute(f"physics:{standard.MASSES}") if body else None
+    if parameter.attribute == "physics:density" and masses:
+        masses.Set([])
     return parameter.attribute
 
 

@@ -8,12 +8,13 @@ import functools
 import hashlib
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from eulerfsi_usd import deform, transforms
 from eulerfsi_usd.issues import Issue
 from eulerfsi_usd.pose import PoseError
+from eulerfsi_usd.subdivide import Refinement
 from pxr import Usd, UsdGeom
 
 from ..frames import FrameRange
@@ -23,6 +24,10 @@ from ..solver import simulation as solver
 from .follow import Binding
 from .space import SimulationSpace, transform_points
 
+if TYPE_CHECKING:
+    from .moving_emitters import Stay
+    from .tet_bodies import TetState
+
 _RECENT = 4  # times of which a shape is kept
 
 
@@ -30,8 +35,9 @@ _RECENT = 4  # times of which a shape is kept
 class Solid:
     """One solid. mesh: rest surface in simulation space; local: the same surface as the prim holds it."""
 
+    rigid = False
     path: str
-    output_path: str  # the Mesh prim that receives the points
+    output_path: str  # the prim that receives the points, '' where a cage does
     mesh: solver.Mesh
     local: solver.Mesh
     values: dict[str, Any]  # fields of EfsiSolidDef
@@ -41,6 +47,10 @@ class Solid:
     left_handed: bool = False
     pose: str = ""  # what the start follows from, '' for a mesh that stands still as it is
     start: solver.Surface | None = None  # `surface` where the solid starts, where it may be stretched
+    tets: TetState | None = None  # of a body of the standard
+    refinement: Refinement | None = None  # of a cage whose smooth surface is simulated
+    cage: Passenger | None = None  # its points, which the prim receives
+    origins: dict[str, str] = dataclasses.field(default_factory=dict)  # where values are from, for people
 
     @property
     def report(self) -> dict[str, Any]:
@@ -62,7 +72,7 @@ class Motion:
         """Whether it does."""
         return bool(self.driver) and transforms.moves(self.stage.GetPrimAtPath(self.driver))
 
-    def pose(self, frame: int) -> np.ndarray:
+    def pose(self, frame: float) -> np.ndarray:
         """(4, 4) for column vectors in simulation space: where a frame puts what lies there at the first frame."""
         if not self.moves:
             return np.eye(4)
@@ -84,6 +94,7 @@ class Deformation:
     space: SimulationSpace
     first: int
     stretched: bool
+    refinement: Refinement | None = None  # of a cage
 
     def __post_init__(self) -> None:
         self.points = functools.lru_cache(_RECENT)(self.points)  # one asks more than once
@@ -93,7 +104,9 @@ class Deformation:
         prim = self.stage.GetPrimAtPath(self.path)
         time = Usd.TimeCode(frame if self.stretched else self.first)
         matrix = UsdGeom.XformCache(time).GetLocalToWorldTransform(prim)
-        points = transform_points(deform.points_at(prim, frame), self.space.from_local(np.array(matrix)))
+        points = deform.points_at(prim, frame)
+        points = self.refinement.points(points) if self.refinement else points
+        points = transform_points(points, self.space.from_local(np.array(matrix)))
         points.flags.writeable = False
         return points
 
@@ -119,6 +132,7 @@ class Collider:
     values: dict[str, Any]
     motion: Motion
     shape: Deformation | None = None  # of one that deforms
+    refinement: Refinement | None = None  # of a cage
     surface: solver.Surface | None = None
     surface_file: str = ""
 
@@ -135,13 +149,17 @@ class Collider:
 
 @dataclasses.dataclass(kw_only=True)
 class Carried:
-    """What a body carries, drawn only. local: as of Solid; curves and points have no faces."""
+    """What a body carries, drawn only. local: as of Solid; curves and points have no faces.
+
+    rigid: a shape without points, such as a Sphere, whose transform follows; `local` is its surface.
+    """
 
     path: str
     local: solver.Mesh
     subdivision: str  # "" where there are no faces
     left_handed: bool
     surface_file: str = ""
+    rigid: bool = False
 
     @property
     def output_path(self) -> str:
@@ -151,10 +169,11 @@ class Carried:
 
 @dataclasses.dataclass(kw_only=True)
 class Passenger(Carried):
-    """What rides along with a solid. mesh: as of Solid, at rest."""
+    """What rides along with a solid. mesh: as of Solid, at rest; is_cage: it is the cage of the solid's surface."""
 
     solid: str  # path of the solid
     mesh: solver.Mesh
+    is_cage: bool = False
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -211,7 +230,7 @@ class Emitter:
     """One emitter. values: fields of EfsiEmitterDef; keys: of EfsiEmitterKey, empty where nothing changes in time.
 
     hull: surface of the region in simulation space; mesh: the same where it is no box or ball; surface: as the library
-    examined that.
+    examined that; stays: where it is, one after the other, if it moves.
     """
 
     path: str
@@ -220,6 +239,8 @@ class Emitter:
     keys: list[dict[str, Any]] = dataclasses.field(default_factory=list)
     mesh: solver.Mesh | None = None
     surface: solver.Surface | None = None
+    stays: list[Stay] = dataclasses.field(default_factory=list)
+    stage: Usd.Stage | None = None
 
     @property
     def report(self) -> dict[str, Any]:
@@ -232,7 +253,10 @@ class Emitter:
         return bool(self.values["has_velocity"]) and self.values["mode"] == binding.EMITTER_MODES["continuous"]
 
     def extent(self) -> tuple[np.ndarray, np.ndarray]:
-        """Corners of the box around the region, simulation space [m]."""
+        """Corners of the box around the region, wherever it moves, simulation space [m]."""
+        if self.stays:
+            points = np.concatenate([stay.hull.points for stay in self.stays])
+            return points.min(axis=0).astype(float), points.max(axis=0).astype(float)
         if self.mesh:
             return np.array(self.report["extent_min"]), np.array(self.report["extent_max"])
         matrix = np.reshape(self.values["transform"], (4, 4))[:3]
@@ -243,7 +267,10 @@ class Emitter:
 
     def over_time(self, field: str) -> np.ndarray:
         """(times, ...) all values that a field has."""
-        return np.array([key[field] for key in self.keys or [self.values]], float)
+        values = np.array([key[field] for key in self.keys or [self.values]], float)
+        if field == "velocity" and self.stays:
+            return np.concatenate([values + stay.velocity for stay in self.stays])
+        return values
 
 
 @dataclasses.dataclass
@@ -277,13 +304,13 @@ class Scene:
 
     @property
     def simulated(self) -> list[Solid | Passenger]:
-        """All that gets points from the solver in every frame."""
+        """All that the solver has points of in every frame."""
         return [*self.solids, *self.passengers]
 
     @property
     def drawn(self) -> list[Solid | Passenger | Rider]:
         """All that gets points in every frame."""
-        return [*self.simulated, *self.riders]
+        return [*(part for part in self.simulated if part.output_path), *self.riders]
 
     @property
     def name(self) -> str:
@@ -310,7 +337,8 @@ class Scene:
             for field in emitter.keys[0] if emitter.keys else ():
                 result[emitter.path] |= {f"key_{field}": emitter.over_time(field).ravel().tolist()}
         for passenger in self.passengers:
-            result[passenger.path] = {"carried_by": passenger.solid}
+            if not passenger.is_cage:
+                result[passenger.path] = {"carried_by": passenger.solid}
         for rider in self.riders:
             result[rider.path] = {"carried_by": rider.collider}
         for pin in self.pins:
@@ -339,9 +367,13 @@ class Scene:
         digest = hashlib.sha256()
         start = {"fps": self.fps, "first": self.frames.first, "parameters": self.parameters()}
         digest.update(json.dumps(start, sort_keys=True).encode())
-        for solid in self.drawn:
+        for solid in [*self.simulated, *self.riders]:
             for array in (solid.mesh.points, solid.mesh.counts, solid.mesh.indices):
                 digest.update(array.tobytes())
+        for solid in self.solids:
+            if solid.tets and (solid.tets.deforms or solid.tets.velocities is not None):
+                digest.update(solid.tets.start.tobytes() + solid.tets.corners.tobytes())
+                digest.update(b"" if solid.tets.velocities is None else solid.tets.velocities.tobytes())
         for pin in self.pins:
             digest.update((pin.mesh.points if pin.mesh else pin.vertices).tobytes())
         for body in [*self.colliders, *(emitter for emitter in self.emitters if emitter.mesh)]:
@@ -349,6 +381,10 @@ class Scene:
         for moved in [*self.pins, *self.colliders]:
             if moved.motion.moves:
                 digest.update(transforms.motion_text(self.stage.GetPrimAtPath(moved.motion.driver)).encode())
+        for emitter in self.emitters:
+            if emitter.stays:
+                digest.update(transforms.motion_text(emitter.stage.GetPrimAtPath(emitter.path)).encode())
+                digest.update(np.array([stay.velocity for stay in emitter.stays]).tobytes())
         for collider in self.colliders:
             if collider.shape:
                 digest.update(deform.shape_digest(self.stage.GetPrimAtPath(collider.path)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from eulerfsi_usd import gprims
 from eulerfsi_usd.passengers import find_riders
 from pxr import Usd, UsdGeom
 
@@ -12,26 +13,30 @@ from ..errors import SceneError
 from ..solver import simulation as solver
 from .bodies import posed_mesh
 from .follow import Binding
-from .parts import Collider, Deformation, Passenger, Rider
+from .parts import Collider, Deformation, Passenger, Rider, Solid
 from .space import SimulationSpace, determinant, transform_points
+from .tet_bodies import bind_pose_of, place_at_rest
 from .values import Reader
 
 
-def read_passenger(reader: Reader, space: SimulationSpace, solid: Usd.Prim, prim: Usd.Prim) -> Passenger:
-    """Where a prim is while the solid is in its rest shape: both as posed at the start."""
+def read_passenger(reader: Reader, space: SimulationSpace, solid: Solid, prim: Usd.Prim) -> Passenger:
+    """Where a prim is while the solid is in its rest shape: both as posed at the start, or in their bind poses."""
     points, shape = _shape(reader, prim)
     local = shape["local"]
-    placed = solver.Mesh(_place(reader, space, solid, prim, points), local.counts, local.indices)
-    return Passenger(**shape, solid=str(solid.GetPath()), mesh=placed)
+    bind = bind_pose_of(prim, solid.tets.body) if solid.tets else None
+    placed = _place(reader, space, solid.path, prim, points if bind is None else bind)
+    if solid.tets:
+        placed = place_at_rest(solid.tets, placed, bind is not None)
+    return Passenger(**shape, solid=solid.path, mesh=solver.Mesh(placed, local.counts, local.indices))
 
 
 def read_riders(reader: Reader, space: SimulationSpace, collider: Collider, stage: Usd.Stage) -> list[Rider]:
     """What follows the surface of a collider, bound to it where both are at the start."""
     body, first, riders = stage.GetPrimAtPath(collider.path), collider.motion.first, []
-    place = Deformation(collider.path, stage, space, first, stretched=True)
+    place = Deformation(collider.path, stage, space, first, True, collider.refinement)
     for prim in find_riders(body):
         points, shape = _shape(reader, prim)
-        placed = _place(reader, space, body, prim, points)
+        placed = _place(reader, space, collider.path, prim, points)
         binding = Binding(place.points(first), collider.mesh.triangles(), placed)
         riders.append(Rider(**shape, collider=collider.path, place=place, binding=binding))
     return riders
@@ -40,6 +45,10 @@ def read_riders(reader: Reader, space: SimulationSpace, collider: Collider, stag
 def _shape(reader: Reader, prim: Usd.Prim) -> tuple[np.ndarray, dict[str, Any]]:
     """Points (n, 3) in its own space as posed, and the fields of Carried."""
     is_mesh, counts, indices, subdivision = prim.IsA(UsdGeom.Mesh), None, None, ""
+    if gprims.is_shape(prim):
+        surface = solver.Mesh(*gprims.surface_of(prim, reader.time))
+        shape = dict(path=str(prim.GetPath()), local=surface, subdivision="", left_handed=False, rigid=True)
+        return surface.points.astype(float), shape
     if is_mesh:
         _, points, counts, indices = posed_mesh(reader, prim)
         subdivision = str(UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get())
@@ -54,9 +63,9 @@ def _shape(reader: Reader, prim: Usd.Prim) -> tuple[np.ndarray, dict[str, Any]]:
     return points, dict(path=str(prim.GetPath()), local=local, subdivision=subdivision, left_handed=left_handed)
 
 
-def _place(reader: Reader, space: SimulationSpace, carrier: Usd.Prim, prim: Usd.Prim, points: np.ndarray) -> np.ndarray:
+def _place(reader: Reader, space: SimulationSpace, carrier: str, prim: Usd.Prim, points: np.ndarray) -> np.ndarray:
     """(n, 3) in simulation space at the start."""
     to_sim = space.from_local(reader.local_to_world(prim))
     if determinant(to_sim) == 0:
-        raise SceneError(f"{prim.GetPath()}: the transform of the passenger of {carrier.GetPath()} has a zero scale")
+        raise SceneError(f"{prim.GetPath()}: the transform of the passenger of {carrier} has a zero scale")
     return transform_points(points, to_sim)

@@ -8,6 +8,9 @@ from typing import Any
 
 import eulerfsi_usd  # noqa: F401 - registers the schema before a stage is opened
 import numpy as np
+from eulerfsi_usd.attachments import Attachment, find_attachments
+from eulerfsi_usd.deformables import body_at, kinematic_bodies, simulated_bodies
+from eulerfsi_usd.foreign import physics_colliders
 from eulerfsi_usd.issues import Issue, all_prims
 from eulerfsi_usd.passengers import find_passengers
 from pxr import Tf, Usd, UsdGeom, UsdPhysics
@@ -21,11 +24,12 @@ from ..solver.simulation import slab_axis
 from ..system import available_threads
 from . import memory
 from .bodies import examine, read_collider, read_density, read_pins, read_solid
-from .parts import Scene
+from .parts import Pin, Scene, Solid
 from .passengers import read_passenger, read_riders
 from .references import how_to_make_a_scene, is_usd_file
 from .sources import read_emitters, read_forces
-from .space import domain_space
+from .space import SimulationSpace, domain_space
+from .tet_bodies import body_density, evenness, read_body_pins, read_tet_solid
 from .values import DOMAIN_API, Reader, find_prims, stage_units
 
 EARTH_GRAVITY = 9.81  # m/s^2
@@ -108,28 +112,33 @@ def read_scene(
         velocity = np.array(space.vector_to_sim(domain[f"wall_velocity[{face}]"]))
         velocity[np.abs(velocity) < 1e-9 * np.abs(velocity).max()] = 0.0  # what turning it has left
         domain[f"wall_velocity[{face}]"] = velocity.tolist()
+    reader.voxel = domain["voxel_size"]
     warnings: list[Issue] = []
     domain["gravity"] = space.vector_to_sim(_gravity(stage, units, warnings)).tolist()
     enabled = table()["solid"]["enabled"]
-    solids = [read_solid(reader, space, prim) for prim in find_prims(stage, "solid") if reader.value(prim, enabled)]
-    pins = [pin for solid in solids for pin in read_pins(reader, space, stage.GetPrimAtPath(solid.path), frames.first)]
-    colliders = [
-        read_collider(reader, space, prim, frames.first)
-        for prim in find_prims(stage, "collider")
-        if reader.value(prim, enabled)
-    ]
+    marked = [prim for prim in find_prims(stage, "solid") if not body_at(prim)]
+    solids = [read_solid(reader, space, prim) for prim in marked if reader.value(prim, enabled)]
+    solids += [read_tet_solid(reader, space, body) for body in simulated_bodies(stage)]
+    warnings += evenness(solids)
+    attachments = find_attachments(stage)
+    pins = [pin for solid in solids for pin in _pins_of(reader, space, stage, solid, frames.first, attachments)]
+    marked = [prim for prim in find_prims(stage, "collider") if reader.value(prim, enabled)]
+    marked += physics_colliders(stage) + [body.sim for body in kinematic_bodies(stage)]
+    colliders = [read_collider(reader, space, prim, frames.first) for prim in marked]
     memory.demand(where, domain, [body.mesh for body in [*solids, *colliders]], memory_limit, units.meters_per_unit)
     for solid in solids:
         examine(solid, domain, threads, progress)
         prim = stage.GetPrimAtPath(solid.path)
-        solid.values["density"] = read_density(reader, prim, solid.report["solid_volume"])
+        volume = solid.report["solid_volume"]
+        solid.values["density"] = body_density(solid) if solid.tets else read_density(reader, prim, volume)
     emitters = [emitter for p in find_prims(stage, "emitter") for emitter in read_emitters(reader, space, p, frames)]
     if not domain["ambient_fluid"]:
         emitters = []  # nothing carries the smoke; check_stage warns
     for body in [*(pin for pin in pins if pin.mesh), *colliders, *(emitter for emitter in emitters if emitter.mesh)]:
         examine(body, domain, threads, progress)
-    passengers = [
-        read_passenger(reader, space, stage.GetPrimAtPath(solid.path), prim)
+    passengers = [solid.cage for solid in solids if solid.cage]
+    passengers += [
+        read_passenger(reader, space, solid, prim)
         for solid in solids
         for prim in find_passengers(stage.GetPrimAtPath(solid.path))
     ]
@@ -154,6 +163,24 @@ def read_scene(
         colliders,
         riders,
     )
+
+
+def _pins_of(
+    reader: Reader,
+    space: SimulationSpace,
+    stage: Usd.Stage,
+    solid: Solid,
+    first: int,
+    attachments: list[Attachment],
+) -> list[Pin]:
+    if solid.tets:
+        return read_body_pins(reader, space, solid, first, attachments)
+    pins = read_pins(reader, space, stage.GetPrimAtPath(solid.path), first)
+    for pin in pins:
+        if pin.vertices is not None and solid.refinement:
+            near = solid.refinement.spread(pin.vertices[:, None].astype(float))[:, 0]
+            pin.vertices = near >= min(0.5, near.max())
+    return pins
 
 
 def _the_domain(stage: Usd.Stage) -> Usd.Prim:

@@ -13,6 +13,7 @@ from ..frames import FrameRange
 from ..parameters import table
 from ..solver import binding
 from .bodies import closed_mesh
+from .moving_emitters import read_stays
 from .parts import Emitter, Force
 from .space import SimulationSpace, determinant
 from .values import EMITTER_API, FORCE_API, Reader
@@ -27,9 +28,14 @@ def read_emitters(reader: Reader, space: SimulationSpace, prim: Usd.Prim, frames
     if not on:
         return []
     path, hull = str(prim.GetPath()), closed_mesh(reader, space, prim)
-    if prim.IsA(UsdGeom.Cube) or prim.IsA(UsdGeom.Sphere):
-        return [Emitter(path, values | _region(reader, space, prim, EMITTER_API), hull, keys)]
-    return [Emitter(path, values, hull, keys, hull)]
+    by_formula = prim.IsA(UsdGeom.Cube) or prim.IsA(UsdGeom.Sphere)
+    if by_formula:
+        values |= _region(reader, space, prim, EMITTER_API)
+    stays = read_stays(reader, space, prim, values, hull, frames)
+    if any(stay.velocity.any() for stay in stays) and not values["has_velocity"]:
+        values |= {"has_velocity": 1, "velocity": [0.0, 0.0, 0.0]}
+        keys = [key | {"velocity": [0.0, 0.0, 0.0]} for key in keys]
+    return [Emitter(path, values, hull, keys, None if by_formula else hull, stays=stays, stage=prim.GetStage())]
 
 
 def _emitter_keys(reader: Reader, space: SimulationSpace, prim: Usd.Prim, first: int) -> list[dict[str, Any]]:

@@ -43,11 +43,15 @@ def stage_units(stage: Usd.Stage) -> StageUnits:
 
 
 class Reader:
-    """Reads attribute values at one time and converts them to SI."""
+    """Reads attribute values at one time and converts them to SI.
 
-    def __init__(self, units: StageUnits, time: Usd.TimeCode) -> None:
+    voxel: size of the grid's cells [m], to which smooth surfaces are refined; 0: they stay cages.
+    """
+
+    def __init__(self, units: StageUnits, time: Usd.TimeCode, voxel: float = 0.0) -> None:
         self.units = units
         self.time = time
+        self.voxel = voxel
 
     def value(self, prim: Usd.Prim, parameter: Parameter) -> Any:
         """The authored value in SI, or the table's default (which is SI already) where nothing is authored."""
