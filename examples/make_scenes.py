@@ -14,6 +14,7 @@ from pathlib import Path
 
 import paper_scenes
 import small_scenes
+import standard_scenes
 from pieces import (
     BUNNY_FILE,
     DIGITS,
@@ -358,6 +359,7 @@ MAKERS: dict[str, Callable[[], Usd.Stage]] = {
     "tongs.usda": make_tongs,
     "tentacle.usda": make_tentacle,
     **small_scenes.MAKERS,
+    **standard_scenes.MAKERS,
     **paper_scenes.MAKERS,
 }
 

@@ -11,7 +11,7 @@ from eulerfsi.errors import SceneError
 from eulerfsi_usd import standard, tets
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 from scene_run import Run
-from standard_scenes import (
+from standard_stages import (
     add_attachment,
     add_body,
     add_material,

@@ -9,7 +9,7 @@ from eulerfsi.errors import SceneError
 from eulerfsi_usd import standard
 from pxr import Gf, Usd, UsdGeom
 from scene_run import Run
-from standard_scenes import add_body, apply, new_stage, read, tet_box, vec_array
+from standard_stages import add_body, apply, new_stage, read, tet_box, vec_array
 
 PLACES = [(-0.15, 0.1, 0.0), (0.15, 0.1, 0.0), (0.0, -0.1, 0.1), (0.0, -0.1, -0.15)]
 

@@ -11,7 +11,7 @@ from eulerfsi.cli import new_layout, new_pieces
 from eulerfsi.scene.read import EARTH_GRAVITY
 from eulerfsi.solver.simulation import Mesh
 from pxr import Usd, UsdGeom
-from standard_scenes import add_body, new_stage
+from standard_stages import add_body, new_stage
 
 BAR_OBJ = "".join(f"v {x} {y} {z}\n" for x in (0, 1) for y in (0, 1) for z in (0, 1)) + "".join(
     f"f {f}\n" for f in ("1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4")

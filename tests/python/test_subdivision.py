@@ -9,7 +9,7 @@ from eulerfsi.errors import SceneError
 from eulerfsi_usd.subdivide import Refinement, levels_for
 from pxr import Sdf, Usd, UsdGeom
 from scene_run import Run
-from standard_scenes import build, new_stage, read, vec_array
+from standard_stages import build, new_stage, read, vec_array
 
 CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
 QUADS = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]

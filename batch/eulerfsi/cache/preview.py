@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from pxr import UsdGeom
 
 from .. import files
-from ..scene.parts import Scene
+from ..scene.parts import Collider, Passenger, Scene, Solid
 from .usd_writer import vertex_normals
 
 NAME = "preview.png"
@@ -34,6 +35,13 @@ def _dots(view: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
     corners = (view[:, None] + np.concatenate([np.zeros((1, 3)), ring])).reshape(-1, 3)
     fan = np.array([(0, 1 + i, 1 + (i + 1) % 6) for i in range(6)])
     return corners, (7 * np.arange(len(view))[:, None, None] + fan).reshape(-1, 3)
+
+
+def _is_drawn(scene: Scene, part: Solid | Passenger) -> bool:
+    """Not a cage, whose smooth surface is, nor what stands for something else, as a sim mesh for its graphics."""
+    prim = scene.stage.GetPrimAtPath(part.output_path) if part.output_path else None
+    stands_in = prim and UsdGeom.Imageable(prim).ComputePurpose() in (UsdGeom.Tokens.proxy, UsdGeom.Tokens.guide)
+    return not getattr(part, "is_cage", False) and not stands_in
 
 
 def write_preview(
@@ -89,8 +97,7 @@ def write_preview(
     toward = flip * (1.0 if (right, up, depth) in ((0, 1, 2), (1, 2, 0), (2, 0, 1)) else -1.0)
     polygons, shades, distances = [], [], []
     shapes = [(solid, points) for solid, (points, _) in zip(scene.simulated, surfaces, strict=True)]
-    shapes = [(part, points) for part, points in shapes if not getattr(part, "is_cage", False)]
-    carried = len(shapes) + len(scene.riders)
+    shapes = [(part, points) for part, points in shapes if _is_drawn(scene, part)]
     shapes += [(body, body.points(frame)) for body in [*scene.riders, *scene.colliders]]
     for number, (solid, points) in enumerate(shapes):
         view = np.stack([points[:, right], flip * points[:, up], toward * points[:, depth]], axis=1).astype(float)
@@ -104,8 +111,8 @@ def write_preview(
         normal *= np.where(normal[:, 2:] < 0, -1, 1)  # open or inverted faces are lit from the viewer's side
         light = 0.25 + 0.75 * np.clip(normal @ _LIGHT, 0, 1)
         shine = 0.35 * np.clip(normal @ ((_LIGHT + (0, 0, 1)) / np.linalg.norm(_LIGHT + (0, 0, 1))), 0, 1) ** 40
-        rest = _PASSENGER if number < carried else _COLLIDER
-        color = np.array(_COLORS[number % len(_COLORS)] if number < len(scene.solids) else rest)
+        rest = _COLLIDER if isinstance(solid, Collider) else _PASSENGER
+        color = np.array(_COLORS[number % len(_COLORS)] if isinstance(solid, Solid) else rest)
         polygons.append(corners[:, :, :2])
         shades.append(np.clip(color * light[:, None] + shine[:, None], 0, 1))
         distances.append(corners[:, :, 2].mean(axis=1))
