@@ -37,6 +37,7 @@ from loop import (  # noqa: E402
     probes,
     survival,
     table,
+    thin_laws,
     wall_laws,
 )
 from loop.experiment import TOKENS, Experiment, field_of, simulate  # noqa: E402
@@ -63,6 +64,7 @@ LAWS = (
     Law("walls", wall_laws.wall_runs, wall_laws.judge_walls),
     Law("mass", energy_laws.energy_runs, energy_laws.judge_mass),
     Law("stack", contact_laws.stack_runs, contact_laws.judge_stack),
+    Law("thin", thin_laws.thin_runs, thin_laws.judge_thin),
     Law("hertz", contact_laws.hertz_runs, contact_laws.judge_hertz),
     Law("pin", given_laws.pin_runs, given_laws.judge_pin),
     Law("cantilever", given_laws.cantilever_runs, given_laws.judge_cantilever),

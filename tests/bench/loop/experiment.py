@@ -11,10 +11,13 @@ from eulerfsi.errors import LibraryError
 from eulerfsi.solver import binding, c_api
 from eulerfsi.solver.simulation import Mesh, Simulation
 
+from .company import Company
 from .groups import GROUPS
 from .overlap import deepest_vertex
 from .shapes import RADIUS, SIZE, make_shape, rigid_misfit, vertex_areas
 from .symmetry import mirror_gaps
+from .thin_scenes import CASES, make_case
+from .watch import Watch
 
 FRAME = 1 / 24  # s
 GRAVITY = 9.8  # m/s^2
@@ -29,19 +32,6 @@ CHANNEL = ("periodic", "periodic", "noSlip", "noSlip", "slip", "slip")  # walls 
 FASTEST = 5.0  # m/s: no solid of these scenes is faster; one that needs the steps of twice this speed has blown up
 TORN = 20.0  # an interior det F above this or below its inverse has blown up
 OUT_OF_TIME = "out of time"  # how the failure of a run begins that its wall-clock limit has ended
-
-
-class Company:
-    """What a scene has beside its solids: nothing. Colliders are solids of the simulation after those of the scene."""
-
-    colliders = 0
-
-    def lead(self, begin: float, end: float) -> None:
-        """Gives the motions between two times [s]."""
-
-    def observe(self) -> dict[str, Any]:
-        """Columns of the last step; of the start before the first one."""
-        return {}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,7 +64,7 @@ class Experiment:
     mirror: bool = False  # record how far the fields are from their mirror images
     halved: bool = False  # every step half as long as without this
     probe: str = ""  # one of probes.PROBES, which set up their own solids and what is given
-    group: str = ""  # of several solids, one of groups.GROUPS, instead of the shape
+    group: str = ""  # of groups.GROUPS or thin_scenes.CASES, instead of the shape
     limit: float = 600.0  # wall-clock seconds after which the run is given up
 
     @property
@@ -163,10 +153,14 @@ class Experiment:
 
     def bodies(self) -> list[tuple[Mesh, dict[str, Any]]]:
         """Surfaces and fields of EfsiSolidDef of all solids."""
+        if self.group in CASES:
+            return make_case(self.group, self.box, self.spacing).bodies()
         return GROUPS[self.group](self) if self.group else [(self.mesh(), self.solid())]
 
     def company(self, simulation: Simulation) -> Company:
         """Adds what the scene has beside its solids."""
+        if self.group in CASES:
+            return Watch(simulation, make_case(self.group, self.box, self.spacing), self.spacing)
         return Company()
 
     def set_in(self, structure: type) -> dict[str, Any]:
@@ -352,4 +346,4 @@ def offsets(field: np.ndarray, place: dict[str, Any], run: Experiment) -> np.nda
     return np.stack(np.meshgrid(*axes, indexing="ij"))
 
 
-__all__ = ["FRAME", "GRAVITY", "RADIUS", "Experiment", "simulate"]
+__all__ = ["FRAME", "GRAVITY", "RADIUS", "Company", "Experiment", "simulate"]
