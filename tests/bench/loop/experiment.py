@@ -28,6 +28,7 @@ BULK_MODULUS = LAME + 2 * SHEAR_MODULUS / 3  # Pa
 
 TOKENS = {"preset": binding.PRESETS, "wall": binding.WALLS, "material": binding.MATERIALS}
 OPEN_FACE = {"openBottom": 2, "openTop": 3, "openRight": 1}  # walls -> face -x +x -y +y -z +z
+ALONG_X = ("open", "open", "slip", "slip", "slip", "slip")  # walls "openAlongX"
 CHANNEL = ("periodic", "periodic", "noSlip", "noSlip", "slip", "slip")  # walls "channel"
 FASTEST = 5.0  # m/s: no solid of these scenes is faster; one that needs the steps of twice this speed has blown up
 TORN = 20.0  # an interior det F above this or below its inverse has blown up
@@ -50,7 +51,7 @@ class Experiment:
     dt: float = FRAME  # largest step; the solver divides it further by its CFL limits
     density_ratio: float | None = 1000.0  # solid : fluid; None: vacuum. The denser of the two is 1000 kg/m^3
     gravity: float = 0.0  # along -y [m/s^2]
-    walls: str = "slip"  # slip, noSlip, openTop, openBottom or openRight (the rest slip), periodic, channel
+    walls: str = "slip"  # slip, noSlip, openTop, openBottom, openRight or openAlongX (the rest slip), periodic, channel
     cfl: float | None = None  # cells a solid may move per step; None: the default
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     spin: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rad/s
@@ -59,6 +60,7 @@ class Experiment:
     poissons_ratio: float = POISSONS_RATIO
     compressible: bool = False
     damping: float = 0.0  # rayleigh_beta [s]
+    friction: float = 0.0  # Coulomb's coefficient
     load: float = 0.0  # beta of the body force -beta (x - x_c) [N/m^4]; of the group "pressed": density of the slab
     settings: tuple[tuple[str, Any], ...] = ()  # fields of EfsiSimulationDef or EfsiSolidDef, the user's last word
     mirror: bool = False  # record how far the fields are from their mirror images
@@ -103,6 +105,8 @@ class Experiment:
         """What the faces -x +x -y +y -z +z are."""
         if self.walls == "channel":
             return CHANNEL
+        if self.walls == "openAlongX":
+            return ALONG_X
         if self.walls not in OPEN_FACE:
             return (self.walls,) * 6
         return tuple("open" if face == OPEN_FACE[self.walls] else "slip" for face in range(6))
@@ -146,6 +150,7 @@ class Experiment:
             "poissons_ratio": self.poissons_ratio,
             "compressible": int(self.compressible),
             "rayleigh_beta": self.damping,
+            "friction": self.friction,
             "velocity": self.velocity,
             "angular_velocity": self.spin,
         }
