@@ -18,7 +18,7 @@ BLOCK, BLOCK_MODULUS, BLOCK_POISSON, BLOCK_DENSITY = (0.32, 0.1, 0.32), 3e5, 0.3
 END_WIDTH, END_HEIGHT = 0.12, 0.06  # of the body with the spherical end
 STIFFER = 100.0  # its modulus over the block's
 QUIET_AFTER = 0.04  # s: Rayleigh's damping of the block, about that at which it does not swing
-MEET_SPEED, MEET_MODULUS, MEET_GAP = 5.0, 2e5, 3.0  # of one against the other [m/s]; Pa; cells between them
+MEET_SPEED, MEET_MODULUS, MEET_GAP = 5.0, 2e4, 3.0  # of one against the other [m/s]; Pa; cells between them
 ASIDE = 0.5  # of the radius: how far beside its centre one meets the other
 Bodies = list[tuple[Mesh, dict[str, Any]]]
 

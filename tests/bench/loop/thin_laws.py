@@ -70,6 +70,7 @@ def judge_thin(results: Results, tier: str) -> list[Line]:
             "deepest [h]": float(depths.max()),
             "thinnest": float(result["thinnest"].min()),
             "coulomb": float(result["coulomb"].max()),
+            "rows pressed in [h]": float(result["contact_overlap"].max()),
         }
         lines.append(Line("thin", "sides exchanged, lines and vertices = 0", int(passed.max()), "", 0, 0, at))
         lines.append(Line("thin", "reaches its end", float(result.finished), "", 1, 1, at))

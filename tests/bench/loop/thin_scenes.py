@@ -156,11 +156,11 @@ def pressed(box: np.ndarray, h: float) -> Thin:
 
 
 CASES = {
-    "strap": Case(strap, (48, 54, 22), 0.2),
-    "chain": Case(chain, (22, 74, 22), 0.5),
+    "strap": Case(strap, (48, 54, 22), 0.15),
+    "chain": Case(chain, (22, 74, 22), 0.3),
     "ring": Case(through_a_ring, (26, 42, 26), 0.4),
-    "rod": Case(rod_at_a_sheet, (28, 40, 28), 0.15),
-    "rope": Case(folding_rope, (26, 56, 26), 0.5),
+    "rod": Case(rod_at_a_sheet, (28, 40, 28), 0.1),
+    "rope": Case(folding_rope, (26, 56, 26), 0.4),
     "press": Case(pressed, (30, 18, 30), 0.2, 0.0),
 }
 

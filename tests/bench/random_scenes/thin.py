@@ -54,15 +54,15 @@ class Plan:
 def make_thin_scene(seed: int, number: str) -> ThinScene:
     """The scene "t0", "t1", ... of a seed."""
     draw = Draw(seed, number)
-    size, thick = draw.number("size"), draw.number("thin_cells")
-    kind = draw.one_of("thin")
-    across = thick * draw.number("thin_slender", kind)
+    kind, size, thick = draw.one_of("thin"), draw.number("size"), draw.number("thin_cells")
+    falls = kind == "rope" and draw.happens("thin_falls")
+    across = thick * draw.number("thin_rope" if falls else "thin_slender")
     h = size / across
     plan = PLANS[kind](draw, size, thick * h, h)
     low = np.min([shape.points.min(axis=0) for shape in plan.shapes], axis=0)
     high = np.max([shape.points.max(axis=0) for shape in plan.shapes], axis=0)
     room = np.array([draw.number("thin_room", axis) for axis in "xyz"]) * h
-    below = np.array([room[0], constant("gap") * h if plan.floor else room[1] + size / 2, room[2]])
+    below = np.array([room[0], constant("gap") * h if plan.floor else room[1] + size / 3, room[2]])
     cells = np.ceil((high - low + below + room) / h).astype(int)
     shift = below - low
     shapes = tuple(shape.moved(shift) for shape in plan.shapes)
