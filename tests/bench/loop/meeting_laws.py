@@ -64,7 +64,7 @@ def judge_friction(results: Results, tier: str) -> list[Line]:
 
 # --- two balls that meet ---------------------------------------------------------------------------------------------
 
-OVERLAP, GROWTH = 0.75, 1.1  # cells; of that at the lowest resolution
+OVERLAP, GROWTH, LEAST = 0.75, 1.1, 0.25  # cells; of that at the lowest resolution, if it is not less than LEAST cells
 SPIN = 1e-4
 
 
@@ -73,8 +73,8 @@ def meeting(group: str, across: int, ratio: float | None, compressible: bool) ->
         group,
         shape="2 balls",
         across=across,
-        box=(0.6, 0.32, 0.32) if group == "meet head on" else (0.6, 0.4, 0.32),
-        duration=0.06 if group == "meet head on" else 0.08,
+        box=(0.5, 0.36, 0.34) if group == "meet head on" else (0.5, 0.36, 0.3),
+        duration=0.035 if group == "meet head on" else 0.08,
         dt=FRAME,
         density_ratio=ratio,
         compressible=compressible,
@@ -101,9 +101,9 @@ def judge_overlap(results: Results, tier: str) -> list[Line]:
         bar = f"deepest vertex of one in the other <= {OVERLAP:g} h"
         lines.append(Line("overlap", bar, deep, "h", 0, OVERLAP, at))
         coarse.setdefault(key, deep)
-        if run.across == 24 and coarse[key] > 0:
-            bar = f"over that at 10 cells <= {GROWTH:g}"
-            lines.append(Line("overlap", bar, deep / coarse[key], "", 0, GROWTH, at))
+        if run.across == 24:
+            bar = f"over that at 10 cells, or over {LEAST:g} h, <= {GROWTH:g}"
+            lines.append(Line("overlap", bar, deep / max(LEAST, coarse[key]), "", 0, GROWTH, at))
     return lines
 
 
