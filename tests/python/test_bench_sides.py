@@ -67,7 +67,7 @@ def test_a_ball_through_a_strap_is_found_whatever_the_steps(step: float) -> None
 )
 def test_a_ball_that_comes_back_or_goes_around_has_not_passed(stops: list[tuple[float, float, float]]) -> None:
     way = path(*stops)
-    assert all(now.pairs == () for now in followed([STRAP, BALL], [still(way), way]))
+    assert all(one.pairs == () for one in followed([STRAP, BALL], [still(way), way]))
 
 
 def test_a_rod_through_a_sheet_is_found_while_it_sticks_in_it() -> None:
@@ -77,7 +77,7 @@ def test_a_rod_through_a_sheet_is_found_while_it_sticks_in_it() -> None:
     assert seen[-1].vertices > 20 and seen[-1].lines == 0
     way = path((0, 0.1, 0), (0, 0.08, 0), (0, 0.1, 0))  # the point is half through
     assert deepest_vertex([(sheet.points, sheet.triangles), (rod.points + way[2], rod.triangles)]) > 0.8 * H
-    assert not any(now.pairs for now in followed([sheet, rod], [still(way), way]))
+    assert not any(one.pairs for one in followed([sheet, rod], [still(way), way]))
 
 
 def test_links_that_are_pulled_apart_are_found_by_their_linking_number() -> None:
@@ -88,14 +88,14 @@ def test_links_that_are_pulled_apart_are_found_by_their_linking_number() -> None
     assert seen[-1].lines == 1 and seen[-1].pairs == ((1, 2),)
     half = path((0, 0, 0), (0, -0.0125 - 2 * H, 0), (0, 0, 0))  # overlap of half a wire
     assert deepest_vertex([(upper.points, upper.triangles), (lower.points + [0, -0.03, 0], lower.triangles)]) > 0.8 * H
-    assert not any(now.pairs for now in followed([upper, lower], [still(half), half]))
+    assert not any(one.pairs for one in followed([upper, lower], [still(half), half]))
 
 
 def test_a_ball_beside_or_through_a_ring() -> None:
     ring = thin_shapes.ring(0.075, 4 * H, H)
     ball = thin_shapes.ball(0.05, levels=2, axis=1, beyond=1.0)
     down = path((0, 0.09, 0), (0, -0.09, 0))
-    assert not any(now.pairs for now in followed([ring, ball], [still(down), down]))  # the hole is wide enough
+    assert not any(one.pairs for one in followed([ring, ball], [still(down), down]))  # the hole is wide enough
     aside = down + [0.05, 0, 0]  # its centre line stays in the hole, its side cuts the ring
     assert followed([ring, ball], [still(aside), aside])[-1].vertices > 0
     across = path((0, 0.2, 0), (0, 0.2, 0), (0.15, 0.2, 0))

@@ -81,7 +81,7 @@ class Watch(Company):
 
     def surfaces(self) -> list[tuple[np.ndarray, np.ndarray]]:
         points = (self.simulation.surface(k + 1)[0].astype(float) for k in range(len(self.shapes)))
-        return [(now, shape.triangles) for now, shape in zip(points, self.shapes, strict=True)]
+        return [(place, shape.triangles) for place, shape in zip(points, self.shapes, strict=True)]
 
     def lead(self, begin: float, end: float) -> None:
         for number, given in self.given.items():
