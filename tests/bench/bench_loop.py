@@ -33,10 +33,12 @@ from loop import (  # noqa: E402
     energy_laws,
     given_laws,
     laws,
+    meeting_laws,
     mirror_law,
     probes,
     survival,
     table,
+    thin_laws,
     wall_laws,
 )
 from loop.experiment import TOKENS, Experiment, field_of, simulate  # noqa: E402
@@ -63,11 +65,16 @@ LAWS = (
     Law("walls", wall_laws.wall_runs, wall_laws.judge_walls),
     Law("mass", energy_laws.energy_runs, energy_laws.judge_mass),
     Law("stack", contact_laws.stack_runs, contact_laws.judge_stack),
+    Law("thin", thin_laws.thin_runs, thin_laws.judge_thin),
+    Law("friction", meeting_laws.friction_runs, meeting_laws.judge_friction),
+    Law("overlap", meeting_laws.overlap_runs, meeting_laws.judge_overlap),
+    Law("off-centre", meeting_laws.spin_runs, meeting_laws.judge_spin),
     Law("hertz", contact_laws.hertz_runs, contact_laws.judge_hertz),
     Law("pin", given_laws.pin_runs, given_laws.judge_pin),
     Law("cantilever", given_laws.cantilever_runs, given_laws.judge_cantilever),
     Law("jet", given_laws.jet_runs, given_laws.judge_jet),
     Law("channel", given_laws.channel_runs, given_laws.judge_channel),
+    Law("plate", given_laws.plate_runs, given_laws.judge_plate),
     Law("transport", energy_laws.energy_runs, energy_laws.judge_transport),
 )
 Settings = tuple[tuple[str, Any], ...]

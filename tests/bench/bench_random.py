@@ -1,9 +1,10 @@
 """Random scenes and the laws that hold for all of them: `./eulerfsi bench random --seed N --minutes M`.
 
 Scene 0, c0, e0, 1, c1, e1, ... of a seed, drawn from tests/bench/random_scenes/ranges.toml: one solid each, two or
-three with contact (c), and with everything (e) that they yield, are pinned, meet a collider or a jet; each in a process
-of its own with one thread, --jobs at a time, until the minutes are over. Every record is judged by laws that need no
-reference. A missed law prints the command that repeats its scene alone.
+three with contact (c), and with everything (e) that they yield, are pinned, meet a collider or a jet; with --only thin
+straps, sheets, ropes, rings and chains of 3 to 6 cells (t0, t1, ...). Each runs in a process of its own with one
+thread, --jobs at a time, until the minutes are over. Every record is judged by laws that need no reference. A missed
+law prints the command that repeats its scene alone.
 --seeds-file runs a fixed list of scenes; a law that the list says a scene misses, with the cause, is expected. Exit
 code 1 if an unexpected bar is missed, unless CI=true; with --seeds-file in any case.
 """
@@ -39,9 +40,11 @@ from random_scenes.contact import make_contact_scene  # noqa: E402
 from random_scenes.everything import make_everything_scene  # noqa: E402
 from random_scenes.scenes import Scene, make_scene  # noqa: E402
 from random_scenes.solids import Absent  # noqa: E402
+from random_scenes.thin import make_thin_scene  # noqa: E402
 
 ONE_SCENE = 600.0  # wall-clock seconds that a scene may take
-KINDS = {"single": "", "contact": "c", "everything": "e"}  # and the letter of their numbers
+KINDS = {"single": "", "contact": "c", "everything": "e", "thin": "t"}  # and the letter of their numbers
+USUAL = ("single", "contact", "everything")  # that are run where nothing is said
 LEAST = 1.0  # s: what a scene that starts as the minutes end may still take
 
 
@@ -96,10 +99,12 @@ def read_list(path: Path) -> list[Job]:
 
 
 def drawn(seed: int, number: int | str) -> Scene:
-    """A scene of a seed: 0, 1, ... with one solid, "c0", ... with contact, "e0", ... with everything. Raises Absent."""
+    """A scene of a seed: 0, 1, ... with one solid, "c0", ... with contact, "e0", ... with everything, "t0", ... of thin
+    bodies. Raises Absent."""
     if not isinstance(number, str):
         return make_scene(seed, number)
-    return make_contact_scene(seed, number) if number.startswith("c") else make_everything_scene(seed, number)
+    make = {"c": make_contact_scene, "e": make_everything_scene, "t": make_thin_scene}
+    return make[number[0]](seed, number)
 
 
 def run_job(job: Job, ends: float) -> Outcome:
@@ -238,7 +243,7 @@ def whole(text: str) -> int:
 
 def scene_name(text: str) -> int | str:
     """A scene of a seed: a number, or a letter and a number."""
-    letter = text[:1] if text[:1] in ("c", "e") else ""
+    letter = text[:1] if text[:1] in [*"cet"] else ""
     number = int(text.removeprefix(letter))
     return f"{letter}{number}" if letter else number
 
@@ -253,8 +258,8 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--seed", type=whole, default="today", metavar="N", help='default "today": 20261231 and so on')
     parser.add_argument("--minutes", type=float, metavar="M", help="no scene goes on after that (default 10)")
     parser.add_argument("--scene", type=scene_name, metavar="K", help="this scene of the seed alone, with all its laws")
-    parser.add_argument("--first", type=int, default=0, metavar="K", help="start with scenes K, cK and eK")
-    parser.add_argument("--only", choices=tuple(KINDS), help="scenes with one solid, with contact or everything, alone")
+    parser.add_argument("--first", type=int, default=0, metavar="K", help="start with scenes K, cK, eK and tK")
+    parser.add_argument("--only", metavar="KIND,..", help=f"scenes of some of {', '.join(KINDS)}; default all but thin")
     parser.add_argument("--count", type=int, metavar="N", help="at most so many scenes")
     parser.add_argument("--seeds-file", type=Path, metavar="FILE", help="the scenes of a list (fixed.toml)")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="scenes at a time")
@@ -266,6 +271,9 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
         parser.error("--jobs: must be >= 1")
     if options.child and options.scene is None:
         parser.error("--child: needs --scene")
+    options.only = USUAL if options.only is None else tuple(options.only.split(","))
+    if unknown := [kind for kind in options.only if kind not in KINDS]:
+        parser.error(f"--only {','.join(unknown)}: must be some of {', '.join(KINDS)}")
     if options.minutes is None:
         options.minutes = 10.0 if options.scene is None and options.seeds_file is None else float("inf")
     if options.output and options.output.parent == Path("."):
@@ -279,7 +287,7 @@ def chosen(options: argparse.Namespace) -> Iterable[Job]:
         return read_list(options.seeds_file)
     if options.scene is not None:
         return [Job(options.seed, options.scene)]
-    letters = [letter for kind, letter in KINDS.items() if options.only in (None, kind)]
+    letters = [letter for kind, letter in KINDS.items() if kind in options.only]
     names = (f"{letter}{k}" if letter else k for k in itertools.count(options.first) for letter in letters)
     return (Job(options.seed, name) for name in itertools.islice(names, options.count))
 

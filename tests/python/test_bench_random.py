@@ -27,6 +27,7 @@ from random_scenes.everything import EverythingScene, make_everything_scene  # n
 from random_scenes.record import Record  # noqa: E402
 from random_scenes.regions import Path, Region, place, rotation, taken_back  # noqa: E402
 from random_scenes.scenes import Scene, make_scene  # noqa: E402
+from random_scenes.thin import make_thin_scene  # noqa: E402
 
 SEED = 5
 FIXED = ROOT / "tests" / "bench" / "random_scenes" / "fixed.toml"
@@ -170,6 +171,10 @@ def test_a_seeds_scenes_take_turns_and_those_with_one_solid_are_what_they_were()
     assert [job.scene for job in bench_random.chosen(options)] == [2, "c2", "e2", 3, "c3"]
     options = bench_random.parse(["--seed", str(SEED), "--count", "2", "--only", "contact"])
     assert [job.command[-3:].strip() for job in bench_random.chosen(options)] == ["c0", "c1"]
+    options = bench_random.parse(["--seed", str(SEED), "--count", "3", "--only", "thin,single"])
+    assert [job.scene for job in bench_random.chosen(options)] == [0, "t0", 1]
+    with pytest.raises(SystemExit):
+        bench_random.parse(["--only", "thin,thick"])
     scene = make_scene(7, 16)  # of the list of fixed scenes
     assert scene.words.startswith("sphere, 8.2 cells of 0.0612 m, box 32x37x15, faces noSlip noSlip periodic periodic")
     assert not isinstance(bench_random.drawn(SEED, 0), ContactScene)
@@ -195,6 +200,37 @@ def test_scenes_with_contact_lie_within_their_ranges(library) -> None:
             for mesh, values in scene.bodies():
                 simulation.add_solid(mesh, **values)
         assert scene.pile or np.linalg.norm(np.subtract(scene.parts[1].velocity, scene.parts[0].velocity)) > 0
+
+
+# --- thin bodies -----------------------------------------------------------------------------------------------------
+
+
+def test_thin_scenes_are_accepted_by_the_library_and_no_body_touches_another(library) -> None:
+    made = [make_thin_scene(SEED, f"t{number}") for number in (0, 1, 2, 4, 6, 17)]
+    assert {scene.parts[0].shape for scene in made} == {"strap", "sheet", "rope", "ring", "link"}
+    assert made[3] == make_thin_scene(SEED, "t4")
+    for scene in made:
+        assert within("thin_cells", scene.thick)
+        surfaces = [(shape.points, shape.triangles) for shape in scene.shapes]
+        assert deepest_vertex(surfaces) == 0
+        for points, _ in surfaces:
+            assert (points > 0).all() and (points < scene.box).all()
+        with Simulation(scene.simulation()) as simulation:
+            features = [simulation.add_solid(mesh, **values)[1]["thinnest_feature"] for mesh, values in scene.bodies()]
+            seen = scene.company(simulation).observe()
+        assert min(features) > 2.5 * scene.spacing
+        assert seen["passed_lines"] == seen["passed_vertices"] == 0
+
+
+def test_sides_and_friction_between_bodies_are_laws() -> None:
+    result = two(lying(), lying())
+    steps = len(result.columns["time"])
+    result.columns |= {name: np.zeros(steps, int) for name in ("passed_lines", "passed_vertices")}
+    result.columns |= {"passed_pairs": np.full(steps, "1-2"), "coulomb": np.full(steps, 0.9)}
+    assert verdicts(result)["sides"] == verdicts(result)["coulomb"] == "pass"
+    change("passed_vertices", 9, 2)(result)
+    change("coulomb", 9, 1.1)(result)
+    assert [name for name, verdict in verdicts(result).items() if verdict == "MISSED"] == ["sides", "coulomb"]
 
 
 def test_depth_of_one_block_in_another() -> None:
@@ -364,6 +400,7 @@ def verdicts(result: Result) -> dict[str, str]:
 
 
 GIVEN = {"plastic flow", "pin", "collider", "collider at rest", "jet"}  # laws of what these scenes do not have
+FOLLOWED = {"sides", "coulomb"}  # of thin scenes alone
 
 
 def test_a_bounce_in_vacuum_keeps_every_law() -> None:
@@ -374,6 +411,7 @@ def test_a_bounce_in_vacuum_keeps_every_law() -> None:
         "overlap",
         "overlap at rest",
         *GIVEN,
+        *FOLLOWED,
     }
     assert verdicts(lying())["depth at rest"] == "pass"
     assert list(judged) == list(judge.LAWS)
@@ -419,7 +457,7 @@ def two(first: Result, second: Result) -> Result:
 def test_two_solids_keep_every_law_that_is_judged() -> None:
     judged = verdicts(two(lying(), lying()))
     moot = {law for law, verdict in judged.items() if verdict == "not judged"}
-    assert moot == {"energy", "rebound", "clear", "momentum", "spin", *GIVEN}
+    assert moot == {"energy", "rebound", "clear", "momentum", "spin", *GIVEN, *FOLLOWED}
     assert {verdict for law, verdict in judged.items() if law not in moot} == {"pass"}
 
 

@@ -11,10 +11,13 @@ from eulerfsi.errors import LibraryError
 from eulerfsi.solver import binding, c_api
 from eulerfsi.solver.simulation import Mesh, Simulation
 
+from .company import Company
 from .groups import GROUPS
 from .overlap import deepest_vertex
 from .shapes import RADIUS, SIZE, make_shape, rigid_misfit, vertex_areas
 from .symmetry import mirror_gaps
+from .thin_scenes import CASES, make_case
+from .watch import Watch
 
 FRAME = 1 / 24  # s
 GRAVITY = 9.8  # m/s^2
@@ -25,23 +28,11 @@ BULK_MODULUS = LAME + 2 * SHEAR_MODULUS / 3  # Pa
 
 TOKENS = {"preset": binding.PRESETS, "wall": binding.WALLS, "material": binding.MATERIALS}
 OPEN_FACE = {"openBottom": 2, "openTop": 3, "openRight": 1}  # walls -> face -x +x -y +y -z +z
+ALONG_X = ("open", "open", "slip", "slip", "slip", "slip")  # walls "openAlongX"
 CHANNEL = ("periodic", "periodic", "noSlip", "noSlip", "slip", "slip")  # walls "channel"
 FASTEST = 5.0  # m/s: no solid of these scenes is faster; one that needs the steps of twice this speed has blown up
 TORN = 20.0  # an interior det F above this or below its inverse has blown up
 OUT_OF_TIME = "out of time"  # how the failure of a run begins that its wall-clock limit has ended
-
-
-class Company:
-    """What a scene has beside its solids: nothing. Colliders are solids of the simulation after those of the scene."""
-
-    colliders = 0
-
-    def lead(self, begin: float, end: float) -> None:
-        """Gives the motions between two times [s]."""
-
-    def observe(self) -> dict[str, Any]:
-        """Columns of the last step; of the start before the first one."""
-        return {}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,7 +51,7 @@ class Experiment:
     dt: float = FRAME  # largest step; the solver divides it further by its CFL limits
     density_ratio: float | None = 1000.0  # solid : fluid; None: vacuum. The denser of the two is 1000 kg/m^3
     gravity: float = 0.0  # along -y [m/s^2]
-    walls: str = "slip"  # slip, noSlip, openTop, openBottom or openRight (the rest slip), periodic, channel
+    walls: str = "slip"  # slip, noSlip, openTop, openBottom, openRight or openAlongX (the rest slip), periodic, channel
     cfl: float | None = None  # cells a solid may move per step; None: the default
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     spin: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rad/s
@@ -69,12 +60,13 @@ class Experiment:
     poissons_ratio: float = POISSONS_RATIO
     compressible: bool = False
     damping: float = 0.0  # rayleigh_beta [s]
+    friction: float = 0.0  # Coulomb's coefficient
     load: float = 0.0  # beta of the body force -beta (x - x_c) [N/m^4]; of the group "pressed": density of the slab
     settings: tuple[tuple[str, Any], ...] = ()  # fields of EfsiSimulationDef or EfsiSolidDef, the user's last word
     mirror: bool = False  # record how far the fields are from their mirror images
     halved: bool = False  # every step half as long as without this
     probe: str = ""  # one of probes.PROBES, which set up their own solids and what is given
-    group: str = ""  # of several solids, one of groups.GROUPS, instead of the shape
+    group: str = ""  # of groups.GROUPS or thin_scenes.CASES, instead of the shape
     limit: float = 600.0  # wall-clock seconds after which the run is given up
 
     @property
@@ -113,6 +105,8 @@ class Experiment:
         """What the faces -x +x -y +y -z +z are."""
         if self.walls == "channel":
             return CHANNEL
+        if self.walls == "openAlongX":
+            return ALONG_X
         if self.walls not in OPEN_FACE:
             return (self.walls,) * 6
         return tuple("open" if face == OPEN_FACE[self.walls] else "slip" for face in range(6))
@@ -156,6 +150,7 @@ class Experiment:
             "poissons_ratio": self.poissons_ratio,
             "compressible": int(self.compressible),
             "rayleigh_beta": self.damping,
+            "friction": self.friction,
             "velocity": self.velocity,
             "angular_velocity": self.spin,
         }
@@ -163,10 +158,14 @@ class Experiment:
 
     def bodies(self) -> list[tuple[Mesh, dict[str, Any]]]:
         """Surfaces and fields of EfsiSolidDef of all solids."""
+        if self.group in CASES:
+            return make_case(self.group, self.box, self.spacing).bodies()
         return GROUPS[self.group](self) if self.group else [(self.mesh(), self.solid())]
 
     def company(self, simulation: Simulation) -> Company:
         """Adds what the scene has beside its solids."""
+        if self.group in CASES:
+            return Watch(simulation, make_case(self.group, self.box, self.spacing), self.spacing)
         return Company()
 
     def set_in(self, structure: type) -> dict[str, Any]:
@@ -357,4 +356,4 @@ def offsets(field: np.ndarray, place: dict[str, Any], run: Experiment) -> np.nda
     return np.stack(np.meshgrid(*axes, indexing="ij"))
 
 
-__all__ = ["FRAME", "GRAVITY", "RADIUS", "Experiment", "simulate"]
+__all__ = ["FRAME", "GRAVITY", "RADIUS", "Company", "Experiment", "simulate"]

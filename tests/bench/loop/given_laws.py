@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from math import cos, sin
+from math import cos, erfc, exp, sin
 
 import numpy as np
 
@@ -157,4 +157,56 @@ def judge_channel(results: Results, tier: str) -> list[Line]:
         at = conditions(result, f"in the middle {middle:.4g} m/s, viscosity {probes.CHANNEL_VISCOSITY:g} Pa s")
         bar = f"Poiseuille's parabola within {WITHIN:g} of its largest velocity"
         lines.append(Line("channel", bar, off, "", 0, WITHIN, at))
+    return lines
+
+
+# --- a plate starts to move in a viscous fluid -----------------------------------------------------------------------
+
+DRAG = 0.95
+PLATE_CELL, PLATE_STEP = 1 / 80, 0.008  # m, s
+PLATE_BOX = (0.4, 2.0)  # m: the fluid's layer comes to half a metre
+HEAVY = 100.0  # densities of the fluid
+
+
+def plate_runs(tier: str) -> list[Experiment]:
+    plate = Experiment(
+        "given plate",
+        shape="plate",
+        across=round(SIZE / PLATE_CELL),
+        box=(*PLATE_BOX, PLATE_CELL),
+        duration=10 * PLATE_STEP,
+        dt=PLATE_STEP,
+        walls="openAlongX",
+        probe="given plate",
+    )
+    thrown = dataclasses.replace(plate, scene="thrown plate", probe="thrown plate")
+    return [plate, *(dataclasses.replace(thrown, load=load) for load in (1.0, HEAVY))]
+
+
+def stokes_drag(run: Experiment, times: np.ndarray) -> np.ndarray:
+    """Impulse of the fluid on both sides of the plate so far [N s]: given its speed, or thrown (Stokes 1851)."""
+    area = run.box[0] * run.box[2]
+    density, viscosity, speed = probes.PLATE_DENSITY, probes.PLATE_VISCOSITY, probes.PLATE_SPEED
+    if not run.load:
+        return 4 * area * speed * np.sqrt(density * viscosity * times / np.pi)
+    weight = run.load * density * probes.PLATE_CELLS * run.spacing
+    x = 2 * np.sqrt(density * viscosity * times) / weight
+    return area * weight * speed * (1 - np.array([exp(v * v) * erfc(v) for v in x]))
+
+
+def judge_plate(results: Results, tier: str) -> list[Line]:
+    """Judged are plates that are thrown: past an open face the given one's fluid loses some momentum."""
+    lines = []
+    for result in found(results, plate_runs(tier)):
+        run, share = result.run, result["drag"] / stokes_drag(result.run, result["time"])
+        least, last = float(share.min()), float(share[-1])
+        result.numbers |= {"least drag over the closed form": least, "in the end": last}
+        density = f", {run.load:g} times as dense as the fluid" if run.load else ""
+        at = conditions(result, f"{run.scene}{density}, in the first step {share[0]:.3g}, in the end {last:.3g}")
+        low, high = (DRAG, 2 - DRAG) if run.load else (None, None)
+        bar = f"least drag so far over the closed form >= {DRAG:g} (backward Euler by itself: 0.89 in the first step)"
+        lines.append(Line("plate", bar, least, "", low, high, at))
+        if "reaction" in result.columns:
+            told = float(result["reaction"][-1] / result["drag"][-1])
+            lines.append(Line("plate", "reported reaction of the collider over the drag", told, conditions=at))
     return lines

@@ -18,6 +18,9 @@ BLOCK, BLOCK_MODULUS, BLOCK_POISSON, BLOCK_DENSITY = (0.32, 0.1, 0.32), 3e5, 0.3
 END_WIDTH, END_HEIGHT = 0.12, 0.06  # of the body with the spherical end
 STIFFER = 100.0  # its modulus over the block's
 QUIET_AFTER = 0.04  # s: Rayleigh's damping of the block, about that at which it does not swing
+MEET_SPEED, MEET_MODULUS, MEET_GAP = 5.0, 2e4, 3.0  # of one against the other [m/s]; Pa; cells between them
+MEET_WAY = np.array([0.9, 0.35, 0.26]) / np.linalg.norm([0.9, 0.35, 0.26])  # across the grid, as most bodies meet
+ASIDE = 0.5  # of the radius: how far beside its centre one meets the other, along x then
 Bodies = list[tuple[Mesh, dict[str, Any]]]
 
 
@@ -104,4 +107,24 @@ def pressed(run: Place) -> Bodies:
     ]
 
 
+def two_balls(run: Place, way: np.ndarray, aside: float) -> Bodies:
+    """That fly at each other along a unit vector. aside: of the lines of their centres, along y [m]."""
+    middle, bodies, made = np.array(run.box) / 2, [], shapes.ball()
+    for side in (-1, 1):
+        at = middle + side * (shapes.RADIUS + MEET_GAP / 2 * run.spacing) * way + [0, side * aside / 2, 0]
+        values = {"density": 1000.0, "youngs_modulus": MEET_MODULUS, "poissons_ratio": 0.3}
+        values |= {"velocity": tuple(map(float, -side * MEET_SPEED / 2 * way)), "compressible": int(run.compressible)}
+        bodies.append((mesh_of(*made, at), values))
+    return bodies
+
+
+def head_on(run: Place) -> Bodies:
+    return two_balls(run, MEET_WAY, 0.0)
+
+
+def off_centre(run: Place) -> Bodies:
+    return two_balls(run, np.array([1.0, 0.0, 0.0]), ASIDE * shapes.RADIUS)
+
+
 GROUPS = {"stack": stack, "heavy on soft": heavy_on_soft, "heap": heap, "pressed": pressed}
+GROUPS |= {"meet head on": head_on, "meet off centre": off_centre}

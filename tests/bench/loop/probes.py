@@ -1,4 +1,4 @@
-"""Runs of the laws of what is given and of what flows: a bar that hangs, a cantilever, a jet, a channel.
+"""Runs of the laws of what is given and of what flows: a bar that hangs, a cantilever, a jet, a channel, a plate.
 
 Each gives, after every step, the columns that its law judges. Lengths [m], times [s].
 """
@@ -28,6 +28,9 @@ BAR_BETA = 2.0  # w L^3 / (E' I), E' = E / (1 - nu^2)
 JET_MIDDLE, JET_SIZE, JET_SPEED = (0.15, 0.21, 0.2), (0.1, 0.13, 0.11), 2.0
 
 CHANNEL_DENSITY, CHANNEL_VISCOSITY, CHANNEL_PUSH = 1.3, 0.06, 0.8  # kg/m^3, Pa s, m/s^2
+
+# A plate in the middle of a slab, thin along y, that starts to move along itself between two open faces.
+PLATE_DENSITY, PLATE_VISCOSITY, PLATE_SPEED, PLATE_CELLS = 1.0, 0.7, 0.05, 4  # of the fluid kg/m^3, Pa s; m/s
 
 
 def bar(low: tuple[float, ...], high: tuple[float, ...], parts: int) -> Mesh:
@@ -101,11 +104,44 @@ def channel(run: Experiment, simulation: Simulation) -> Probe:
     return lambda s: {"profile": s.field("velocity")[0][0][4, :, 0].astype(float).tolist()}
 
 
+def plate(run: Experiment, beyond: float) -> Mesh:
+    """beyond: how far it reaches through the open faces [m]."""
+    half = PLATE_CELLS / 2 * run.spacing
+    low, high = (0.0 - beyond, run.box[1] / 2 - half, 0.0), (run.box[0] + beyond, run.box[1] / 2 + half, run.box[2])
+    return bar(low, high, 8)
+
+
+def given_plate(run: Experiment, simulation: Simulation) -> Probe:
+    """A collider that moves at one speed: momentum of the fluid, and its reported reaction so far [N s]."""
+    _, pin = simulation.add_collider(plate(run, 0.1))
+    after, so_far = np.eye(4), [0.0]
+    after[0, 3] = PLATE_SPEED * run.duration
+    simulation.set_motion(pin, 0.0, run.duration, (np.eye(4), after))
+
+    def drag(s: Simulation) -> dict[str, Any]:
+        so_far[0] += s.pin_reaction(pin)["impulse"][0]
+        return {"drag": s.fluid_diagnostics()["momentum"][0], "reaction": so_far[0]}
+
+    return drag
+
+
+def thrown_plate(run: Experiment, simulation: Simulation) -> Probe:
+    """A solid, as dense as the fluid times the load of the run: momentum that it has lost so far [N s]."""
+    values = {"density": PLATE_DENSITY * run.load, "velocity": (PLATE_SPEED, 0.0, 0.0)}
+    solid, _ = simulation.add_solid(plate(run, 0.0), **run.solid() | values)
+    first = simulation.solid_diagnostics(solid)["momentum"][0]
+    return lambda s: {"drag": first - s.solid_diagnostics(solid)["momentum"][0]}
+
+
+PLATE_FLUID = {"fluid_density": PLATE_DENSITY, "fluid_viscosity": PLATE_VISCOSITY}
+
 # Name -> how it is set up, and what differs from EfsiSimulationDef of an experiment.
 PROBES: dict[str, tuple[Callable[[Experiment, Simulation], Probe], dict[str, Any]]] = {
     "bar that hangs": (hanging_bar, {}),
     "cantilever": (cantilever, {}),
     "jet": (jet, {}),
+    "given plate": (given_plate, PLATE_FLUID),
+    "thrown plate": (thrown_plate, PLATE_FLUID),
     "channel": (channel, {"fluid_density": CHANNEL_DENSITY, "fluid_viscosity": CHANNEL_VISCOSITY}),
 }
 

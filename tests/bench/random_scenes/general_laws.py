@@ -221,7 +221,7 @@ def volume_by_cells(record: Record) -> Verdict:
     "momentum", f"in flight through vacuum within {FREE_MOMENTUM:g}; between periodic faces {CLOSED_MOMENTUM:g} a step"
 )
 def momentum(record: Record) -> Verdict:
-    if getattr(record.scene, "pin", None):
+    if getattr(record.scene, "pin", None) or getattr(record.scene, "held", False):
         raise Moot("a pin holds it")
     if record.scene.density_ratio is None and len(record.solids) > 1:
         return sum_of_momenta(record)

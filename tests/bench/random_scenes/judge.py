@@ -5,11 +5,11 @@ from __future__ import annotations
 from loop.laws import Line
 from loop.measure import Result
 
-from . import general_laws, given_laws
+from . import general_laws, given_laws, thin_laws
 from .law import LAWS, Moot
 from .record import Record
 
-__all__ = ["LAWS", "general_laws", "given_laws", "judge"]
+__all__ = ["LAWS", "general_laws", "given_laws", "judge", "thin_laws"]
 
 
 def judge(result: Result) -> list[Line]:
