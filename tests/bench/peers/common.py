@@ -170,17 +170,28 @@ def extrapolated_end(along: np.ndarray, sags: np.ndarray, length: float, depth: 
 # --- one run ---------------------------------------------------------------------------------------------------------
 
 
-class Clock:
-    """Wall-clock and processor seconds from its making on, of all threads."""
+class Stopwatch:
+    """Wall-clock and processor seconds, of all threads, spent within `with` blocks."""
 
     def __init__(self) -> None:
-        self.begun, self.used = time.perf_counter(), time.process_time()
+        self.wall = self.core = 0.0
+        self.before: float | None = None  # processor seconds of the process until the first block
 
-    def seconds(self) -> dict[str, float]:
-        return {"wall": time.perf_counter() - self.begun, "core": time.process_time() - self.used}
+    def __enter__(self) -> Stopwatch:
+        self._begun = time.perf_counter(), time.process_time()
+        self.before = self._begun[1] if self.before is None else self.before
+        return self
+
+    def __exit__(self, *_exc: object) -> None:
+        self.wall += time.perf_counter() - self._begun[0]
+        self.core += time.process_time() - self._begun[1]
+
+    def found(self) -> dict[str, float]:
+        """Of an outcome: what the steps took, and what came before them, compiling included."""
+        return {"wall": self.wall, "core": self.core, "setup": self.before or 0.0}
 
 
-Outcome = dict[str, Any]  # "steps", "seconds" (Clock.seconds), "setup" (of processor), and what judge reads
+Outcome = dict[str, Any]  # "steps", those of Stopwatch.found, and what judge reads
 
 
 def judge(case: Case, found: Outcome) -> list[dict[str, Any]]:

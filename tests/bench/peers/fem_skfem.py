@@ -12,7 +12,7 @@ import common
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spl
-from common import Case, Clock, Outcome
+from common import Case, Outcome, Stopwatch
 from skfem import Basis, BilinearForm, ElementHex1, ElementHex2, ElementVector, LinearForm, MeshHex, MeshHex2, asm
 from skfem.helpers import ddot, grad, transpose
 
@@ -82,7 +82,6 @@ def bodies_volume(case: Case, points: np.ndarray) -> float:
 
 
 def oscillation(case: Case) -> Outcome:
-    setup = Clock()
     body = Body(case, *bodies.ball(case.radius, case.across)[:2])
     dt = SAFETY * body.stable_step()
     steps = int(np.ceil(case.end / dt))
@@ -91,22 +90,23 @@ def oscillation(case: Case) -> Outcome:
     v = 0.5 * dt * body.force(x) * inverse  # at half steps
     times, ellipticity, energies = [0.0], [common.ellipticity(x, body.masses)], [body.energy(x)]
     every = max(1, int(case.period / dt / common.SAMPLES))
-    setup, clock = setup.seconds(), Clock()
+    used = Stopwatch()
     for step in range(1, steps + 1):
-        x = x + dt * v
-        kick = dt * body.force(x) * inverse
+        with used:
+            x = x + dt * v
+            kick = dt * body.force(x) * inverse
         if step % every == 0:
             times.append(step * dt)
             ellipticity.append(common.ellipticity(x, body.masses))
             energies.append(body.energy(x) + 0.25 * float(body.masses @ (v**2 + (v + kick) ** 2).sum(axis=1)))
-        v = v + kick
+        with used:
+            v = v + kick
     kept = common.energy_kept(times, energies, case.period)
     found = {"times": times, "ellipticity": ellipticity, "energy_kept": kept}
-    return found | {"steps": steps, "setup": setup["core"], "seconds": clock.seconds()}
+    return found | {"steps": steps} | used.found()
 
 
 def bounce(case: Case) -> Outcome:
-    setup = Clock()
     body = Body(case, *bodies.ball(case.radius, case.across)[:2])
     dt = SAFETY * body.stable_step()
     x, inverse = body.points.copy(), 1 / body.masses[:, None]
@@ -114,18 +114,19 @@ def bounce(case: Case) -> Outcome:
     v = np.zeros_like(x)
     v[:, 1] = -case.speed
     steps = int(np.ceil(case.duration / dt))
-    setup, clock = setup.seconds(), Clock()
+    used = Stopwatch()
     for _ in range(steps):
-        v += dt * body.force(x) * inverse
-        v[:, 1] = np.maximum(v[:, 1], -x[:, 1] / dt)
-        x += dt * v
+        with used:
+            v += dt * body.force(x) * inverse
+            v[:, 1] = np.maximum(v[:, 1], -x[:, 1] / dt)
+            x += dt * v
     speed = float(body.masses @ v[:, 1]) / body.masses.sum()
     found = {"restitution": speed / case.speed, "clear": bool(x[:, 1].min() > 0)}
-    return found | {"steps": steps, "setup": setup["core"], "seconds": clock.seconds()}
+    return found | {"steps": steps} | used.found()
 
 
 def cantilever(case: Case) -> Outcome:
-    order, clock = case.options.get("order", 1), Clock()
+    order, used = case.options.get("order", 1), Stopwatch()
     points, cells, _ = bodies.beam(case.length, case.height, case.across)
     mesh = mesh_of(points, cells, order)
     basis = Basis(mesh, ElementVector(ElementHex2() if order == 2 else ElementHex1()), intorder=2 * order)
@@ -147,18 +148,19 @@ def cantilever(case: Case) -> Outcome:
 
     u, steps = np.zeros(basis.N), 0
     for _ in range(20):
-        state = basis.interpolate(u)
-        right = -asm(residual, basis, u=state)[free]
-        matrix = asm(stiffness, basis, u=state).tocsc()[free][:, free]
-        change = spl.spsolve(matrix, right, permc_spec="MMD_AT_PLUS_A")
-        u[free] += change
+        with used:
+            state = basis.interpolate(u)
+            right = -asm(residual, basis, u=state)[free]
+            matrix = asm(stiffness, basis, u=state).tocsc()[free][:, free]
+            change = spl.spsolve(matrix, right, permc_spec="MMD_AT_PLUS_A")
+            u[free] += change
         steps += 1
         if np.abs(change).max() < 1e-9 * case.length:
             break
     end = basis.mesh.facets_satisfying(lambda x: np.isclose(x[0], case.length))
     face = basis.boundary(end)
     sag = -asm(LinearForm(lambda v, w: w["u"][1] * v), face.with_element(ElementHex1()), u=face.interpolate(u)).sum()
-    return {"sag": sag / case.height**2, "steps": steps, "setup": 0.0, "seconds": clock.seconds()}
+    return {"sag": sag / case.height**2, "steps": steps} | used.found()
 
 
 def deformation(u) -> tuple[np.ndarray, np.ndarray]:

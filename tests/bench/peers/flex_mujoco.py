@@ -9,7 +9,7 @@ import bodies
 import common
 import mujoco
 import numpy as np
-from common import Case, Clock, Outcome
+from common import Case, Outcome, Stopwatch
 
 SAFETY = 0.5  # of 2 over the highest frequency that a tetrahedron can have
 SOFTEST = 2.0  # steps in the time constant of a contact: the least that MuJoCo takes
@@ -92,7 +92,6 @@ def stable_step(case: Case, flex: Flex) -> float:
 
 
 def oscillation(case: Case) -> Outcome:
-    setup = Clock()
     points, _, tets = bodies.ball(case.radius, case.across)
     flex = Flex(case, points, tets, False, np.zeros(0, int))
     flex.place(points + case.mode(points))
@@ -100,47 +99,47 @@ def oscillation(case: Case) -> Outcome:
     flex.dt = flex.model.opt.timestep = case.end / steps
     every = max(1, int(case.period / flex.dt / common.SAMPLES))
     times, ellipticity, energies = [0.0], [common.ellipticity(flex.points(), flex.masses)], [flex.energy()]
-    setup, clock = setup.seconds(), Clock()
+    used = Stopwatch()
     for step in range(1, steps + 1):
-        flex.step()
+        with used:
+            flex.step()
         if step % every == 0:
             times.append(step * flex.dt)
             ellipticity.append(common.ellipticity(flex.points(), flex.masses))
             energies.append(flex.energy())
     kept = common.energy_kept(times, energies, case.period)
     found = {"times": times, "ellipticity": ellipticity, "energy_kept": kept}
-    return found | {"steps": steps, "setup": setup["core"], "seconds": clock.seconds()}
+    return found | {"steps": steps} | used.found()
 
 
 def bounce(case: Case) -> Outcome:
-    setup = Clock()
     points, _, tets = bodies.ball(case.radius, case.across)
     points[:, 1] += case.gap - points[:, 1].min()
     flex = Flex(case, points, tets, True, np.zeros(0, int))
     flex.throw((0.0, -case.speed, 0.0))
     steps = int(np.ceil(case.duration / flex.dt))
-    setup, clock = setup.seconds(), Clock()
-    for _ in range(steps):
-        flex.step()
+    used = Stopwatch()
+    with used:
+        for _ in range(steps):
+            flex.step()
     speed = flex.momentum()[1] / flex.masses.sum()
     found = {"restitution": speed / case.speed, "clear": bool(flex.points()[:, 1].min() > 0)}
-    return found | {"steps": steps, "setup": setup["core"], "seconds": clock.seconds()}
+    return found | {"steps": steps} | used.found()
 
 
 def cantilever(case: Case) -> Outcome:
-    setup = Clock()
     points, _, tets = bodies.beam(case.length, case.height, case.across)
     flex = Flex(case, points, tets, False, np.flatnonzero(points[:, 0] < 1e-9))
     flex.model.opt.gravity[:] = (0.0, -case.gravity, 0.0)
     flex.model.dof_damping[flex.dofs] = (case.damping * flex.masses[flex.free])[:, None]
     steps = int(np.ceil(case.end / flex.dt))
-    setup, clock = setup.seconds(), Clock()
-    for _ in range(steps):
-        flex.step()
-    seconds = clock.seconds()
+    used = Stopwatch()
+    with used:
+        for _ in range(steps):
+            flex.step()
     sags = points[:, 1] - flex.points()[:, 1]
     sag = common.end_face(points, sags, case)
-    return {"sag": sag, "steps": steps, "setup": setup["core"], "seconds": seconds}
+    return {"sag": sag, "steps": steps} | used.found()
 
 
 SOLVE = {"oscillation": oscillation, "bounce": bounce, "cantilever": cantilever}

@@ -34,7 +34,7 @@ def speeds(poissons_ratio: float) -> float:
 
 
 def tractions(b: float, poissons_ratio: float) -> np.ndarray:
-    """Normal and tangential traction over 2 mu at r = 1, columns of A and B; second derivatives by Bessel's equation."""
+    """Normal and tangential traction over 2 mu at r = 1, columns A and B, second derivatives by Bessel's equation."""
     ratio = speeds(poissons_ratio)
     a, l2 = ratio * b, 6.0  # l (l + 1)
     ja, jb, da, db = bessel(a), bessel(b), bessel_slope(a), bessel_slope(b)

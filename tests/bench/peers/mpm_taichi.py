@@ -10,7 +10,7 @@ import bodies
 import common
 import numpy as np
 import taichi as ti
-from common import Case, Clock, Outcome
+from common import Case, Outcome, Stopwatch
 
 CFL = 0.3  # cells that a wave of pressure runs in a step
 MARGIN = 4  # cells around the body
@@ -112,14 +112,12 @@ def floating(case: Case, height: float) -> tuple[Points, np.ndarray]:
     return Points(case, points, volume, low, (cells, high, cells)), points
 
 
-def warm(body: Points) -> float:
-    """Processor seconds of compiling: one step, undone."""
-    clock = Clock()
+def warm(body: Points) -> None:
+    """Compiles: one step, undone."""
     kept = {name: getattr(body, name).to_numpy() for name in ("x", "v", "affine", "f")}
     body.step()
     for name, values in kept.items():
         getattr(body, name).from_numpy(values)
-    return clock.seconds()["core"]
 
 
 def oscillation(case: Case) -> Outcome:
@@ -129,21 +127,21 @@ def oscillation(case: Case) -> Outcome:
     body.f.from_numpy(case.mode_strain(points - center))
     steps = int(np.ceil(case.end / body.dt))
     body.dt = case.end / steps
-    setup = warm(body)
+    warm(body)
     masses = np.ones(body.count)
     times, ellipticity, energies = [0.0], [common.ellipticity(body.x.to_numpy(), masses)], [body.energy(case)]
     every = max(1, int(case.period / body.dt / common.SAMPLES))
-    clock = Clock()
+    used = Stopwatch()
     for step in range(1, steps + 1):
-        body.step()
+        with used:
+            body.step()
         if step % every == 0:
             times.append(step * body.dt)
             ellipticity.append(common.ellipticity(body.x.to_numpy(), masses))
             energies.append(body.energy(case))
-    seconds = clock.seconds()
     kept = common.energy_kept(times, energies, case.period)
     found = {"times": times, "ellipticity": ellipticity, "energy_kept": kept}
-    return found | {"steps": steps, "setup": setup, "seconds": seconds}
+    return found | {"steps": steps} | used.found()
 
 
 def bounce(case: Case) -> Outcome:
@@ -151,14 +149,15 @@ def bounce(case: Case) -> Outcome:
     body.floor = MARGIN
     body.v.from_numpy(np.broadcast_to([0.0, -case.speed, 0.0], (body.count, 3)).copy())
     steps = int(np.ceil(case.duration / body.dt))
-    setup, clock = warm(body), Clock()
-    for _ in range(steps):
-        body.step()
-    ti.sync()
-    seconds = clock.seconds()
+    warm(body)
+    used = Stopwatch()
+    with used:
+        for _ in range(steps):
+            body.step()
+        ti.sync()
     speed = float(body.v.to_numpy()[:, 1].mean())
     clear = float(body.x.to_numpy()[:, 1].min()) > 1.5 * body.h
-    return {"restitution": speed / case.speed, "clear": clear, "steps": steps, "setup": setup, "seconds": seconds}
+    return {"restitution": speed / case.speed, "clear": clear, "steps": steps} | used.found()
 
 
 def cantilever(case: Case) -> Outcome:
@@ -172,14 +171,15 @@ def cantilever(case: Case) -> Outcome:
     body = Points(case, points, volume, corner, tuple(shape))
     body.clamp, body.pull, body.drag = MARGIN + CLAMPED, case.gravity, case.damping
     steps = int(np.ceil(case.end / body.dt))
-    setup, clock = warm(body), Clock()
-    for _ in range(steps):
-        body.step()
-    ti.sync()
-    seconds = clock.seconds()
+    warm(body)
+    used = Stopwatch()
+    with used:
+        for _ in range(steps):
+            body.step()
+        ti.sync()
     sags = points[:, 1] - body.x.to_numpy()[:, 1]
     sag = common.extrapolated_end(points[:, 0], sags, case.length, case.height)
-    return {"sag": sag, "steps": steps, "setup": setup, "seconds": seconds}
+    return {"sag": sag, "steps": steps} | used.found()
 
 
 SOLVE = {"oscillation": oscillation, "bounce": bounce, "cantilever": cantilever}

@@ -11,7 +11,7 @@ import common
 import newton
 import numpy as np
 import warp as wp
-from common import Case, Clock, Outcome
+from common import Case, Outcome, Stopwatch
 
 STEPS, ITERATIONS = 40, 20
 BOUNCE_STEPS = 120
@@ -78,13 +78,12 @@ class Body:
         self.now, self.next = self.next, self.now
 
 
-def warm(body: Body) -> float:
-    """Processor seconds of compiling: one step, undone."""
-    clock, kept = Clock(), (body.now.particle_q.numpy(), body.now.particle_qd.numpy())
+def warm(body: Body) -> None:
+    """Compiles: one step, undone."""
+    kept = (body.now.particle_q.numpy(), body.now.particle_qd.numpy())
     body.step()
     body.now.particle_q.assign(kept[0])
     body.now.particle_qd.assign(kept[1])
-    return clock.seconds()["core"]
 
 
 def oscillation(case: Case) -> Outcome:
@@ -92,21 +91,19 @@ def oscillation(case: Case) -> Outcome:
     wanted = case.options.get("steps", STEPS)
     body = Body(case, points, tets, case.period / wanted, {})
     body.place(points + case.mode(points))
-    setup = warm(body)
+    warm(body)
     times, ellipticity, energies = [0.0], [common.ellipticity(body.points(), body.masses)], [body.energy()]
-    steps, used, every = round(case.periods * wanted), {"wall": 0.0, "core": 0.0}, max(1, wanted // common.SAMPLES)
+    steps, used, every = round(case.periods * wanted), Stopwatch(), max(1, wanted // common.SAMPLES)
     for step in range(1, steps + 1):
-        clock = Clock()
-        body.step()
-        for name, value in clock.seconds().items():
-            used[name] += value
+        with used:
+            body.step()
         if step % every == 0:
             times.append(step * body.dt)
             ellipticity.append(common.ellipticity(body.points(), body.masses))
             energies.append(body.energy())
     kept = common.energy_kept(times, energies, case.period)
     found = {"times": times, "ellipticity": ellipticity, "energy_kept": kept}
-    return found | {"steps": steps, "setup": setup, "seconds": used}
+    return found | {"steps": steps} | used.found()
 
 
 def bounce(case: Case) -> Outcome:
@@ -114,14 +111,14 @@ def bounce(case: Case) -> Outcome:
     points[:, 1] += case.gap - points[:, 1].min()
     steps = case.options.get("steps", BOUNCE_STEPS)
     body = Body(case, points, tets, case.duration / steps, {"floor": True, "velocity": (0.0, -case.speed, 0.0)})
-    setup = warm(body)
-    clock = Clock()
-    for _ in range(steps):
-        body.step()
-    seconds = clock.seconds()
+    warm(body)
+    used = Stopwatch()
+    with used:
+        for _ in range(steps):
+            body.step()
     speed = float(body.masses @ body.velocities()[:, 1]) / body.masses.sum()
     found = {"restitution": speed / case.speed, "clear": bool(body.points()[:, 1].min() > SKIN)}
-    return found | {"steps": steps, "setup": setup, "seconds": seconds}
+    return found | {"steps": steps} | used.found()
 
 
 def cantilever(case: Case) -> Outcome:
@@ -129,13 +126,14 @@ def cantilever(case: Case) -> Outcome:
     wanted = case.options.get("steps", STEPS)
     options = {"gravity": case.gravity, "pinned": points[:, 0] < 1e-9}
     body = Body(case, points, tets, case.period / wanted, options)
-    setup, steps = warm(body), round(1.5 * wanted)
-    clock = Clock()
-    for _ in range(steps):
-        body.step(case.damping)
-    seconds = clock.seconds()
+    warm(body)
+    steps = round(1.5 * wanted)
+    used = Stopwatch()
+    with used:
+        for _ in range(steps):
+            body.step(case.damping)
     sag = common.end_face(points, points[:, 1] - body.points()[:, 1], case)
-    return {"sag": sag, "steps": steps, "setup": setup, "seconds": seconds}
+    return {"sag": sag, "steps": steps} | used.found()
 
 
 SOLVE = {"oscillation": oscillation, "bounce": bounce, "cantilever": cantilever}

@@ -8,7 +8,7 @@ from __future__ import annotations
 import bodies
 import common
 import numpy as np
-from common import Case, Clock, Outcome
+from common import Case, Outcome, Stopwatch
 from eulerfsi.solver import binding
 from eulerfsi.solver.simulation import Mesh, Simulation, Surface
 
@@ -45,7 +45,7 @@ def solid(case: Case) -> dict:
 
 
 def oscillation(case: Case) -> Outcome:
-    setup, middle = Clock(), np.full(3, 2 * case.radius)
+    middle = np.full(3, 2 * case.radius)
     mesh = ball_mesh(case, middle)
     shares = vertex_areas(mesh)
     dt = case.period / case.options.get("steps_per_period", STEPS)
@@ -59,16 +59,17 @@ def oscillation(case: Case) -> Outcome:
             return common.ellipticity(points, shares), facts["kinetic_energy"] + facts["elastic_energy"]
 
         seen, times = [look()], [0.0]
-        setup, used = setup.seconds(), {"wall": 0.0, "core": 0.0}
+        used = Stopwatch()
         while case.end - simulation.time > 1e-9:
-            add(used, simulation, min(dt, case.end - simulation.time))
+            with used:
+                simulation.step(min(dt, case.end - simulation.time))
             seen.append(look())
             times.append(simulation.time)
         steps = simulation.steps
     ellipticity, energies = zip(*seen, strict=True)
     kept = common.energy_kept(times, energies, case.period)
     found = {"times": times, "ellipticity": ellipticity, "energy_kept": kept}
-    return found | {"steps": steps, "setup": setup["core"], "seconds": used}
+    return found | {"steps": steps} | used.found()
 
 
 def set_mode(simulation: Simulation, ball: int, case: Case, middle: np.ndarray) -> None:
@@ -82,14 +83,6 @@ def set_mode(simulation: Simulation, ball: int, case: Case, middle: np.ndarray) 
     simulation.set_field("solid_displacement", moved.T.reshape(u.shape).astype(np.float32), ball)
 
 
-def add(used: dict[str, float], simulation: Simulation, dt: float) -> None:
-    """One step, its seconds added to `used`."""
-    clock = Clock()
-    simulation.step(dt)
-    for name, value in clock.seconds().items():
-        used[name] += value
-
-
 def vertex_areas(mesh: Mesh) -> np.ndarray:
     corners = mesh.points.astype(float)[mesh.triangles()]
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
@@ -97,22 +90,23 @@ def vertex_areas(mesh: Mesh) -> np.ndarray:
 
 
 def bounce(case: Case) -> Outcome:
-    setup, radius = Clock(), case.radius
+    radius = case.radius
     mesh = ball_mesh(case, np.array([2 * radius, radius + case.gap, 2 * radius]))
     mesh.points[:, 1] += case.gap - mesh.points[:, 1].min()
     with Simulation(definition(case, np.zeros(3), np.array([4, 4, 4]) * radius)) as simulation:
         ball, _ = simulation.add_solid(mesh, velocity=(0.0, -case.speed, 0.0), **solid(case))
-        setup, used = setup.seconds(), {"wall": 0.0, "core": 0.0}
+        used = Stopwatch()
         while case.duration - simulation.time > 1e-9:
             longest = case.options.get("max_step", case.duration)
-            add(used, simulation, min(longest, case.duration - simulation.time))
+            with used:
+                simulation.step(min(longest, case.duration - simulation.time))
         facts, steps = simulation.solid_diagnostics(ball), simulation.steps
     found = {"restitution": facts["momentum"][1] / facts["mass"] / case.speed, "clear": facts["extent_min"][1] > 0}
-    return found | {"steps": steps, "setup": setup["core"], "seconds": used}
+    return found | {"steps": steps} | used.found()
 
 
 def cantilever(case: Case) -> Outcome:
-    setup, h = Clock(), case.spacing
+    h = case.spacing
     points, _, tets = bodies.beam(case.length + ROOT, case.height, 8)
     points[:, 0] -= ROOT
     mesh = surface_of(points, tets)
@@ -122,16 +116,17 @@ def cantilever(case: Case) -> Outcome:
         beam, _ = simulation.add_solid(mesh, rayleigh_alpha=case.damping, **solid(case))
         clamp = bodies.beam(2 * ROOT, 2 * case.height, 2)
         simulation.add_pin(beam, Surface(surface_of(clamp[0] - [2 * ROOT, 0, 0], clamp[2]), h))
-        setup, used = setup.seconds(), {"wall": 0.0, "core": 0.0}
+        used = Stopwatch()
         dt = case.period / case.options.get("steps_per_period", REST_STEPS)
         while case.end - simulation.time > 1e-9:
-            add(used, simulation, min(dt, case.end - simulation.time))
+            with used:
+                simulation.step(min(dt, case.end - simulation.time))
         steps = simulation.steps
         sags = mesh.points[:, 1] - simulation.surface(beam)[0][:, 1]
     end = mesh.points[:, 0] > case.length - 1e-5
     shares = vertex_areas(mesh)[end]
     sag = float(shares @ sags[end] / shares.sum())
-    return {"sag": sag, "steps": steps, "setup": setup["core"], "seconds": used}
+    return {"sag": sag, "steps": steps} | used.found()
 
 
 SOLVE = {"oscillation": oscillation, "bounce": bounce, "cantilever": cantilever}

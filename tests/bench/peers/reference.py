@@ -85,10 +85,7 @@ class Ring:
 
     def gathered(self, parts: np.ndarray) -> np.ndarray:
         return np.stack(
-            [
-                np.bincount(self.cells.ravel(), parts[..., k].ravel(), len(self.points))
-                for k in range(parts.shape[-1])
-            ],
+            [np.bincount(self.cells.ravel(), parts[..., k].ravel(), len(self.points)) for k in range(parts.shape[-1])],
             -1,
         )
 
