@@ -18,16 +18,16 @@ for folder in (PEERS.parent, PEERS):
 
 import accuracy_peers  # noqa: E402
 import bodies  # noqa: E402
-import common  # noqa: E402
 import lamb  # noqa: E402
 import plot  # noqa: E402
 import run  # noqa: E402
+import shared  # noqa: E402
 from accuracy import table  # noqa: E402
 
 FOUND = {"restitution": 0.5, "clear": True, "steps": 12, "wall": 0.3, "core": 0.2, "setup": 0.1, "memory": 2**20}
 
 
-def bounce(name: str = "mls-mpm") -> run.Run:
+def bounce(name: str = "taichi-mls-mpm") -> run.Run:
     return run.Run(run.solvers()[name], "bounce", 8, {"steps": 5})
 
 
@@ -36,7 +36,7 @@ def bounce(name: str = "mls-mpm") -> run.Run:
 
 def test_lamb_s_mode_has_no_traction_and_keeps_the_equation_of_motion():
     nu, mu, lam = 0.25, 1.0, 1.0
-    assert lamb.root(nu) == pytest.approx(common.case_of("oscillation", 8).reference, abs=1e-6)
+    assert lamb.root(nu) == pytest.approx(shared.case_of("oscillation", 8).reference, abs=1e-6)
     assert lamb.root(0.3) == pytest.approx(2.646217, abs=1e-6)
 
     def stress(points):
@@ -68,17 +68,17 @@ def test_tetrahedra_of_a_ball_conform_and_have_its_volume(across):
 
 def test_frequency_and_decay_of_a_swing_are_found():
     t = np.linspace(0, 10, 400)
-    omega, rate = common.swing(t, 3 * np.exp(-0.03 * t) * np.cos(6.1 * t + 0.3) + 1, 1.0)
+    omega, rate = shared.swing(t, 3 * np.exp(-0.03 * t) * np.cos(6.1 * t + 0.3) + 1, 1.0)
     assert omega == pytest.approx(6.1, rel=1e-4) and rate == pytest.approx(0.03, abs=1e-3)
-    assert np.isnan(common.swing(t, np.full(400, np.nan), 1.0)[0])
+    assert np.isnan(shared.swing(t, np.full(400, np.nan), 1.0)[0])
 
 
 def test_mean_sag_of_the_end_face():
-    case = common.case_of("cantilever", 4)
+    case = shared.case_of("cantilever", 4)
     points, _, _ = bodies.beam(case.length, case.height, case.across)
-    assert common.end_face(points, 2 + points[:, 1], case) == pytest.approx(2)
+    assert shared.end_face(points, 2 + points[:, 1], case) == pytest.approx(2)
     inside = points[points[:, 0] < 0.95 * case.length]
-    assert common.extrapolated_end(inside[:, 0], 3 * inside[:, 0], case.length, 0.04) == pytest.approx(0.6)
+    assert shared.extrapolated_end(inside[:, 0], 3 * inside[:, 0], case.length, 0.04) == pytest.approx(0.6)
 
 
 # --- what is read ----------------------------------------------------------------------------------------------------
@@ -87,8 +87,8 @@ def test_mean_sag_of_the_end_face():
 @pytest.mark.parametrize(
     ("output", "errors", "code", "failure"),
     [
-        ("[Taichi] version\n" + common.MARK + json.dumps(FOUND), "", 0, None),
-        (common.MARK + '{"steps": 1', "", 0, "its result is damaged"),
+        ("[Taichi] version\n" + shared.MARK + json.dumps(FOUND), "", 0, None),
+        (shared.MARK + '{"steps": 1', "", 0, "its result is damaged"),
         (
             "[Taichi] version",
             "Traceback\nValueError: no such basis\n",
@@ -111,7 +111,7 @@ def test_rows_of_a_result_pass_the_table(tmp_path):
         for row in run.measured(bounce(), found):
             table.append(path, row)
     good, *failed = table.read(path)
-    assert (good.solver, good.case, good.sweep) == ("mls-mpm 1.7.4", "peer_restitution", "peer")
+    assert (good.solver, good.case, good.sweep) == ("taichi-mls-mpm 1.7.4", "peer_restitution", "peer")
     assert good.error == pytest.approx(1 - 0.5 / good.reference, rel=1e-5) and json.loads(good.parameters) == {
         "steps": 5
     }
@@ -129,10 +129,10 @@ def test_every_solver_has_a_script_pinned_requirements_and_known_cases():
         if solver.environment:
             assert all("==" in line for line in solver.requirements.read_text().split())
         for case, options in solver.runs.items():
-            assert options and case in common.CASES
+            assert options and case in shared.CASES
     assert run.solvers()[run.OURS].version == ""
-    quick = run.planned(list(run.solvers().values()), common.CASES, True)
-    assert len(quick) == len(run.solvers()) * len(common.CASES)
+    quick = run.planned(list(run.solvers().values()), shared.CASES, True)
+    assert len(quick) == len(run.solvers()) * len(shared.CASES)
 
 
 # --- refusals --------------------------------------------------------------------------------------------------------
@@ -141,7 +141,7 @@ def test_every_solver_has_a_script_pinned_requirements_and_known_cases():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--peer", "nobody"], "--peer nobody: must be one of eulerfsi, mls-mpm"),
+        (["--peer", "nobody"], "--peer nobody: must be one of eulerfsi, taichi-mls-mpm"),
         (["--case", "bounce,fall"], "--case fall: must be one of oscillation, bounce, cantilever"),
     ],
 )
@@ -154,8 +154,8 @@ def test_unknown_names_are_refused_in_one_line(capsys, arguments, message):
 def test_an_absent_peer_is_one_line(capsys, tmp_path, monkeypatch):
     monkeypatch.setattr(run, "ENVIRONMENTS", run.ROOT / ".eulerfsi" / "no-peers")
     output = tmp_path / "peers.csv"
-    assert run.main(["--peer", "fem", "--no-install", "--output", str(output)]) == 1
-    assert capsys.readouterr().out == "fem: absent: no environment .eulerfsi/no-peers/skfem; left out\n"
+    assert run.main(["--peer", "scikit-fem", "--no-install", "--output", str(output)]) == 1
+    assert capsys.readouterr().out == "scikit-fem: absent: no environment .eulerfsi/no-peers/skfem; left out\n"
     assert not output.exists()
 
 
@@ -173,9 +173,9 @@ def test_pip_s_refusal_is_one_line(tmp_path, monkeypatch):
     monkeypatch.setattr(run.venv, "create", create)
     (tmp_path / "requirements-skfem.txt").write_text(f"{tmp_path}/missing.whl\n")
     with pytest.raises(
-        run.Absent, match=r"^fem: absent: pip cannot install requirements-skfem.txt: .*missing.whl.*out$"
+        run.Absent, match=r"^scikit-fem: absent: pip cannot install requirements-skfem.txt: .*missing.whl.*out$"
     ):
-        run.interpreter(run.solvers(PEERS / "solvers.toml")["fem"], install=True)
+        run.interpreter(run.solvers(PEERS / "solvers.toml")["scikit-fem"], install=True)
 
 
 def test_a_foreign_table_and_a_damaged_case_file_are_refused(capsys, tmp_path):
@@ -186,7 +186,7 @@ def test_a_foreign_table_and_a_damaged_case_file_are_refused(capsys, tmp_path):
     damaged = tmp_path / "cases.toml"
     damaged.write_text("[material]\n")
     with pytest.raises(SystemExit, match=r"no table \[oscillation\]"):
-        common.read_cases(damaged)
+        shared.read_cases(damaged)
 
 
 # --- from end to end -------------------------------------------------------------------------------------------------
@@ -207,7 +207,7 @@ def test_our_solver_s_bounce_is_run_once_and_drawn(capsys, tmp_path):
     assert capsys.readouterr().out.startswith("restitution eulerfsi")
     assert run.main(arguments) == 0 and capsys.readouterr().out == ""
     pytest.importorskip("matplotlib")
-    peer = dataclasses.replace(row, solver="mls-mpm 1.7.4", error=0.0)
+    peer = dataclasses.replace(row, solver="taichi-mls-mpm 1.7.4", error=0.0)
     table.append(output, peer)
     plot.draw(output, tmp_path / "peers.png")
     assert (tmp_path / "peers.png").read_bytes().startswith(b"\x89PNG")

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import common
 import plot
 import run
+import shared
 
 LIKE = {"swing_vacuum": "oscillation", "bounce_vacuum": "bounce", "elastica": "cantilever"}  # of the solver's own cases
 
 
 def main(output: Path, cases: Sequence[str], quick: bool) -> int:
     """Runs the peers' cases that are like those named; returns the exit code. An absent peer is named and left out."""
-    wanted = [name for name in common.CASES if name in {LIKE.get(case) for case in cases}]
+    wanted = [name for name in shared.CASES if name in {LIKE.get(case) for case in cases}]
     target = output.with_name("peers.csv")
     if wanted:
         run.make(list(run.solvers().values()), wanted, target, quick)

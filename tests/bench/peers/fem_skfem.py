@@ -8,11 +8,11 @@ quadrature and the stiffness are scikit-fem's; law, steps and contact are ours.
 from __future__ import annotations
 
 import bodies
-import common
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spl
-from common import Case, Outcome, Stopwatch
+import shared
+from shared import Case, Outcome, Stopwatch
 from skfem import Basis, BilinearForm, ElementHex1, ElementHex2, ElementVector, LinearForm, MeshHex, MeshHex2, asm
 from skfem.helpers import ddot, grad, transpose
 
@@ -60,7 +60,7 @@ class Body:
         return -(self.transposed @ np.moveaxis(first, 2, 0).reshape(-1, 3))
 
     def energy(self, x: np.ndarray) -> float:
-        return float(self.weights @ common.elastic_density(self.case, self.strained(x)))
+        return float(self.weights @ shared.elastic_density(self.case, self.strained(x)))
 
     def stable_step(self) -> float:
         """Largest step of central differences, by power iteration on the stiffness at rest."""
@@ -88,8 +88,8 @@ def oscillation(case: Case) -> Outcome:
     dt = case.end / steps
     x, inverse = body.points + case.mode(body.points), 1 / body.masses[:, None]
     v = 0.5 * dt * body.force(x) * inverse  # at half steps
-    times, ellipticity, energies = [0.0], [common.ellipticity(x, body.masses)], [body.energy(x)]
-    every = max(1, int(case.period / dt / common.SAMPLES))
+    times, ellipticity, energies = [0.0], [shared.ellipticity(x, body.masses)], [body.energy(x)]
+    every = max(1, int(case.period / dt / shared.SAMPLES))
     used = Stopwatch()
     for step in range(1, steps + 1):
         with used:
@@ -97,11 +97,11 @@ def oscillation(case: Case) -> Outcome:
             kick = dt * body.force(x) * inverse
         if step % every == 0:
             times.append(step * dt)
-            ellipticity.append(common.ellipticity(x, body.masses))
+            ellipticity.append(shared.ellipticity(x, body.masses))
             energies.append(body.energy(x) + 0.25 * float(body.masses @ (v**2 + (v + kick) ** 2).sum(axis=1)))
         with used:
             v = v + kick
-    kept = common.energy_kept(times, energies, case.period)
+    kept = shared.energy_kept(times, energies, case.period)
     found = {"times": times, "ellipticity": ellipticity, "energy_kept": kept}
     return found | {"steps": steps} | used.found()
 
@@ -186,4 +186,4 @@ def second_piola(case: Case, strain: np.ndarray) -> np.ndarray:
 SOLVE = {"oscillation": oscillation, "bounce": bounce, "cantilever": cantilever}
 
 if __name__ == "__main__":
-    common.run_script(lambda case: SOLVE[case.name](case))
+    shared.run_script(lambda case: SOLVE[case.name](case))

@@ -6,10 +6,10 @@ Masses are lumped by us: flexcomp gives every vertex the same. Semi-implicit Eul
 from __future__ import annotations
 
 import bodies
-import common
 import mujoco
 import numpy as np
-from common import Case, Outcome, Stopwatch
+import shared
+from shared import Case, Outcome, Stopwatch
 
 SAFETY = 0.5  # of 2 over the highest frequency that a tetrahedron can have
 SOFTEST = 2.0  # steps in the time constant of a contact: the least that MuJoCo takes
@@ -79,7 +79,7 @@ class Flex:
         x = self.points()
         f = np.swapaxes(x[self.tets[:, 1:]] - x[self.tets[:, :1]], 1, 2) @ self.inverse
         kinetic = 0.5 * float(self.masses[self.free] @ (self.data.qvel[self.dofs] ** 2).sum(axis=1))
-        return kinetic + float(self.volumes @ common.elastic_density(self.case, f))
+        return kinetic + float(self.volumes @ shared.elastic_density(self.case, f))
 
     def step(self) -> None:
         mujoco.mj_step(self.model, self.data)
@@ -97,17 +97,17 @@ def oscillation(case: Case) -> Outcome:
     flex.place(points + case.mode(points))
     steps = int(np.ceil(case.end / flex.dt))
     flex.dt = flex.model.opt.timestep = case.end / steps
-    every = max(1, int(case.period / flex.dt / common.SAMPLES))
-    times, ellipticity, energies = [0.0], [common.ellipticity(flex.points(), flex.masses)], [flex.energy()]
+    every = max(1, int(case.period / flex.dt / shared.SAMPLES))
+    times, ellipticity, energies = [0.0], [shared.ellipticity(flex.points(), flex.masses)], [flex.energy()]
     used = Stopwatch()
     for step in range(1, steps + 1):
         with used:
             flex.step()
         if step % every == 0:
             times.append(step * flex.dt)
-            ellipticity.append(common.ellipticity(flex.points(), flex.masses))
+            ellipticity.append(shared.ellipticity(flex.points(), flex.masses))
             energies.append(flex.energy())
-    kept = common.energy_kept(times, energies, case.period)
+    kept = shared.energy_kept(times, energies, case.period)
     found = {"times": times, "ellipticity": ellipticity, "energy_kept": kept}
     return found | {"steps": steps} | used.found()
 
@@ -138,11 +138,11 @@ def cantilever(case: Case) -> Outcome:
         for _ in range(steps):
             flex.step()
     sags = points[:, 1] - flex.points()[:, 1]
-    sag = common.end_face(points, sags, case)
+    sag = shared.end_face(points, sags, case)
     return {"sag": sag, "steps": steps} | used.found()
 
 
 SOLVE = {"oscillation": oscillation, "bounce": bounce, "cantilever": cantilever}
 
 if __name__ == "__main__":
-    common.run_script(lambda case: SOLVE[case.name](case))
+    shared.run_script(lambda case: SOLVE[case.name](case))

@@ -6,6 +6,8 @@ Below R = c_s = 1, so that b is the root x = omega R / c_s.
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 STEP = 1e-6  # of the differences that give the gradient of the displacement, over the radius
@@ -42,6 +44,7 @@ def tractions(b: float, poissons_ratio: float) -> np.ndarray:
     return np.array([normal, [da - ja, -db - (b**2 / 2 - l2 + 1) * jb]], float)
 
 
+@functools.cache
 def root(poissons_ratio: float) -> float:
     """Lowest x = omega R / c_s."""
     determinant = lambda b: np.linalg.det(tractions(b, poissons_ratio))  # noqa: E731

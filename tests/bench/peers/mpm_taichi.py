@@ -7,10 +7,10 @@ and eight points per cell on a lattice, a dense grid, symplectic Euler. Double p
 from __future__ import annotations
 
 import bodies
-import common
 import numpy as np
+import shared
 import taichi as ti
-from common import Case, Outcome, Stopwatch
+from shared import Case, Outcome, Stopwatch
 
 CFL = 0.3  # cells that a wave of pressure runs in a step
 MARGIN = 4  # cells around the body
@@ -98,7 +98,7 @@ class Points:
         """Of the points; kinetic with that of the affine part, whose points fill h^2 / 4 of inertia."""
         v, affine = self.v.to_numpy(), self.affine.to_numpy()
         kinetic = 0.5 * self.mass * (float((v**2).sum()) + self.h**2 / 4 * float((affine**2).sum()))
-        return kinetic + self.volume * float(common.elastic_density(case, self.f.to_numpy()).sum())
+        return kinetic + self.volume * float(shared.elastic_density(case, self.f.to_numpy()).sum())
 
 
 def floating(case: Case, height: float) -> tuple[Points, np.ndarray]:
@@ -129,17 +129,17 @@ def oscillation(case: Case) -> Outcome:
     body.dt = case.end / steps
     warm(body)
     masses = np.ones(body.count)
-    times, ellipticity, energies = [0.0], [common.ellipticity(body.x.to_numpy(), masses)], [body.energy(case)]
-    every = max(1, int(case.period / body.dt / common.SAMPLES))
+    times, ellipticity, energies = [0.0], [shared.ellipticity(body.x.to_numpy(), masses)], [body.energy(case)]
+    every = max(1, int(case.period / body.dt / shared.SAMPLES))
     used = Stopwatch()
     for step in range(1, steps + 1):
         with used:
             body.step()
         if step % every == 0:
             times.append(step * body.dt)
-            ellipticity.append(common.ellipticity(body.x.to_numpy(), masses))
+            ellipticity.append(shared.ellipticity(body.x.to_numpy(), masses))
             energies.append(body.energy(case))
-    kept = common.energy_kept(times, energies, case.period)
+    kept = shared.energy_kept(times, energies, case.period)
     found = {"times": times, "ellipticity": ellipticity, "energy_kept": kept}
     return found | {"steps": steps} | used.found()
 
@@ -178,7 +178,7 @@ def cantilever(case: Case) -> Outcome:
             body.step()
         ti.sync()
     sags = points[:, 1] - body.x.to_numpy()[:, 1]
-    sag = common.extrapolated_end(points[:, 0], sags, case.length, case.height)
+    sag = shared.extrapolated_end(points[:, 0], sags, case.length, case.height)
     return {"sag": sag, "steps": steps} | used.found()
 
 
@@ -192,4 +192,4 @@ def solve(case: Case) -> Outcome:
 
 
 if __name__ == "__main__":
-    common.run_script(solve)
+    shared.run_script(solve)

@@ -7,11 +7,11 @@ at small strain), implicit Euler, contact as a penalty, on the processor. steps:
 from __future__ import annotations
 
 import bodies
-import common
 import newton
 import numpy as np
+import shared
 import warp as wp
-from common import Case, Outcome, Stopwatch
+from shared import Case, Outcome, Stopwatch
 
 STEPS, ITERATIONS = 40, 20
 BOUNCE_STEPS = 120
@@ -92,16 +92,16 @@ def oscillation(case: Case) -> Outcome:
     body = Body(case, points, tets, case.period / wanted, {})
     body.place(points + case.mode(points))
     warm(body)
-    times, ellipticity, energies = [0.0], [common.ellipticity(body.points(), body.masses)], [body.energy()]
-    steps, used, every = round(case.periods * wanted), Stopwatch(), max(1, wanted // common.SAMPLES)
+    times, ellipticity, energies = [0.0], [shared.ellipticity(body.points(), body.masses)], [body.energy()]
+    steps, used, every = round(case.periods * wanted), Stopwatch(), max(1, wanted // shared.SAMPLES)
     for step in range(1, steps + 1):
         with used:
             body.step()
         if step % every == 0:
             times.append(step * body.dt)
-            ellipticity.append(common.ellipticity(body.points(), body.masses))
+            ellipticity.append(shared.ellipticity(body.points(), body.masses))
             energies.append(body.energy())
-    kept = common.energy_kept(times, energies, case.period)
+    kept = shared.energy_kept(times, energies, case.period)
     found = {"times": times, "ellipticity": ellipticity, "energy_kept": kept}
     return found | {"steps": steps} | used.found()
 
@@ -132,7 +132,7 @@ def cantilever(case: Case) -> Outcome:
     with used:
         for _ in range(steps):
             body.step(case.damping)
-    sag = common.end_face(points, points[:, 1] - body.points()[:, 1], case)
+    sag = shared.end_face(points, points[:, 1] - body.points()[:, 1], case)
     return {"sag": sag, "steps": steps} | used.found()
 
 
@@ -146,4 +146,4 @@ def solve(case: Case) -> Outcome:
 
 
 if __name__ == "__main__":
-    common.run_script(solve)
+    shared.run_script(solve)

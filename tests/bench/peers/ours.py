@@ -6,11 +6,11 @@ Needs EULERFSI_LIBRARY or a build, and the package eulerfsi on PYTHONPATH.
 from __future__ import annotations
 
 import bodies
-import common
 import numpy as np
-from common import Case, Outcome, Stopwatch
+import shared
 from eulerfsi.solver import binding
 from eulerfsi.solver.simulation import Mesh, Simulation, Surface
+from shared import Case, Outcome, Stopwatch
 
 STEPS = 40  # of a period of the oscillation
 REST_STEPS = 100  # of a period of the beam
@@ -56,7 +56,7 @@ def oscillation(case: Case) -> Outcome:
         def look() -> tuple[float, float]:
             facts = simulation.solid_diagnostics(ball)
             points = simulation.surface(ball)[0].astype(float)
-            return common.ellipticity(points, shares), facts["kinetic_energy"] + facts["elastic_energy"]
+            return shared.ellipticity(points, shares), facts["kinetic_energy"] + facts["elastic_energy"]
 
         seen, times = [look()], [0.0]
         used = Stopwatch()
@@ -67,7 +67,7 @@ def oscillation(case: Case) -> Outcome:
             times.append(simulation.time)
         steps = simulation.steps
     ellipticity, energies = zip(*seen, strict=True)
-    kept = common.energy_kept(times, energies, case.period)
+    kept = shared.energy_kept(times, energies, case.period)
     found = {"times": times, "ellipticity": ellipticity, "energy_kept": kept}
     return found | {"steps": steps} | used.found()
 
@@ -132,4 +132,4 @@ def cantilever(case: Case) -> Outcome:
 SOLVE = {"oscillation": oscillation, "bounce": bounce, "cantilever": cantilever}
 
 if __name__ == "__main__":
-    common.run_script(lambda case: SOLVE[case.name](case))
+    shared.run_script(lambda case: SOLVE[case.name](case))

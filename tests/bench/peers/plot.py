@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -53,9 +54,11 @@ def draw(source: Path, target: Path) -> None:
                 axes.plot(
                     [row.core_s for row in line], [max(row.error, LEAST) for row in line], style + "o", color=color
                 )
-                for row in line:
+                for k, row in enumerate(line):
+                    words = [f"{name} {value}" for name, value in json.loads(options).items()] if k == 0 else []
                     where = (row.core_s, max(row.error, LEAST))
-                    axes.annotate(str(row.cells), where, xytext=(3, 3), textcoords="offset points", fontsize=6)
+                    text = " ".join([str(row.cells), *words])
+                    axes.annotate(text, where, xytext=(3, 3), textcoords="offset points", fontsize=6)
         axes.set(xscale="log", yscale="log", ylabel=run.NORMS[measure])
         axes.set_title(title, fontsize="medium")
         axes.grid(alpha=0.3)

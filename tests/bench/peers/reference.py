@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import sys
 
-import common
 import fem_skfem
 import lamb
 import numpy as np
-from common import Case
+import shared
+from shared import Case
 
 SAFETY = 0.5  # of the time that a wave of pressure takes through the thinnest element
 
@@ -140,15 +140,15 @@ def richardson(across: list[int], values: list[float]) -> tuple[float, float]:
 def main() -> None:
     what = sys.argv[1] if len(sys.argv) == 2 else ""
     if what == "lamb":
-        case = common.case_of("oscillation", 8)
+        case = shared.case_of("oscillation", 8)
         print(f"{lamb.root(case.material['poissons_ratio']):.6f}")
         return
     if what == "restitution":
         across = [32, 64, 96]
-        values = [restitution(common.case_of("bounce", 8), n) for n in across]
+        values = [restitution(shared.case_of("bounce", 8), n) for n in across]
     elif what == "sag":
         across = [2, 3, 4]
-        values = [fem_skfem.cantilever(common.case_of("cantilever", n, {"order": 2}))["sag"] for n in across]
+        values = [fem_skfem.cantilever(shared.case_of("cantilever", n, {"order": 2}))["sag"] for n in across]
     else:
         sys.exit(f"reference.py {' '.join(sys.argv[1:])}: must be lamb, restitution or sag")
     limit, order = richardson(across, values)

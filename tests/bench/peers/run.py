@@ -30,7 +30,7 @@ for folder in (ROOT / "batch", ROOT / "usd_plugin", HERE.parent, HERE):
     if str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
 
-import common  # noqa: E402
+import shared  # noqa: E402
 from accuracy import table  # noqa: E402
 from accuracy.table import Row  # noqa: E402
 from eulerfsi.errors import UsageError  # noqa: E402
@@ -98,14 +98,14 @@ MEASURES = {"oscillation": ("frequency", "energy"), "bounce": ("restitution",), 
 def solvers(path: Path = HERE / "solvers.toml") -> dict[str, Solver]:
     listed = tomllib.loads(path.read_text())
     return {
-        name: Solver(name, entry["script"], entry.get("environment", ""), {c: entry.get(c, []) for c in common.CASES})
+        name: Solver(name, entry["script"], entry.get("environment", ""), {c: entry.get(c, []) for c in shared.CASES})
         for name, entry in listed.items()
     }
 
 
 def planned(chosen: Sequence[Solver], cases: Sequence[str], quick: bool) -> list[Run]:
     """Runs, cheap ones first. quick: of each case and solver the first options at their coarsest resolution."""
-    known, out = common.read_cases(), []
+    known, out = shared.read_cases(), []
     for solver in chosen:
         for case in cases:
             for options in solver.runs[case][: 1 if quick else None]:
@@ -168,9 +168,9 @@ def child(run: Run, python: Path) -> dict[str, Any]:
 def read(output: str, errors: str, code: int) -> dict[str, Any]:
     """A script's result, or {"failure": one line}."""
     for line in output.splitlines():
-        if line.startswith(common.MARK):
+        if line.startswith(shared.MARK):
             try:
-                return json.loads(line.removeprefix(common.MARK))
+                return json.loads(line.removeprefix(shared.MARK))
             except json.JSONDecodeError:
                 return {"failure": f"its result is damaged: {line[:60]}"}
     if code in (-signal.SIGXCPU, -signal.SIGKILL):
@@ -183,13 +183,13 @@ def measured(run: Run, found: dict[str, Any]) -> list[Row]:
     """The rows of a result."""
     if "failure" in found:
         return [run.row(name, failure=found["failure"]) for name in MEASURES[run.case]]
-    case = common.case_of(run.case, run.across, run.options)
+    case = shared.case_of(run.case, run.across, run.options)
     cost = {"core_s": found["core"], "wall_s": found["wall"], "steps": found["steps"]}
     cost |= {"peak_mb": found["memory"] / 2**20, "numbers": table.text_of({"setup core s": found["setup"]})}
-    if run.case != "cantilever" or run.solver.name != "fem":
+    if run.case != "cantilever" or run.solver.environment != "skfem":
         cost["step"] = f"{case.end / found['steps']:.3g}"
     rows = []
-    for line in common.judge(case, found):
+    for line in shared.judge(case, found):
         failure = ""
         if not found.get("clear", True):
             failure = f"still on the floor after {case.end:g} s"
@@ -213,7 +213,7 @@ def carry_out(run: Run, python: Path) -> list[Row]:
 def text(row: Row) -> str:
     """One line of what is printed."""
     options = "" if row.parameters == "{}" else f" {row.parameters}"
-    name = f"{row.case.removeprefix('peer_'):<11} {row.solver:<20} {row.cells:>3}{options}"
+    name = f"{row.case.removeprefix('peer_'):<11} {row.solver:<22} {row.cells:>3}{options}"
     if row.failure:
         return f"{name}: {row.failure}"
     return f"{name}: error {row.error:.3g}, {row.core_s:.3g} core s, {row.steps} steps, {row.peak_mb:.0f} MiB"
@@ -255,14 +255,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="run.py", description=__doc__.splitlines()[0], allow_abbrev=False)
     listed = solvers()
     parser.add_argument("--peer", metavar="NAME,..", help=f"some of {', '.join(listed)}; default all")
-    parser.add_argument("--case", metavar="NAME,..", help=f"some of {', '.join(common.CASES)}; default all")
+    parser.add_argument("--case", metavar="NAME,..", help=f"some of {', '.join(shared.CASES)}; default all")
     parser.add_argument("--quick", action="store_true", help="each solver and case once, at its coarsest")
     parser.add_argument("--output", type=Path, default=OUTPUT, metavar="FILE", help="default: tests/bench/results")
     parser.add_argument("--no-install", action="store_true", help="only peers whose environment exists")
     options = parser.parse_args(arguments)
     try:
         chosen = [listed[name] for name in picked("peer", options.peer, list(listed))]
-        cases = picked("case", options.case, common.CASES)
+        cases = picked("case", options.case, shared.CASES)
         absent = make(chosen, cases, options.output, options.quick, not options.no_install)
     except UsageError as error:
         print(error, file=sys.stderr)
