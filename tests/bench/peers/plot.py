@@ -57,7 +57,7 @@ def draw(source: Path, target: Path) -> None:
                 for k, row in enumerate(line):
                     words = [f"{name} {value}" for name, value in json.loads(options).items()] if k == 0 else []
                     where = (row.core_s, max(row.error, LEAST))
-                    text = " ".join([str(row.cells), *words])
+                    text = " ".join([f"{row.cells:g}", *words])
                     axes.annotate(text, where, xytext=(3, -8 if words else 3), textcoords="offset points", fontsize=6)
         axes.set(xscale="log", yscale="log", ylabel=run.NORMS[measure])
         axes.set_title(title, fontsize="medium")

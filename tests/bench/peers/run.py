@@ -17,6 +17,7 @@ import resource
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 import tomllib
 import venv
@@ -153,15 +154,19 @@ def child(run: Run, python: Path) -> dict[str, Any]:
     environment |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive"}
     if run.solver.name == OURS:
         environment["PYTHONPATH"] = os.pathsep.join(str(ROOT / part) for part in ("batch", "usd_plugin"))
+        if "EULERFSI_LIBRARY" in environment:
+            environment["EULERFSI_LIBRARY"] = str(Path(environment["EULERFSI_LIBRARY"]).resolve())
     limit = LIMIT + START
-    done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        check=False,
-        env=environment,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (limit, limit)),
-    )
+    with tempfile.TemporaryDirectory() as folder:  # for what a peer writes where it runs
+        done = subprocess.run(
+            command,
+            capture_output=True,
+            text=True,
+            check=False,
+            cwd=folder,
+            env=environment,
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (limit, limit)),
+        )
     return read(done.stdout, done.stderr, done.returncode)
 
 
@@ -213,7 +218,7 @@ def carry_out(run: Run, python: Path) -> list[Row]:
 def text(row: Row) -> str:
     """One line of what is printed."""
     options = "" if row.parameters == "{}" else f" {row.parameters}"
-    name = f"{row.case.removeprefix('peer_'):<11} {row.solver:<22} {row.cells:>3}{options}"
+    name = f"{row.case.removeprefix('peer_'):<11} {row.solver:<22} {row.cells:>3g}{options}"
     if row.failure:
         return f"{name}: {row.failure}"
     return f"{name}: error {row.error:.3g}, {row.core_s:.3g} core s, {row.steps} steps, {row.peak_mb:.0f} MiB"
