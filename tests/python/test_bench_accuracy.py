@@ -175,6 +175,8 @@ def test_orders_in_h_and_dt_come_from_their_own_sweeps() -> None:
     assert found.dt == pytest.approx(2.0, abs=1e-6)
     rounded = fit.orders([dataclasses.replace(r, error=1e-7) for r in rows])
     assert rounded.rounding and rounded.h is None
+    short = row(cells=8, error=0.9, parameters='{"frames": "1-3"}')
+    assert len(fit.resolution([*rows, short])) == 3
     there_and_back = [row(cells=n, error=e, value=e) for n, e in ((8, 0.1), (16, 0.02), (32, 0.05))]
     assert fit.orders(there_and_back).h is None
 

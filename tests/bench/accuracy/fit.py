@@ -60,13 +60,14 @@ class Orders:
 
 
 def resolution(rows: Sequence[Row]) -> list[Row]:
-    """The sweep over resolutions of the solver's default, by cells; first repeats."""
+    """The sweep over resolutions of the solver's default, by cells; first repeats, of the parameters with most runs."""
     found = [
         r
         for r in rows
         if r.sweep == "resolution" and r.step == "default" and r.tolerance is None and not r.failure and r.repeat == 1
     ]
-    return sorted(found, key=lambda r: r.cells)
+    kinds = [r.parameters for r in found]
+    return sorted((r for r in found if r.parameters == max(kinds, key=kinds.count)), key=lambda r: r.cells)
 
 
 def divided(rows: Sequence[Row]) -> tuple[list[float], list[Row]]:
