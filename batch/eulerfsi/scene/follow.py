@@ -12,6 +12,7 @@ weighted by area and linear on the triangle, so that what is joined stays joined
 from __future__ import annotations
 
 import numpy as np
+from eulerfsi_usd.tets import cross, dot
 
 from ..solver.simulation import nearest_on_triangles
 
@@ -58,7 +59,7 @@ class Binding:
     def _rest_duals(self, rest: np.ndarray) -> tuple[np.ndarray, ...]:
         """Per triangle, times twice its area: what its two sides and its normal are multiplied with; and that area."""
         first, second, normal, area = _frame(rest, self._around)
-        return _cross(second, normal), _cross(normal, first), area[:, None] * normal, area
+        return cross(second, normal), cross(normal, first), area[:, None] * normal, area
 
     def _sum_around(self, values: np.ndarray) -> np.ndarray:
         """(held, ...) sum over the triangles around each point that is held, in their order."""
@@ -80,8 +81,8 @@ class Binding:
 def _frame(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, ...]:
     """Two sides of each triangle, its unit normal (0 where it has no area), and twice its area."""
     first, second = (points[triangles[:, k]] - points[triangles[:, 0]] for k in (1, 2))
-    normal = _cross(first, second)
-    area = np.sqrt(_dot(normal, normal))
+    normal = cross(first, second)
+    area = np.sqrt(dot(normal, normal))
     return first, second, normal / np.where(area > 0.0, area, 1.0)[:, None], area
 
 
@@ -111,15 +112,3 @@ def nearest_rotation(matrices: np.ndarray) -> np.ndarray:
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-
-
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(..., 3) vector product."""
-    x, y, z = (a[..., i] for i in range(3))
-    u, v, w = (b[..., i] for i in range(3))
-    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
-
-
-def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(...) scalar product of (..., 3) vectors, its terms added in order."""
-    return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
