@@ -1,6 +1,5 @@
 // Prints, for every test with the tag [law], its checks with value, reference and tolerance, what the test says of
 // them, and the conditions that its runs have noted. The first of each check: it may stand in a loop.
-#define CATCH_CONFIG_EXTERNAL_INTERFACES
 #include "unit/law_lines.hpp"
 
 #include <algorithm>
