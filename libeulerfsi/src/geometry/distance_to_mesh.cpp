@@ -37,21 +37,30 @@ TriangleMesh in_index_space(TriangleMesh mesh, const Vec3d& origin, double spaci
   return mesh;
 }
 
+// A mesh in index space as tools::meshToVolume reads it.
+class MeshForVdb {
+ public:
+  explicit MeshForVdb(const TriangleMesh& mesh) : mesh_(mesh) {}
+  std::size_t polygonCount() const { return mesh_.triangles.size(); }
+  std::size_t pointCount() const { return mesh_.points.size(); }
+  std::size_t vertexCount(std::size_t) const { return 3; }
+  void getIndexSpacePoint(std::size_t triangle, std::size_t at, openvdb::Vec3d& point) const {
+    point = to_vdb(mesh_.points[mesh_.triangles[triangle][at]]);
+  }
+
+ private:
+  const TriangleMesh& mesh_;
+};
+
 // OpenVDB's voxelization: the nearest triangle of every node within kBand spacings of the mesh, -1 elsewhere. Which of
 // several nearest ones is found can depend on how OpenVDB's threads share the work, so there is one thread.
 std::vector<std::int32_t> nearest_triangles_in_band(const TriangleMesh& mesh, const Vec3i& size) {
-  std::vector<openvdb::Vec3s> points;
-  std::vector<openvdb::Vec3I> triangles;
-  for (const Vec3d& x : mesh.points) points.emplace_back(to_vdb(x));
-  for (const Triangle& t : mesh.triangles) triangles.emplace_back(t[0], t[1], t[2]);
-  // This adapter and interrupter are those that the library was compiled for.
-  const openvdb::tools::QuadAndTriangleDataAdapter<openvdb::Vec3s, openvdb::Vec3I> adapter(points, triangles);
   std::vector<std::int32_t> nearest(static_cast<std::size_t>(size[0]) * size[1] * size[2]);
   tbb::task_arena(1).execute([&] {
     openvdb::Int32Grid indices(-1);
     openvdb::util::NullInterrupter interrupter;
-    openvdb::tools::meshToVolume<openvdb::FloatGrid>(interrupter, adapter, openvdb::math::Transform(), kBand, 0.0f,
-                                                     openvdb::tools::UNSIGNED_DISTANCE_FIELD, &indices);
+    openvdb::tools::meshToVolume<openvdb::FloatGrid>(interrupter, MeshForVdb(mesh), openvdb::math::Transform(), kBand,
+                                                     0.0f, openvdb::tools::UNSIGNED_DISTANCE_FIELD, &indices);
     const openvdb::CoordBBox box(openvdb::Coord(0), openvdb::Coord(size[0] - 1, size[1] - 1, size[2] - 1));
     openvdb::tools::Dense<std::int32_t, openvdb::tools::LayoutXYZ> dense(box, nearest.data());
     openvdb::tools::copyToDense(indices, dense, /*serial=*/true);
