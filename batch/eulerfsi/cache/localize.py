@@ -44,7 +44,7 @@ def localize_scene(scene: Path, folder: Path) -> Path:
         for asset in assets:
             source = Path(Ar.SplitPackageRelativePathOuter(asset)[0])
             target = places.of(source)
-            if source.is_file() and not target.exists():
+            if source.is_file() and not (target.exists() and target.samefile(source)):
                 target.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(source, target)
     except OSError as error:

@@ -81,8 +81,6 @@ def begin_stretch(manifest: Manifest, frame: int, recipe: dict[str, Any]) -> Non
     made = next((stretch for stretch in earlier if stretch["last"] >= frame), data)
     if made["scene_hash"] != recipe["scene_hash"] or made.get("output") != recipe.get("output"):
         kept.append({"last": frame, **{key: made[key] for key in _RECIPE if key in made}})
-    elif kept and kept[-1]["scene_hash"] == recipe["scene_hash"]:
-        kept.pop()
     data["stretches"] = kept
     data.update({key: recipe[key] for key in _RECIPE if key in recipe})
 
