@@ -35,7 +35,7 @@ def files_until(folder: Path, frame: int) -> dict[str, bytes]:
     return {name: (folder / name).read_bytes() for n in frames if int(n) <= frame for name in frames[n]["files"]}
 
 
-def lively(path: Path, *, puff_until: int | None = None, lift_until: int = LAST, moved: float = 0.0) -> Path:
+def moving_scene(path: Path, *, puff_until: int | None = None, lift_until: int = LAST, moved: float = 0.0) -> Path:
     """The small scene with an emitter that is on until a frame, and a floor that rises until another."""
     stage = make_scene(path, frames=(1, LAST), voxel=0.06)
     puff = box(stage, "/World/Puff", (0.1, -0.2, 0.0), (0.15, 0.15, 0.15), 1.0, "EulerFsiEmitterAPI")
@@ -56,7 +56,7 @@ def lively(path: Path, *, puff_until: int | None = None, lift_until: int = LAST,
 def baked(tmp_path_factory, library) -> tuple[Path, Path]:
     """Scene and cache with a checkpoint of every frame. Tests copy the cache."""
     folder = tmp_path_factory.mktemp("baked")
-    scene = lively(folder / "lively.usda")
+    scene = moving_scene(folder / "moving.usda")
     run(scene, folder / "cache")
     return scene, folder / "cache"
 
@@ -82,7 +82,7 @@ def test_later_frames_are_those_of_a_run_that_had_the_change(
 ) -> None:
     """Both changes begin after the frame, so that a run of the changed scene has had it from there on."""
     _, cache = baked
-    scene = lively(tmp_path / "lively.usda", **change)
+    scene = moving_scene(tmp_path / "moving.usda", **change)
     run(scene, tmp_path / "whole")
     folder = copy_of(cache, tmp_path / "cache")
     before = files_until(folder, CHANGE)
@@ -124,7 +124,7 @@ def test_a_rebake_that_stops_is_resumed(baked: tuple[Path, Path], tmp_path: Path
     (folder / manifest(folder)["checkpoints"][-1]["file"]).unlink()
     run(scene, folder, resume=True, allow_restart=True, **softer)
     assert content_hashes(folder) == content_hashes(whole)
-    assert Usd.Stage.Open(str(folder / "lively.usda")).GetEndTimeCode() == LAST
+    assert Usd.Stage.Open(str(folder / "moving.usda")).GetEndTimeCode() == LAST
 
 
 def test_what_cannot_be_made_anew_is_refused_by_name(baked: tuple[Path, Path], tmp_path: Path) -> None:
@@ -140,9 +140,13 @@ def test_what_cannot_be_made_anew_is_refused_by_name(baked: tuple[Path, Path], t
     refused(UsageError, rf"--rebake-from {LAST}: must be from 1 to {LAST - 1}", frame=LAST)
     refused(UsageError, "--rebake-from 0: must be", frame=0)
     refused(MismatchError, r"voxel_size = 0\.05: must be 0\.06", settings=("/World/Domain.eulerfsi:voxelSize=0.05",))
-    refused(MismatchError, "/World/Lift: its mesh is another one", lively(tmp_path / "a.usda", moved=0.02))
-    refused(MismatchError, "/World/Lift: its pose in frame 3 is another one", lively(tmp_path / "b.usda", lift_until=2))
-    two = Usd.Stage.Open(str(lively(tmp_path / "c.usda")))
+    refused(MismatchError, "/World/Lift: its mesh is another one", moving_scene(tmp_path / "a.usda", moved=0.02))
+    refused(
+        MismatchError,
+        "/World/Lift: its pose in frame 3 is another one",
+        moving_scene(tmp_path / "b.usda", lift_until=2),
+    )
+    two = Usd.Stage.Open(str(moving_scene(tmp_path / "c.usda")))
     Sdf.CopySpec(two.GetRootLayer(), "/World/Lift", two.GetRootLayer(), "/World/Lift2")
     two.GetRootLayer().Save()
     refused(MismatchError, "/World/Lift2 is new: bodies cannot come or go", tmp_path / "c.usda")
@@ -153,7 +157,7 @@ def test_what_cannot_be_made_anew_is_refused_by_name(baked: tuple[Path, Path], t
     simulate(scene, Options(output=few, progress="none"), Log())
     with pytest.raises(MismatchError, match=r"no checkpoint of that frame; frames with one: 1, 8"):
         run(scene, few, rebake_from=4)
-    damaged = folder / f"frames/lively.{2:04d}.usdc"
+    damaged = folder / f"frames/moving.{2:04d}.usdc"
     damaged.write_bytes(damaged.read_bytes()[:-5])
     with pytest.raises(CacheIOError, match="--rebake-from 3: frame 2 is missing or damaged"):
         run(scene, folder, rebake_from=CHANGE)
@@ -162,7 +166,7 @@ def test_what_cannot_be_made_anew_is_refused_by_name(baked: tuple[Path, Path], t
 def test_options_of_the_output(baked: tuple[Path, Path], tmp_path: Path, cli) -> None:
     """Half floats, a threshold, a region and no velocity: read back, kept in the manifest, the same when resumed."""
     scene, cache = baked
-    name = f"vdb/lively.{LAST:04d}.vdb"
+    name = f"vdb/moving.{LAST:04d}.vdb"
     with VolumeFile(cache / name) as file:
         full, whole = file.grid("density"), file.read("density")
         assert file.grid("vel")["components"] == 3
@@ -182,7 +186,7 @@ def test_options_of_the_output(baked: tuple[Path, Path], tmp_path: Path, cli) ->
     ends = part["transform"][:3, 3] + part["transform"][0, 0] * (part["min"] + part["size"] - 1)
     assert ends[0] < 0 and 0 < part["active_count"] < full["active_count"]
     assert (tmp_path / "small" / name).stat().st_size < 0.5 * (cache / name).stat().st_size
-    stage = Usd.Stage.Open(str(tmp_path / "small/lively.usda"))
+    stage = Usd.Stage.Open(str(tmp_path / "small/moving.usda"))
     assert not [prim for prim in stage.Traverse() if prim.GetName() == "vel"]
 
     other = cli("simulate", scene, "-o", "small", "--resume", "--smoke-threshold", "0.3")

@@ -158,6 +158,7 @@ class _Level:
         self.used = self.valence > 0
 
     def _number_new(self) -> None:
+        """Each scheme's own: numbers the points that a level adds."""
         raise NotImplementedError
 
     def child_edges(self, offset: int) -> None:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import resource
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from eulerfsi.solver.simulation import Simulation
 from loop.measure import Result
+from speed.child import peak_memory
 
 
 class Failed(Exception):
@@ -101,12 +100,3 @@ class Meter:
             "pressure_iterations": self.pressure,
             "peak_mb": peak_memory() / 2**20,
         }
-
-
-def peak_memory() -> int:
-    """Largest resident memory of this process so far [bytes]; VmHWM does not count what ran before exec."""
-    status = Path("/proc/self/status")
-    for line in status.read_text().splitlines() if status.exists() else []:
-        if line.startswith("VmHWM:"):
-            return int(line.split()[1]) * 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024

@@ -1,11 +1,17 @@
-// Purpose: a folder of its own for a test, removed at the end.
+// Purpose: a folder of its own for a test, removed at the end; files in it as bytes; what a call is refused with.
 #pragma once
 
 #include <stdlib.h>
 
+#include <catch2/catch.hpp>
 #include <filesystem>
+#include <fstream>
+#include <functional>
+#include <sstream>
 #include <stdexcept>
 #include <string>
+
+#include "base/error.hpp"
 
 namespace efsi::io {
 
@@ -36,5 +42,22 @@ class Scratch {
  private:
   std::filesystem::path folder_;
 };
+
+inline std::string bytes_of(const std::string& path) {
+  std::ostringstream text;
+  text << std::ifstream(path, std::ios::binary).rdbuf();
+  return text.str();
+}
+
+// What a call is refused with; "accepted" where it is not.
+inline std::string refusal(const std::function<void()>& call, ErrorCode code) {
+  try {
+    call();
+  } catch (const Error& error) {
+    CHECK(error.code() == code);
+    return error.what();
+  }
+  return "accepted";
+}
 
 }  // namespace efsi::io
