@@ -98,18 +98,8 @@ def oscillation(case: Case) -> Outcome:
     steps = int(np.ceil(case.end / flex.dt))
     flex.dt = flex.model.opt.timestep = case.end / steps
     every = max(1, int(case.period / flex.dt / shared.SAMPLES))
-    times, ellipticity, energies = [0.0], [shared.ellipticity(flex.points(), flex.masses)], [flex.energy()]
-    used = Stopwatch()
-    for step in range(1, steps + 1):
-        with used:
-            flex.step()
-        if step % every == 0:
-            times.append(step * flex.dt)
-            ellipticity.append(shared.ellipticity(flex.points(), flex.masses))
-            energies.append(flex.energy())
-    kept = shared.energy_kept(times, energies, case.period)
-    found = {"times": times, "ellipticity": ellipticity, "energy_kept": kept}
-    return found | {"steps": steps} | used.found()
+    look = lambda: (shared.ellipticity(flex.points(), flex.masses), flex.energy())  # noqa: E731
+    return shared.sampled_swing(case, flex.dt, steps, every, flex.step, look)
 
 
 def bounce(case: Case) -> Outcome:

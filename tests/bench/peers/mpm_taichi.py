@@ -120,6 +120,17 @@ def warm(body: Points) -> None:
         getattr(body, name).from_numpy(values)
 
 
+def take(body: Points, steps: int) -> Stopwatch:
+    """Warms up, then takes the steps."""
+    warm(body)
+    used = Stopwatch()
+    with used:
+        for _ in range(steps):
+            body.step()
+        ti.sync()
+    return used
+
+
 def oscillation(case: Case) -> Outcome:
     body, points = floating(case, 0.0)
     center = np.array([0.0, case.radius, 0.0])
@@ -129,19 +140,9 @@ def oscillation(case: Case) -> Outcome:
     body.dt = case.end / steps
     warm(body)
     masses = np.ones(body.count)
-    times, ellipticity, energies = [0.0], [shared.ellipticity(body.x.to_numpy(), masses)], [body.energy(case)]
     every = max(1, int(case.period / body.dt / shared.SAMPLES))
-    used = Stopwatch()
-    for step in range(1, steps + 1):
-        with used:
-            body.step()
-        if step % every == 0:
-            times.append(step * body.dt)
-            ellipticity.append(shared.ellipticity(body.x.to_numpy(), masses))
-            energies.append(body.energy(case))
-    kept = shared.energy_kept(times, energies, case.period)
-    found = {"times": times, "ellipticity": ellipticity, "energy_kept": kept}
-    return found | {"steps": steps} | used.found()
+    look = lambda: (shared.ellipticity(body.x.to_numpy(), masses), body.energy(case))  # noqa: E731
+    return shared.sampled_swing(case, body.dt, steps, every, body.step, look)
 
 
 def bounce(case: Case) -> Outcome:
@@ -149,12 +150,7 @@ def bounce(case: Case) -> Outcome:
     body.floor = MARGIN
     body.v.from_numpy(np.broadcast_to([0.0, -case.speed, 0.0], (body.count, 3)).copy())
     steps = int(np.ceil(case.duration / body.dt))
-    warm(body)
-    used = Stopwatch()
-    with used:
-        for _ in range(steps):
-            body.step()
-        ti.sync()
+    used = take(body, steps)
     speed = float(body.v.to_numpy()[:, 1].mean())
     clear = float(body.x.to_numpy()[:, 1].min()) > 1.5 * body.h
     return {"restitution": speed / case.speed, "clear": clear, "steps": steps} | used.found()
@@ -171,12 +167,7 @@ def cantilever(case: Case) -> Outcome:
     body = Points(case, points, volume, corner, tuple(shape))
     body.clamp, body.pull, body.drag = MARGIN + CLAMPED, case.gravity, case.damping
     steps = int(np.ceil(case.end / body.dt))
-    warm(body)
-    used = Stopwatch()
-    with used:
-        for _ in range(steps):
-            body.step()
-        ti.sync()
+    used = take(body, steps)
     sags = points[:, 1] - body.x.to_numpy()[:, 1]
     sag = shared.extrapolated_end(points[:, 0], sags, case.length, case.height)
     return {"sag": sag, "steps": steps} | used.found()

@@ -92,18 +92,9 @@ def oscillation(case: Case) -> Outcome:
     body = Body(case, points, tets, case.period / wanted, {})
     body.place(points + case.mode(points))
     warm(body)
-    times, ellipticity, energies = [0.0], [shared.ellipticity(body.points(), body.masses)], [body.energy()]
-    steps, used, every = round(case.periods * wanted), Stopwatch(), max(1, wanted // shared.SAMPLES)
-    for step in range(1, steps + 1):
-        with used:
-            body.step()
-        if step % every == 0:
-            times.append(step * body.dt)
-            ellipticity.append(shared.ellipticity(body.points(), body.masses))
-            energies.append(body.energy())
-    kept = shared.energy_kept(times, energies, case.period)
-    found = {"times": times, "ellipticity": ellipticity, "energy_kept": kept}
-    return found | {"steps": steps} | used.found()
+    steps, every = round(case.periods * wanted), max(1, wanted // shared.SAMPLES)
+    look = lambda: (shared.ellipticity(body.points(), body.masses), body.energy())  # noqa: E731
+    return shared.sampled_swing(case, body.dt, steps, every, body.step, look)
 
 
 def bounce(case: Case) -> Outcome:

@@ -194,6 +194,22 @@ class Stopwatch:
 Outcome = dict[str, Any]  # "steps", those of Stopwatch.found, and what judge reads
 
 
+def sampled_swing(
+    case: Case, dt: float, steps: int, every: int, step: Callable[[], None], look: Callable[[], tuple[float, float]]
+) -> Outcome:
+    """Steps of dt, of which one in `every` is looked at. look: ellipticity and energy of the body now."""
+    times, seen, used = [0.0], [look()], Stopwatch()
+    for number in range(1, steps + 1):
+        with used:
+            step()
+        if number % every == 0:
+            times.append(number * dt)
+            seen.append(look())
+    ellipticity, energies = (list(column) for column in zip(*seen, strict=True))
+    kept = energy_kept(times, energies, case.period)
+    return {"times": times, "ellipticity": ellipticity, "energy_kept": kept, "steps": steps} | used.found()
+
+
 def judge(case: Case, found: Outcome) -> list[dict[str, Any]]:
     """Errors of a run: {"measure", "value", "reference", "error"}."""
     if case.name == "oscillation":
