@@ -137,32 +137,36 @@ class Mending {
   }
 
   // Where neighbouring clusters disagree the difference is spread over more edges: every lost point moves to where
-  // those beside it expect it, x = mean of y + R (X - Y).
+  // those beside it expect it, x = mean of y + R (X - Y) with weights 1/|X - Y|^2, so that edges share the difference
+  // in proportion to their lengths. Point by point (Gauss-Seidel): two points in one place would change places for ever
+  // if both moved at once.
   void smooth(int sweeps) {
-    std::vector<std::pair<std::size_t, std::size_t>> sides;
+    struct Side {
+      std::size_t end, other;
+      Vec3d edge;  // from `end` to `other`
+      double weight;
+    };
+    std::vector<Side> sides;
     for_sides([&](std::size_t a, std::size_t b) {
-      if (placed_[cluster(a)] && placed_[cluster(b)] && (lost_[a] || lost_[b])) sides.emplace_back(a, b);
-    });
-    std::vector<Vec3d> edge(sides.size()), sum(now_.size(), Vec3d::Zero());
-    std::vector<double> count(now_.size(), 0.0);
-    for (std::size_t e = 0; e < sides.size(); ++e) {
-      const auto [a, b] = sides[e];
+      if (!placed_[cluster(a)] || !placed_[cluster(b)]) return;
       const Vec3d at_rest = rest_[b] - rest_[a];
-      edge[e] = 0.5 * (rotation_[cluster(a)] * at_rest + rotation_[cluster(b)] * at_rest);
-      count[a] += 1.0;
-      count[b] += 1.0;
-    }
-    for (int sweep = 0; sweep < sweeps; ++sweep) {
-      for (std::size_t e = 0; e < sides.size(); ++e) {
-        const auto [a, b] = sides[e];
-        sum[a] += now_[b] - edge[e];
-        sum[b] += now_[a] + edge[e];
+      const Vec3d edge = 0.5 * (rotation_[cluster(a)] * at_rest + rotation_[cluster(b)] * at_rest);
+      const double weight = h_ * h_ / (at_rest.squaredNorm() + kNearest * kNearest * h_ * h_);
+      if (lost_[a]) sides.push_back({a, b, edge, weight});
+      if (lost_[b]) sides.push_back({b, a, -edge, weight});
+    });
+    std::stable_sort(sides.begin(), sides.end(), [](const Side& p, const Side& q) { return p.end < q.end; });
+    for (int sweep = 0; sweep < sweeps; ++sweep)
+      for (std::size_t s = 0; s < sides.size();) {
+        const std::size_t end = sides[s].end;
+        Vec3d sum = Vec3d::Zero();
+        double weights = 0.0;
+        for (; s < sides.size() && sides[s].end == end; ++s) {
+          sum += sides[s].weight * (now_[sides[s].other] - sides[s].edge);
+          weights += sides[s].weight;
+        }
+        now_[end] = sum / weights;
       }
-      for (std::size_t i = 0; i < now_.size(); ++i) {
-        if (lost_[i] && count[i] > 0.0) now_[i] = sum[i] / count[i];
-        sum[i].setZero();
-      }
-    }
   }
 
  private:
