@@ -12,6 +12,7 @@
 #include "contact/push_out.hpp"
 #include "contact/row_parts.hpp"
 #include "grid/interpolate.hpp"
+#include "solid/map/boundary_distance.hpp"
 
 namespace efsi::sim {
 
@@ -61,7 +62,8 @@ Vec3d seen_gradient(const solid::SolidRest& rest, const solid::SolidState& state
 constexpr double kUnknown = 1e30;
 struct Sight {
   std::vector<double> distance;
-  std::vector<double> length;  // of the gradient of the distance at rest, bounded
+  std::vector<double>
+      length;  // of the gradient of the distance at rest, bounded: a first estimate, `boundary_distance`
   std::vector<Vec3d> outwards;
 };
 Sight look(const Parallel& parallel, const solid::SolidRest& rest, const solid::SolidState& state, const Grid& nodes) {
@@ -127,15 +129,13 @@ struct Sighted {
 // between nodes it would pass over edges and corners.
 Sighted sighted(const solid::SolidRest& rest, const solid::SolidState& state, const Sight& sight, std::size_t n,
                 const std::array<std::size_t, 8>& corner, const Weights& w, const Vec3d& x) {
-  const Grid& band = state.band.grid;
-  const Vec3d u = grid::NodeSampler(band).vector(state.u, ((x - band.origin) / band.h).cast<Real>()).cast<double>();
   Sighted out;
   double length = 0.0;
   for (std::size_t c = 0; c < 8; ++c) {
     length += w[c] * sight.length[n + corner[c]];
     out.outwards += w[c] * sight.outwards[n + corner[c]];
   }
-  out.distance = solid::distance_of(rest, state).sample(x - u) / length;
+  out.distance = solid::boundary_distance(rest, state, x, out.outwards.normalized(), length);
   return out;
 }
 

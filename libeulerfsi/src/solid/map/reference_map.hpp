@@ -14,7 +14,7 @@ struct Deformation {
   bool degenerate = false;  // a stretch was outside [kMinStretch, kMaxStretch] or F inverted, and was clamped
 };
 
-inline constexpr double kMinStretch = 0.2, kMaxStretch = 5.0;
+inline constexpr double kMinStretch = 0.1, kMaxStretch = 10.0;
 
 // displacement_gradient: du_i/dx_j. Eq. 1 through the eigenvectors of (I - du/dx)^T (I - du/dx) = (F F^T)^-1.
 Deformation deformation_from_displacement(const Mat3d& displacement_gradient);
