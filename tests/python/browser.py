@@ -16,7 +16,14 @@ from typing import Any
 NAMES = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
 _DRAWN = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 _WITHOUT = ("--disable-gpu", "--disable-3d-apis")
-_COMMON = ("--headless", "--no-sandbox", "--hide-scrollbars", "--mute-audio", "--disable-dev-shm-usage")
+_COMMON = (
+    "--headless",
+    "--no-sandbox",
+    "--hide-scrollbars",
+    "--mute-audio",
+    "--disable-dev-shm-usage",
+    "--disable-gpu-watchdog",
+)
 
 
 def find_browser() -> str | None:

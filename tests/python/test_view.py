@@ -177,17 +177,25 @@ def test_frames_beyond_what_the_root_layer_knows_are_shown(cache):
     assert falls[0] > falls[1] > falls[2]
 
 
-def test_over_the_limit_it_is_coarsened_and_says_so(cache):
+def test_over_the_limit_smoke_is_coarsened_then_frames_are_left_out(cache, monkeypatch):
     page, whole = page_of(cache)
-    size = whole.bytes / 1e6
-    smaller, made = page_of(cache, max_mb=size - 0.002)
-    assert made.bytes <= 1e6 * size - 2000 and len(made.notes) == 1
-    assert "coarsened" in made.notes[0] or "Every 2nd frame" in made.notes[0]
-    assert smaller.facts["frames"] == page.facts["frames"] or smaller.facts["every"] == 2
-    page, made = page_of(cache, every=2)
-    assert page.facts["frames"] == [1, 3] and made.notes == ["Every 2nd frame is shown."]
+    limit = 1e-6 * whole.bytes - 0.0005
+    fewer, made = page_of(cache, max_mb=limit)  # its smoke is as coarse as it gets already
+    assert made.bytes <= 1e6 * limit and len(fewer.facts["frames"]) < 3
+    assert made.notes == fewer.facts["notes"] and made.notes[0].startswith("Every ")
+    assert f"so that the page stays below {limit:g} MB" in made.notes[0]
+    monkeypatch.setattr("eulerfsi.cli.view._LEAST_CELLS", 10)
+    coarse, made = page_of(cache, max_mb=limit)
+    assert made.bytes <= 1e6 * limit and coarse.facts["frames"] == [1, 2, 3]
+    assert np.prod(coarse.facts["smoke"]["cells"]) < np.prod(page.facts["smoke"]["cells"])
+    assert made.notes == ["The smoke is coarsened to cells of 0.1 m, 2 voxels."]
     with pytest.raises(UsageError, match=r"--max-mb 0\.1: the page of .*cache needs 0\.\d+ MB with one frame"):
         page_of(cache, max_mb=0.1)
+
+
+def test_every_second_frame(cache):
+    page, made = page_of(cache, every=2)
+    assert page.facts["frames"] == [1, 3] and made.notes == ["Every 2nd frame is shown."]
 
 
 def test_hostile_names_are_text(cache):

@@ -89,6 +89,10 @@ def build_parser() -> argparse.ArgumentParser:
         "--strict", action="store_true", help="stop after the first frame with a warning of docs/warnings.md"
     )
 
+    simulate.add_argument(
+        "--flipbook", action="store_true", help="a picture of every frame, a contact sheet and a film; needs matplotlib"
+    )
+
     validate = add("validate", "Check a scene: schema, meshes, memory; estimate the run time from a few steps.")
     validate.add_argument("scene", type=Path, metavar="SCENE")
     _scene_options(validate)
@@ -232,6 +236,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _simulate(options: argparse.Namespace) -> int:
     from ..cache.output import Output
+    from ..cache.pictures import FILM
     from ..run.simulate import Options, simulate
 
     if options.preset is not None and options.preset not in binding.PRESETS:
@@ -251,6 +256,7 @@ def _simulate(options: argparse.Namespace) -> int:
         checkpoint_every=options.checkpoint_every,
         keep_checkpoints=options.keep_checkpoints,
         strict=options.strict,
+        flipbook=options.flipbook,
         rebake_from=options.rebake_from,
         written=Output.parse(options.half, options.smoke_threshold, not options.no_velocity, options.region),
     )
@@ -264,6 +270,9 @@ def _simulate(options: argparse.Namespace) -> int:
             sys.stdout,
         )
         say(f"preview: {result.preview or 'none; drawing it needs matplotlib'}", sys.stdout)
+        if options.flipbook:
+            film = result.folder / FILM
+            say(f"film:    {film if film.is_file() else 'none; drawing it needs matplotlib'}", sys.stdout)
     return errors.EXIT_OK
 
 

@@ -1,17 +1,18 @@
-"""preview.png: the last frame from the side, shaded solids in front of the smoke's optical depth."""
+"""The painter: a frame from the side, shaded solids in front of the smoke's optical depth."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pxr import UsdGeom
 
-from .. import files
 from ..scene.parts import Collider, Passenger, Scene, Solid
 from .usd_writer import vertex_normals
 
-NAME = "preview.png"
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 # Fill colours of the solids, repeated when there are more.
 _COLORS = ((0.86, 0.36, 0.22), (0.25, 0.55, 0.80), (0.93, 0.72, 0.25), (0.45, 0.68, 0.38), (0.66, 0.45, 0.74))
 _COLLIDER = (0.45, 0.47, 0.50)
@@ -44,23 +45,15 @@ def _is_drawn(scene: Scene, part: Solid | Passenger) -> bool:
     return not getattr(part, "is_cage", False) and not stands_in
 
 
-def write_preview(
-    path: Path,
-    scene: Scene,
-    frame: int,
-    surfaces: list[tuple[np.ndarray, np.ndarray]],
-    smoke: np.ndarray | None,
-    title: str,
-) -> None:
-    """Draws one frame. Raises ImportError without matplotlib.
+def paint(
+    scene: Scene, frame: int, surfaces: list[tuple[np.ndarray, np.ndarray]], smoke: np.ndarray | None
+) -> np.ndarray:
+    """(height, width, 3) bytes: one frame. Raises ImportError without matplotlib.
 
     surfaces: of scene.simulated points [m] and velocities; smoke: (nx, ny, nz) density or None.
     """
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-    from matplotlib.collections import PolyCollection
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
 
     gravity = np.array(scene.domain["gravity"])
     right, up, depth = view_axes(gravity)
@@ -69,32 +62,55 @@ def write_preview(
     high = low + np.array(scene.domain["domain_size"])
     width, height = high[right] - low[right], high[up] - low[up]
     inches = 7.2 / max(width, height)
-    figure = pyplot.figure(figsize=(width * inches, height * inches), dpi=100, facecolor=_BACKGROUND)
+    figure = Figure(figsize=(width * inches, height * inches), dpi=100, facecolor=_BACKGROUND)
     axes = figure.add_axes((0, 0, 1, 1))
     axes.set_xlim(low[right], high[right])
     axes.set_ylim(*sorted((flip * low[up], flip * high[up])))
     axes.set_axis_off()
-
     if smoke is not None and smoke.size:
-        h = scene.domain["voxel_size"]
-        # Light that is not let through along the line of sight, as a renderer would show thin smoke.
-        thickness = np.moveaxis(smoke, (right, up, depth), (0, 1, 2)).sum(axis=2) * h
-        alpha = 1 - np.exp(-2.5 * thickness / max(high[depth] - low[depth], h))
-        image = np.ones((*alpha.T.shape, 4))
-        image[..., :3] = (0.80, 0.84, 0.90)
-        image[..., 3] = alpha.T
-        top = low[up] + h * smoke.shape[up]
-        end = low[right] + h * smoke.shape[right]
-        axes.imshow(
-            image,
-            origin="lower",
-            extent=(low[right], end, flip * low[up], flip * top),
-            interpolation="bilinear",
-            aspect="auto",
-        )
+        _paint_smoke(axes, scene, smoke, (right, up, depth), flip)
+    _paint_surfaces(axes, scene, frame, surfaces, (right, up, depth), flip)
+    title = f"{scene.name}  frame {frame}"
+    axes.text(0.02, 0.96, title, transform=axes.transAxes, color=(0.75, 0.78, 0.82), fontsize=9)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[..., :3].copy()
 
+
+def _paint_smoke(axes: Axes, scene: Scene, smoke: np.ndarray, order: tuple[int, int, int], flip: float) -> None:
+    """order: axes that point right, up and along the view."""
+    right, up, depth = order
+    low, h = np.array(scene.domain["domain_min"]), scene.domain["voxel_size"]
+    # Light that is not let through along the line of sight, as a renderer would show thin smoke.
+    thickness = np.moveaxis(smoke, order, (0, 1, 2)).sum(axis=2) * h
+    alpha = 1 - np.exp(-2.5 * thickness / max(scene.domain["domain_size"][depth], h))
+    image = np.ones((*alpha.T.shape, 4))
+    image[..., :3] = (0.80, 0.84, 0.90)
+    image[..., 3] = alpha.T
+    top = low[up] + h * smoke.shape[up]
+    end = low[right] + h * smoke.shape[right]
+    axes.imshow(
+        image,
+        origin="lower",
+        extent=(low[right], end, flip * low[up], flip * top),
+        interpolation="bilinear",
+        aspect="auto",
+    )
+
+
+def _paint_surfaces(
+    axes: Axes,
+    scene: Scene,
+    frame: int,
+    surfaces: list[tuple[np.ndarray, np.ndarray]],
+    order: tuple[int, int, int],
+    flip: float,
+) -> None:
+    from matplotlib.collections import PolyCollection
+
+    right, up, depth = order
     # The viewer looks against the third axis of a right-handed (right, up, towards) frame.
-    toward = flip * (1.0 if (right, up, depth) in ((0, 1, 2), (1, 2, 0), (2, 0, 1)) else -1.0)
+    toward = flip * (1.0 if order in ((0, 1, 2), (1, 2, 0), (2, 0, 1)) else -1.0)
     polygons, shades, distances = [], [], []
     shapes = [(solid, points) for solid, (points, _) in zip(scene.simulated, surfaces, strict=True)]
     shapes = [(part, points) for part, points in shapes if _is_drawn(scene, part)]
@@ -103,26 +119,27 @@ def write_preview(
         view = np.stack([points[:, right], flip * points[:, up], toward * points[:, depth]], axis=1).astype(float)
         triangles = solid.mesh.triangles()
         if not len(solid.mesh.counts):
-            view, triangles = _dots(view, _DOT * max(width, height))
+            size = scene.domain["domain_size"]
+            view, triangles = _dots(view, _DOT * max(size[right], size[up]))
         corners = view[triangles]
-        normal = vertex_normals(view, triangles, left_handed=False)[triangles].astype(float).mean(axis=1)
-        length = np.sqrt((normal * normal).sum(axis=1, keepdims=True))
-        normal = normal / np.where(length > 0, length, 1)
-        normal *= np.where(normal[:, 2:] < 0, -1, 1)  # open or inverted faces are lit from the viewer's side
-        light = 0.25 + 0.75 * np.clip(normal @ _LIGHT, 0, 1)
-        shine = 0.35 * np.clip(normal @ ((_LIGHT + (0, 0, 1)) / np.linalg.norm(_LIGHT + (0, 0, 1))), 0, 1) ** 40
         rest = _COLLIDER if isinstance(solid, Collider) else _PASSENGER
         color = np.array(_COLORS[number % len(_COLORS)] if isinstance(solid, Solid) else rest)
         polygons.append(corners[:, :, :2])
-        shades.append(np.clip(color * light[:, None] + shine[:, None], 0, 1))
+        shades.append(_shade(view, triangles, color))
         distances.append(corners[:, :, 2].mean(axis=1))
     if polygons:
-        order = np.argsort(np.concatenate(distances), kind="stable")
-        colors = np.concatenate(shades)[order]
-        axes.add_collection(
-            PolyCollection(np.concatenate(polygons)[order], facecolors=colors, edgecolors=colors, linewidths=0.4)
-        )
-    axes.text(0.02, 0.96, title, transform=axes.transAxes, color=(0.75, 0.78, 0.82), fontsize=9)
-    with files.replacing(path) as temporary:
-        figure.savefig(temporary, facecolor=_BACKGROUND)
-    pyplot.close(figure)
+        nearest_last = np.argsort(np.concatenate(distances), kind="stable")
+        colors = np.concatenate(shades)[nearest_last]
+        faces = np.concatenate(polygons)[nearest_last]
+        axes.add_collection(PolyCollection(faces, facecolors=colors, edgecolors=colors, linewidths=0.4))
+
+
+def _shade(view: np.ndarray, triangles: np.ndarray, color: np.ndarray) -> np.ndarray:
+    """(n, 3) colours of the triangles."""
+    normal = vertex_normals(view, triangles, left_handed=False)[triangles].astype(float).mean(axis=1)
+    length = np.sqrt((normal * normal).sum(axis=1, keepdims=True))
+    normal = normal / np.where(length > 0, length, 1)
+    normal *= np.where(normal[:, 2:] < 0, -1, 1)  # open or inverted faces are lit from the viewer's side
+    light = 0.25 + 0.75 * np.clip(normal @ _LIGHT, 0, 1)
+    shine = 0.35 * np.clip(normal @ ((_LIGHT + (0, 0, 1)) / np.linalg.norm(_LIGHT + (0, 0, 1))), 0, 1) ** 40
+    return np.clip(color * light[:, None] + shine[:, None], 0, 1)
