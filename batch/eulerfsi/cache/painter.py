@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pxr import UsdGeom
@@ -11,12 +11,14 @@ from ..scene.parts import Collider, Passenger, Scene, Solid
 from .usd_writer import vertex_normals
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
 # Fill colours of the solids, repeated when there are more.
 _COLORS = ((0.86, 0.36, 0.22), (0.25, 0.55, 0.80), (0.93, 0.72, 0.25), (0.45, 0.68, 0.38), (0.66, 0.45, 0.74))
 _COLLIDER = (0.45, 0.47, 0.50)
 _PASSENGER = (0.93, 0.93, 0.90)
+_SMOKE = (204, 214, 230)
 _BACKGROUND = (0.075, 0.085, 0.105)
 _DOT = 0.005  # radius of a point without faces, of the longer edge of the picture
 _LIGHT = np.array([-0.45, 0.75, 0.6]) / np.linalg.norm([-0.45, 0.75, 0.6])
@@ -84,9 +86,9 @@ def _paint_smoke(axes: Axes, scene: Scene, smoke: np.ndarray, order: tuple[int, 
     # Light that is not let through along the line of sight, as a renderer would show thin smoke.
     thickness = np.moveaxis(smoke, order, (0, 1, 2)).sum(axis=2) * h
     alpha = 1 - np.exp(-2.5 * thickness / max(scene.domain["domain_size"][depth], h))
-    image = np.ones((*alpha.T.shape, 4))
-    image[..., :3] = (0.80, 0.84, 0.90)
-    image[..., 3] = alpha.T
+    image = np.empty((*alpha.T.shape, 4), np.uint8)
+    image[..., :3] = _SMOKE
+    image[..., 3] = np.rint(255 * alpha.T)
     top = low[up] + h * smoke.shape[up]
     end = low[right] + h * smoke.shape[right]
     axes.imshow(
@@ -106,12 +108,10 @@ def _paint_surfaces(
     order: tuple[int, int, int],
     flip: float,
 ) -> None:
-    from matplotlib.collections import PolyCollection
-
     right, up, depth = order
     # The viewer looks against the third axis of a right-handed (right, up, towards) frame.
     toward = flip * (1.0 if order in ((0, 1, 2), (1, 2, 0), (2, 0, 1)) else -1.0)
-    polygons, shades, distances = [], [], []
+    corners, shades = [], []
     shapes = [(solid, points) for solid, (points, _) in zip(scene.simulated, surfaces, strict=True)]
     shapes = [(part, points) for part, points in shapes if _is_drawn(scene, part)]
     shapes += [(body, body.points(frame)) for body in [*scene.riders, *scene.colliders]]
@@ -121,17 +121,29 @@ def _paint_surfaces(
         if not len(solid.mesh.counts):
             size = scene.domain["domain_size"]
             view, triangles = _dots(view, _DOT * max(size[right], size[up]))
-        corners = view[triangles]
         rest = _COLLIDER if isinstance(solid, Collider) else _PASSENGER
         color = np.array(_COLORS[number % len(_COLORS)] if isinstance(solid, Solid) else rest)
-        polygons.append(corners[:, :, :2])
-        shades.append(_shade(view, triangles, color))
-        distances.append(corners[:, :, 2].mean(axis=1))
-    if polygons:
-        nearest_last = np.argsort(np.concatenate(distances), kind="stable")
+        corners.append(view[triangles])
+        shades.append(np.repeat(_shade(view, triangles, color)[:, None], 3, axis=1))
+    if corners:
+        places = np.concatenate(corners)
+        nearest_last = np.argsort(places[:, :, 2].mean(axis=1), kind="stable")
         colors = np.concatenate(shades)[nearest_last]
-        faces = np.concatenate(polygons)[nearest_last]
-        axes.add_collection(PolyCollection(faces, facecolors=colors, edgecolors=colors, linewidths=0.4))
+        opaque = np.concatenate([colors, np.ones((*colors.shape[:2], 1))], axis=2)
+        axes.add_artist(_triangles(places[nearest_last, :, :2], opaque))
+
+
+def _triangles(places: np.ndarray, colors: np.ndarray) -> Artist:
+    """An artist that draws triangles (n, 3, 2) with colours (n, 3, 4) at their corners, one over the other."""
+    from matplotlib.artist import Artist
+
+    class Triangles(Artist):
+        def draw(self, renderer: Any) -> None:
+            context = renderer.new_gc()
+            renderer.draw_gouraud_triangles(context, places, colors, self.axes.transData.frozen())
+            context.restore()
+
+    return Triangles()
 
 
 def _shade(view: np.ndarray, triangles: np.ndarray, color: np.ndarray) -> np.ndarray:

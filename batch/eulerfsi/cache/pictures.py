@@ -141,7 +141,7 @@ class Pictures:
 
     def _save(self, name: str, picture: Image.Image) -> None:
         with files.replacing(self._folder / name) as temporary:
-            picture.save(temporary, "PNG", compress_level=4)
+            picture.save(temporary, "PNG", compress_level=1)
 
 
 def _scaled(picture: Image.Image, width: int) -> Image.Image:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+import functools
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ from .info import parameter_rows
 _SUFFIX = ".html"
 _MEGABYTE = 1_000_000
 _LEAST_CELLS = 8_000  # of the smoke, before frames are left out
+_LEAST_SHARE = 0.03
 _MOST_SAMPLES = 1500  # of a curve
 _VOLUME_RANGE = 0.02  # least height of the plot of volumes
 
@@ -126,6 +128,15 @@ class _Source:
             raise CacheIOError(f"{self.manifest.folder}: frame {file_number(frame)} has no layer")
         return FrameLayer(path, frame)
 
+    @functools.lru_cache(maxsize=1)  # noqa: B019 - lives as long as the command
+    def items(self, every: int) -> list[Item]:
+        """What is drawn in every N-th frame."""
+        frames = self.frames[::every]
+        reader = Reader(self.stage, frames, [self.layer(frame) for frame in frames], self.kinds)
+        prims = drawn_prims(self.stage, self.domain)
+        found = (reader.item(prim, self.hidden_from(str(prim.GetPath()))) for prim in prims)
+        return [item for item in found if item]
+
     def hidden_from(self, path: str) -> int | None:
         """Frame in which a solid, or the one that carries a passenger, has left."""
         left = self.manifest.left()
@@ -142,9 +153,9 @@ def _fit(source: _Source, every: int, most: float) -> tuple[str, list[str]]:
         size = len(text.encode())
         if size <= most:
             return text, made.notes(every, most)
-        rest = size - made.smoke_size
-        if made.smoke_size and cells > _LEAST_CELLS and rest < 0.9 * most:
-            share = (most - rest) / made.smoke_size
+        room = most - (size - made.smoke_size)  # for smoke
+        share = room / max(made.smoke_size, 1)
+        if cells > _LEAST_CELLS and share > _LEAST_SHARE:
             cells = max(int(min(made.cells, cells) * min(0.9 * share, 0.9)), _LEAST_CELLS)
         elif len(made.frames) > 1:
             wanted *= 2
@@ -160,7 +171,7 @@ class _Page:
         self.source, self.every = source, every
         self.frames = source.frames[::every]
         self.blobs = Blobs()
-        self.items = [self._packed(item) for item in _read_items(source, self.frames)]
+        self.items = [self._packed(item) for item in source.items(every)]
         before = self.blobs.size
         self.smoke, self.factor, self.cells = None, 1, 0
         volumes: Volumes | None = find_volumes([source.file(frame, ".vdb") for frame in self.frames])
@@ -241,13 +252,6 @@ class _Page:
 def _ordinal(number: int) -> str:
     ends = {1: "st", 2: "nd", 3: "rd"}
     return f"{number}{'th' if number % 100 in (11, 12, 13) else ends.get(number % 10, 'th')}"
-
-
-def _read_items(source: _Source, frames: Sequence[int]) -> list[Item]:
-    reader = Reader(source.stage, frames, [source.layer(frame) for frame in frames], source.kinds)
-    prims = drawn_prims(source.stage, source.domain)
-    found = (reader.item(prim, source.hidden_from(str(prim.GetPath()))) for prim in prims)
-    return [item for item in found if item]
 
 
 def _parameters(parameters: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:

@@ -42,7 +42,7 @@ async function loop(now) {
     due = Math.max(due + each, now - each);
     await seek((shown + 1) % facts.frames.length);
   }
-  studio?.draw();
+  studio?.draw(now);
   requestAnimationFrame(loop);
 }
 

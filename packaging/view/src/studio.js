@@ -25,7 +25,7 @@ export class Studio {
     Object.assign(this.controls, { enableDamping: true, dampingFactor: 0.12, minDistance: 0.2, maxDistance: 12 });
     this.controls.addEventListener("change", () => (this.dirty = true));
     this.share = 1;
-    this.frame = 0;
+    this.frame = this.drawn = this.before = 0;
     this.dirty = true;
     this.addLights();
     this.addBox();
@@ -148,13 +148,16 @@ export class Studio {
     return true;
   }
 
-  /** Draws where something has changed. */
-  draw() {
+  /** Draws where something has changed. now: time of this picture; a slow one before it makes the smoke coarser. */
+  draw(now = 0) {
     this.controls.update();
     this.resize();
+    const late = this.drawn > 2 && now - this.before > SLOW; // the first ones compile shaders
+    if (late && this.share > 0.3 && this.drew) this.share *= 0.7;
+    [this.before, this.drew] = [now, this.dirty];
     if (!this.dirty) return;
     this.dirty = false;
-    const begun = performance.now();
+    ++this.drawn;
     this.renderer.render(this.scene, this.camera);
     if (this.smoke) {
       const shown = this.box.visible;
@@ -162,12 +165,7 @@ export class Studio {
       this.smoke.draw(this.renderer, this.scene, this.camera, this.share);
       this.box.visible = shown;
     }
-    if (this.frames++ < 3) return; // shaders are compiled
-    const took = performance.now() - begun;
-    if (took > SLOW && this.share > 0.34) this.share *= 0.7;
   }
-
-  frames = 0;
 
   resize() {
     const { clientWidth: width, clientHeight: height } = this.canvas;
