@@ -34,7 +34,7 @@ def find_browser() -> str | None:
 class Browser:
     """One page in a process of its own. errors: of scripts and of the console; requests: addresses asked for."""
 
-    def __init__(self, size: tuple[int, int] = (640, 420), webgl: bool = True, wait: float = 120.0) -> None:
+    def __init__(self, size: tuple[int, int] = (640, 420), webgl: bool = True, wait: float = 300.0) -> None:
         self._wait, self._number, self._buffer = wait, 0, b""
         self.errors: list[str] = []
         self.requests: list[str] = []

@@ -21,9 +21,9 @@ from eulerfsi.cli.view import view
 from eulerfsi.errors import CacheIOError, SceneError, UsageError
 from eulerfsi.solver.volume_file import VolumeFile
 from eulerfsi.view.packing import LEVELS, Blobs
-from eulerfsi.view.shapes import split_creases
+from eulerfsi.view.shapes import FrameLayer, Reader, split_creases
 from PIL import Image
-from pxr import Sdf
+from pxr import Sdf, Usd, UsdGeom
 
 HOSTILE = '"><img src=x onerror=alert(1)></script><script>alert(2)</script>'
 browser_needed = pytest.mark.skipif(not find_browser(), reason="no Chromium")
@@ -144,6 +144,17 @@ def test_edges_of_a_box_are_sharp_and_a_ball_is_smooth():
     at = np.arange(32)
     side = np.stack([at, (at + 1) % 32, 32 + (at + 1) % 32], axis=1)
     assert split_creases(points, side)[1] is None
+
+
+def test_a_plane_is_drawn_as_one_face(tmp_path):
+    stage = Usd.Stage.CreateInMemory()
+    plane = UsdGeom.Plane.Define(stage, "/Ground")
+    plane.CreateAxisAttr("Y")
+    Sdf.Layer.CreateNew(str(tmp_path / "frame.usdc")).Save()
+    item = Reader(stage, [1], [FrameLayer(tmp_path / "frame.usdc", 1)], {}).item(plane.GetPrim(), None)
+    shown = item.frames[0][item.triangles if item.corners is None else item.corners[item.triangles]]
+    assert item.kind == "scenery" and shown.shape == (2, 3, 3) and (shown[..., 1] == 0).all()
+    assert np.ptp(shown.reshape(-1, 3), axis=0).tolist() == [2, 0, 2]
 
 
 def test_counts_curves_and_parameters_are_those_of_the_cache(cache):

@@ -19,7 +19,7 @@ _COLORS = ((0.86, 0.36, 0.22), (0.25, 0.55, 0.80), (0.93, 0.72, 0.25), (0.45, 0.
 _COLLIDER = (0.45, 0.47, 0.50)
 _PASSENGER = (0.93, 0.93, 0.90)
 _SMOKE = (204, 214, 230)
-_BACKGROUND = (0.075, 0.085, 0.105)
+BACKGROUND = (0.075, 0.085, 0.105)
 _DOT = 0.005  # radius of a point without faces, of the longer edge of the picture
 _LIGHT = np.array([-0.45, 0.75, 0.6]) / np.linalg.norm([-0.45, 0.75, 0.6])
 
@@ -64,7 +64,7 @@ def paint(
     high = low + np.array(scene.domain["domain_size"])
     width, height = high[right] - low[right], high[up] - low[up]
     inches = 7.2 / max(width, height)
-    figure = Figure(figsize=(width * inches, height * inches), dpi=100, facecolor=_BACKGROUND)
+    figure = Figure(figsize=(width * inches, height * inches), dpi=100, facecolor=BACKGROUND)
     axes = figure.add_axes((0, 0, 1, 1))
     axes.set_xlim(low[right], high[right])
     axes.set_ylim(*sorted((flip * low[up], flip * high[up])))

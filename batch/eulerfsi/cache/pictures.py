@@ -16,7 +16,7 @@ from .. import files
 from ..errors import CacheIOError
 from ..frames import file_number
 from ..scene.parts import Scene
-from .painter import paint
+from .painter import BACKGROUND, paint
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -157,7 +157,8 @@ def _grid(pictures: list[Image.Image], columns: int, below: list[Image.Image] = 
 
     width, height = pictures[0].size
     rows = math.ceil(len(pictures) / columns)
-    sheet = Image.new("RGB", (width * columns, height * rows + max((p.height for p in below), default=0)))
+    size = (width * columns, height * rows + max((p.height for p in below), default=0))
+    sheet = Image.new("RGB", size, tuple(round(255 * part) for part in BACKGROUND))
     for number, picture in enumerate(pictures):
         sheet.paste(picture, (width * (number % columns), height * (number // columns)))
     for number, picture in enumerate(below):

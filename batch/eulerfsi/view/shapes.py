@@ -153,7 +153,10 @@ class Reader:
             refinement = Refinement(prim, first, len(points), levels) if levels else None
         if refinement:
             counts, indices = refinement.counts, refinement.indices
-        return "mesh", [], Mesh(np.zeros((0, 3)), counts, indices).triangles().astype(np.int64), refinement
+        triangles = Mesh(np.zeros((0, 3)), counts, indices).triangles().astype(np.int64)
+        if prim.IsA(UsdGeom.Plane):  # of the slab that stands for it the face that is the plane
+            triangles = triangles[(points[triangles] == 0).any(axis=2).all(axis=1)]
+        return "mesh", [], triangles, refinement
 
     def _surface(self, prim: Usd.Prim, time: Usd.TimeCode) -> gprims.Surface:
         try:
