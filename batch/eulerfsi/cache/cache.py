@@ -1,7 +1,7 @@
 """The cache folder: made new, taken up again or refused; frames, volumes, statistics and checkpoints go in.
 
 Layout: <scene>.usda, scene/ (copy of the scene), frames/, vdb/, checkpoints/, manifest.json, stats.jsonl, log,
-preview.png. Every file appears whole, and the folder can be moved.
+preview.png, with --flipbook flipbook/. Every file appears whole, and the folder can be moved.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from ..frames import file_number
 from ..scene.parts import Scene
 from ..solver import binding
 from ..solver.simulation import Simulation
-from . import preview, rebake, stats_file
+from . import pictures, rebake, stats_file
 from .localize import localize_scene
 from .lock import LOCK
 from .manifest import FILE_NAME, Manifest
@@ -26,8 +26,8 @@ from .output import Output
 from .start_from import Start
 from .usd_writer import UsdWriter
 
-_FOLDERS = ("frames", "vdb", "checkpoints", "scene")
-_FILES = (stats_file.NAME, "log", preview.NAME, FILE_NAME)
+_FOLDERS = ("frames", "vdb", "checkpoints", "scene", pictures.FOLDER)
+_FILES = (stats_file.NAME, "log", pictures.PREVIEW, FILE_NAME)
 
 
 class Cache:

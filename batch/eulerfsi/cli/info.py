@@ -100,24 +100,30 @@ def _cache_info(manifest: Manifest) -> Info:
 
 
 def describe_parameters(path: str, values: dict[str, Any]) -> list[str]:
-    """The prim, then one indented line per value that a run used: name, value with its unit, tokens by name.
+    """The prim, then one indented line per value that a run used: name, value with its unit, tokens by name."""
+    kind, rows = parameter_rows(values)
+    return [f"{path}: {kind}", *(f"  {name:<22} {text}" for name, text in rows)]
+
+
+def parameter_rows(values: dict[str, Any]) -> tuple[str, list[tuple[str, str]]]:
+    """What a prim is, and the name and text of every value that a run used.
 
     values: {field of the C definition: SI value}, as a manifest holds them. What has no row in the parameter table is
     named by its field.
     """
     kind = next((name for name, field in _KINDS.items() if field in values), "prim")
     rows = {row.field: row for row in table().get(kind, {}).values() if row.field}
-    lines = [f"{path}: {kind}"]
+    result = []
     for field, value in values.items():
         row = rows.get(field)
         if field == "transform":
             corner = np.reshape(value, (4, 4))
-            lines.append(f"  {'center':<22} {_text(corner[:3, 3])} m")
-            lines.append(f"  {'edges':<22} {_text(np.linalg.norm(corner[:3, :3], axis=0))} m")
+            result.append(("center", f"{_text(corner[:3, 3])} m"))
+            result.append(("edges", f"{_text(np.linalg.norm(corner[:3, :3], axis=0))} m"))
             continue
         name, unit = (row.name, row.unit) if row else (field.replace("_", " "), _UNITS.get(field, ""))
-        lines.append(f"  {name:<22} {_text(_token(field, row, value))} {unit}".rstrip())
-    return lines
+        result.append((name, f"{_text(_token(field, row, value))} {unit}".rstrip()))
+    return kind, result
 
 
 # What a prim is, by a field that only such prims have; the first that fits.

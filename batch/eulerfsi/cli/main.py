@@ -1,4 +1,4 @@
-"""The command line: simulate, validate, info, plot, new, bench, test, package. Exit codes: docs/exit-codes.md."""
+"""The command line: simulate, validate, info, view, plot, new, bench, test, package. Exit codes: docs/exit-codes.md."""
 
 from __future__ import annotations
 
@@ -24,9 +24,11 @@ _MODULES = {
     "simulate": "..run.simulate",
     "validate": ".report",
     "info": ".info",
+    "view": ".view",
     "plot": ".plot",
     "new": ".new_scene",
 }
+_MOST_MEGABYTES = 500  # of a page that a browser still opens
 BENCHMARKS = ("speed", "loop", "random", "accuracy", "stress", "skip", "table", "estimate", "meshes")
 
 
@@ -87,6 +89,10 @@ def build_parser() -> argparse.ArgumentParser:
         "--strict", action="store_true", help="stop after the first frame with a warning of docs/warnings.md"
     )
 
+    simulate.add_argument(
+        "--flipbook", action="store_true", help="a picture of every frame, a contact sheet and a film; needs matplotlib"
+    )
+
     validate = add("validate", "Check a scene: schema, meshes, memory; estimate the run time from a few steps.")
     validate.add_argument("scene", type=Path, metavar="SCENE")
     _scene_options(validate)
@@ -97,6 +103,18 @@ def build_parser() -> argparse.ArgumentParser:
     info = add("info", "Describe the program, a scene or a cache folder (and verify its files).")
     info.add_argument("path", type=Path, nargs="?", metavar="SCENE_OR_CACHE")
     info.add_argument("--json", action="store_true", help="as one JSON object")
+
+    look = add("view", "Write a cache as one HTML page that plays in a browser, without a network.")
+    look.add_argument("cache", type=Path, metavar="CACHE")
+    look.add_argument("-o", "--output", type=Path, metavar="FILE", help="default: ./<cache>.html")
+    look.add_argument("--every", type=_positive, default=1, metavar="N", help="every N-th frame; default: 1")
+    look.add_argument(
+        "--max-mb",
+        type=_megabytes,
+        default=20.0,
+        metavar="MB",
+        help="size at which smoke is coarsened and then frames are left out; default: 20",
+    )
 
     draw = add("plot", "Draw a cache's statistics: sizes of steps, volumes, energies, time per frame.")
     draw.add_argument(
@@ -163,6 +181,16 @@ def _positive(text: str) -> int:
     return int(text)
 
 
+def _megabytes(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value <= _MOST_MEGABYTES:
+        raise argparse.ArgumentTypeError(f"{text}: must be a number > 0 and <= {_MOST_MEGABYTES}")
+    return value
+
+
 def _join_negative(arguments: Sequence[str]) -> list[str]:
     """`--frames -24-48`, `--region -1,...` as one word: argparse takes what begins with a minus for an option."""
     joined: list[str] = []
@@ -181,6 +209,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "simulate": _simulate,
         "validate": _validate,
         "info": _info,
+        "view": _view,
         "plot": _plot,
         "new": _new,
         "bench": _bench,
@@ -207,6 +236,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _simulate(options: argparse.Namespace) -> int:
     from ..cache.output import Output
+    from ..cache.pictures import FILM
     from ..run.simulate import Options, simulate
 
     if options.preset is not None and options.preset not in binding.PRESETS:
@@ -226,6 +256,7 @@ def _simulate(options: argparse.Namespace) -> int:
         checkpoint_every=options.checkpoint_every,
         keep_checkpoints=options.keep_checkpoints,
         strict=options.strict,
+        flipbook=options.flipbook,
         rebake_from=options.rebake_from,
         written=Output.parse(options.half, options.smoke_threshold, not options.no_velocity, options.region),
     )
@@ -239,6 +270,9 @@ def _simulate(options: argparse.Namespace) -> int:
             sys.stdout,
         )
         say(f"preview: {result.preview or 'none; drawing it needs matplotlib'}", sys.stdout)
+        if options.flipbook:
+            film = result.folder / FILM
+            say(f"film:    {film if film.is_file() else 'none; drawing it needs matplotlib'}", sys.stdout)
     return errors.EXIT_OK
 
 
@@ -271,6 +305,18 @@ def _info(options: argparse.Namespace) -> int:
     say(json.dumps(found.facts) if options.json else "\n".join(found.lines), sys.stdout)
     if found.damage:
         raise found.damage
+    return errors.EXIT_OK
+
+
+def _view(options: argparse.Namespace) -> int:
+    from ..usd_messages import usd_messages
+    from .view import view
+
+    with usd_messages():
+        made = view(options.cache, options.output, options.every, options.max_mb)
+    for note in made.notes:
+        say(f"note: {note}", sys.stderr)
+    say(f"{made.path} ({made.bytes / 1e6:.1f} MB)", sys.stdout)
     return errors.EXIT_OK
 
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ..cache import preview
 from ..cache.cache import Cache
+from ..cache.pictures import PREVIEW, Pictures
 from ..errors import Cancelled, DivergedError, LibraryError, StrictError
 from ..log import Log
 from ..progress import Progress
@@ -66,11 +66,13 @@ class Run:
         progress: Progress,
         checkpoints: Checkpoints,
         strict: bool = False,
+        flipbook: bool = False,
     ) -> None:
         self.scene, self.cache, self.build, self.log = scene, cache, build, log
         self.checkpoints, self.strict = checkpoints, strict
         self.simulation = build.simulation
         self.progress = progress
+        self.pictures = Pictures(cache.folder, scene, flipbook)
         self.signals = Signals()
         self.surfaces: list[tuple[np.ndarray, np.ndarray]] = []
         self.warned: set[str] = set()  # jets
@@ -139,6 +141,7 @@ class Run:
         self.cache.set_warnings(self.watch.warnings, at_once=True)
         what = f"frames {frames} of {self.scene.path.name}, {self.build.definition['threads']} threads"
         self.log.info(f"simulate {what}" + (f", from frame {done}" if done >= frames.first else ""))
+        self.pictures.forget_after(done)
         self._start(done)
         self._be_strict(done, self.watch.warnings)
         if done < frames.first:
@@ -274,6 +277,7 @@ class Run:
         self._report_left(frame, {path: solids[path] for path in left})
         self.surfaces = self.build.surfaces()
         self.cache.write_frame(frame, self.simulation, self.surfaces, left)
+        self.pictures.frame(frame, self.surfaces, self._smoke)
         self._look_at_jets(frame)
         line = {"event": "frame", "frame": frame, "time": self.simulation.time, "seconds": round(seconds, 4)}
         line |= {"steps": self.simulation.steps, "solids": solids, "fluid": self.simulation.fluid_diagnostics()}
@@ -328,15 +332,14 @@ class Run:
         self.cache.write_root()
         made = len(self.surfaces) == len(self.scene.simulated)  # a frame, in this run
         if made and (self.surfaces or self.scene.has_smoke):
-            smoke = self.simulation.field("smoke_density")[0][0] if self.scene.has_smoke else None
-            frame = self.cache.manifest.last_frame
-            title = f"{self.scene.name}  frame {frame}"
-            try:
-                preview.write_preview(self.cache.folder / preview.NAME, self.scene, frame, self.surfaces, smoke, title)
-            except ImportError as error:
-                self.log.info(f"no picture: {error}")
+            frames = map(int, self.cache.manifest.frames)
+            if not self.pictures.finish(frames, self.surfaces, self._smoke):
+                self.log.info("no picture: drawing needs matplotlib")
         self.log.info(f"{status}; last frame {self.cache.manifest.last_frame}")
 
+    def _smoke(self) -> np.ndarray | None:
+        return self.simulation.field("smoke_density")[0][0] if self.scene.has_smoke else None
+
     def _picture(self) -> Path | None:
-        path = self.cache.folder / preview.NAME
+        path = self.cache.folder / PREVIEW
         return path if path.is_file() else None

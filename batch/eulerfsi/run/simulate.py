@@ -36,7 +36,7 @@ class Options:
     None: all that the cgroup allows; checkpoint_every, keep_checkpoints: as Checkpoints takes them; allow_restart: a
     resumed run may drop finished frames where others are damaged; rebake_from: frames after this one of an existing
     cache are made anew; written: what is written of the smoke; strict: a condition of docs/warnings.md stops the
-    run.
+    run; flipbook: a picture of every frame.
     """
 
     output: Path | None = None
@@ -55,6 +55,7 @@ class Options:
     keep_checkpoints: str = "2"
     strict: bool = False
     written: Output = Output()
+    flipbook: bool = False
 
 
 def load_scene(
@@ -115,7 +116,7 @@ def _simulate(path: Path, options: Options, log: Log, progress: Progress) -> Res
                 cache_module.remove_old(folder)
                 cache = Cache.create(folder, scene, overrides, options.written, start)
             log.open(folder / "log")
-            run = Run(scene, cache, build, log, progress, checkpoints, options.strict)
+            run = Run(scene, cache, build, log, progress, checkpoints, options.strict, options.flipbook)
             return run.execute(mode != "new")
 
 

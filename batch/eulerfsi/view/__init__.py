@@ -1,0 +1,1 @@
+"""A cache as one HTML page: what is drawn, packed, and the page around it."""
