@@ -1,9 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Materials by name. Each sets rows of the table's solid; what it does not name has the table's default."""
+"""Materials by name. Each sets rows of the table's solid; what it does not name has the table's default.
+
+Moduli are for an object of SIZE metres and grow with it: what counts is the stiffness against the object's own weight.
+"""
 
 from __future__ import annotations
 
 from typing import NamedTuple
+
+SIZE = 0.2
 
 
 class Preset(NamedTuple):
@@ -18,7 +23,7 @@ PRESETS = {
     "RUBBER": Preset(
         "Rubber",
         "Bounces and keeps its shape; dents a little where it hits",
-        {"density": 1100.0, "youngs_modulus": 200000.0, "poissons_ratio": 0.45, "friction": 0.6},
+        {"density": 1100.0, "youngs_modulus": 80000.0, "poissons_ratio": 0.45, "friction": 0.6},
     ),
     "JELLY": Preset(
         "Jelly",

@@ -68,7 +68,9 @@ def _pack_built(library: Path, tree: Path, raw: Path, tools: Path) -> None:
     for name in facts["license-files"]:
         shutil.copy(ROOT / name, info / "licenses")
     needs = "".join(f"Requires-Dist: {need}\n" for need in facts["dependencies"])
-    head = f"Metadata-Version: 2.1\nName: {facts['name']}\nVersion: {facts['version']}\nSummary: {facts['description']}\n"
+    head = (
+        f"Metadata-Version: 2.1\nName: {facts['name']}\nVersion: {facts['version']}\nSummary: {facts['description']}\n"
+    )
     (info / "METADATA").write_text(f"{head}License: {facts['license']}\nRequires-Python: >=3.11\n{needs}")
     (info / "WHEEL").write_text(f"Wheel-Version: 1.0\nGenerator: eulerfsi\nRoot-Is-Purelib: false\nTag: {tags}\n")
     scripts = "".join(f"{name} = {place}\n" for name, place in facts["scripts"].items())
