@@ -17,7 +17,6 @@ from .scene_export import Finding
 
 _jobs: dict[str, job.Job] = {}  # by folder: bakes that this Blender has started or found
 _checks: dict[str, list[Finding]] = {}  # by the scene's identity: what the last check or start has found
-_features: dict[str, dict[str, float]] = {}  # by the scene's identity: {object: thinnest feature [m]} of the last check
 _PAUSE = 0.4  # seconds between two looks at a bake
 MODES = {"NEW": [], "RESUME": ["--resume"], "REBAKE": []}
 
@@ -141,11 +140,6 @@ def findings(scene: bpy.types.Scene, now: Status) -> list[Finding]:
     return list({(f.object, f.message): f for f in found}.values())
 
 
-def thinnest(scene: bpy.types.Scene) -> dict[str, float]:
-    """{object: its thinnest feature [m]} of the last check."""
-    return _features.get(scene.eulerfsi.uid, {}) if scene.eulerfsi.uid else {}
-
-
 def stale(scene: bpy.types.Scene, now: Status) -> list[str]:
     """What has changed since the bake."""
     if now.kind not in ("complete", "interrupted", "stopped", "failed") or now.folder is None or not now.cache.frames:
@@ -163,6 +157,7 @@ def begin(scene: bpy.types.Scene, mode: str) -> job.Job:
     folder = folder_of(scene)
     if whose := is_foreign(scene, folder):
         raise job.JobError(f"{folder} holds the bake of {whose}: choose another folder in Cache, or free that one")
+    job.demand_ours(folder)
     now = status(scene)
     if now.kind in job.RUNNING:
         raise job.JobError("a bake runs already: cancel it first")
@@ -195,8 +190,7 @@ def _arguments(scene: bpy.types.Scene, folder: Path, mode: str, found: job.Cache
     words = ["simulate", str(folder / "scene.usdc"), "-o", str(folder / "cache"), "--progress", "json"]
     words += ["--checkpoint-every", str(settings.checkpoint_every)]
     words += ["--keep-checkpoints", "all" if settings.keep_checkpoints else "2"]
-    if settings.threads:
-        words += ["--threads", str(settings.threads)]
+    words += _threads(scene)
     if mode == "RESUME":
         return [*words, "--resume"]
     words += [*(["--half"] if settings.half else []), "--smoke-threshold", f"{settings.smoke_threshold:.7g}"]
@@ -207,6 +201,10 @@ def _arguments(scene: bpy.types.Scene, folder: Path, mode: str, found: job.Cache
         there = ", ".join(map(str, found.checkpoints)) or "none"
         raise job.JobError(f"no checkpoint at or before frame {scene.frame_current}; there are: {there}")
     return [*words, "--rebake-from", str(frame)]
+
+
+def _threads(scene: bpy.types.Scene) -> list[str]:
+    return ["--threads", str(scene.eulerfsi.threads)] if scene.eulerfsi.threads else []
 
 
 def rebake_frame(scene: bpy.types.Scene, found: job.Cache) -> int | None:
@@ -220,7 +218,8 @@ def check(scene: bpy.types.Scene) -> list[Finding]:
     folder = folder_of(scene).with_name(f"{folder_of(scene).name}.check")
     _export(scene, folder)
     stage = str(folder / "scene.usdc")
-    work = job.start(folder, preferences.version(), ["validate", stage, "--progress", "json"], stage)
+    words = ["validate", stage, "--progress", "json", *_threads(scene)]
+    work = job.start(folder, preferences.version(), words, stage)
     code = work.wait()
     found = [to_finding(scene, event) for event in work.told.findings]
     if code and not any(finding.level == "error" for finding in found):

@@ -215,6 +215,7 @@ def free(folder: Path) -> None:
     """Deletes a bake: only what bakes write. Raises JobError, OSError."""
     if lock_held(folder / "cache"):
         raise JobError(f"{folder}: a bake writes to it: cancel it first")
+    demand_ours(folder)
     for name in ("cache", "export"):
         if (folder / name).is_dir():
             shutil.rmtree(folder / name)
@@ -222,6 +223,14 @@ def free(folder: Path) -> None:
         (folder / name).unlink(missing_ok=True)
     if folder.is_dir() and not any(folder.iterdir()):
         folder.rmdir()
+
+
+def demand_ours(folder: Path) -> None:
+    """Raises JobError where the folder holds what no bake has written."""
+    cache = folder / "cache"
+    others = [path.name for path in cache.iterdir() if path.name != ".lock"] if cache.is_dir() else []
+    if others and not (cache / "manifest.json").exists():
+        raise JobError(f"{cache} holds other files ({others[0]}): choose another folder in Cache")
 
 
 def owner(folder: Path) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from . import job, scene_export
 
 _MARK = "eulerfsi_bake"  # on the collection: identity of the scene; on its objects: their prim
 _HIDDEN = "eulerfsi_hidden"  # on originals: how they were before
-_DENSITY = 6.0  # smoke through which one cannot see across a third of the box
+_DENSITY = 10.0  # of full smoke over the longest edge of the box: thick, but not a block
 
 
 def collection_of(scene: bpy.types.Scene) -> bpy.types.Collection | None:
@@ -172,9 +172,9 @@ def smoke_material(scene: bpy.types.Scene) -> bpy.types.Material:
     edges, _ = scene_export.domain_box(domain[0]) if domain else ((1.0,) * 3, None)
     scale = domain[0].matrix_world.to_scale() if domain else (1.0,) * 3
     longest = max(abs(e * s) for e, s in zip(edges, scale, strict=True))
-    principled.inputs["Density"].default_value = 3 * _DENSITY / longest
+    principled.inputs["Density"].default_value = _DENSITY / longest
     principled.inputs["Density Attribute"].default_value = "density"
-    principled.inputs["Color"].default_value = (0.8, 0.8, 0.8, 1.0)
+    principled.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
     tree.links.new(principled.outputs["Volume"], output.inputs["Volume"])
     return material
 

@@ -259,7 +259,7 @@ class Exporter:
             track.matrices[frame] = [x for row in evaluated.matrix_world for x in row]
         scope = properties.SCOPE_OF.get(role)
         if scope and frame >= self.first:
-            track.values[frame] = _values(evaluated, scope)
+            track.values[frame] = _values(obj, scope)  # animation writes to it; a new value reaches no evaluated copy
         if role in ("NONE", "DOMAIN", "FORCE") or obj.type not in MESH_TYPES:
             return
         if frame == self.first or track.deforms:

@@ -12,7 +12,7 @@ from mathutils import Vector
 
 from . import presets, properties, scene_export
 
-_CELLS_ACROSS = 14  # of the smallest solid, to begin with
+_CELLS_ACROSS = 12  # of the smallest solid, to begin with
 
 
 def _box_of(objects: list[bpy.types.Object]) -> tuple[Vector, Vector]:
@@ -26,8 +26,8 @@ def add_domain(context: bpy.types.Context, around: list[bpy.types.Object]) -> bp
     low, high = _box_of(around) if around else (Vector((-1, -1, -1)), Vector((1, 1, 1)))
     size = high - low
     side = max(size)
-    low -= Vector((0.75 * side, 0.75 * side, 1.0 * side))
-    high += Vector((0.75 * side, 0.75 * side, 0.5 * side))
+    low -= Vector((0.6 * side, 0.6 * side, 0.4 * side))
+    high += Vector((0.6 * side, 0.6 * side, 0.4 * side))
     domain = bpy.data.objects.new("Domain", None)
     domain.empty_display_type, domain.empty_display_size = "CUBE", 0.5
     domain.location, domain.scale = (low + high) / 2, high - low
