@@ -12,6 +12,7 @@ when Blender ends and is found again when the file is opened.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import fcntl
 import json
@@ -222,7 +223,8 @@ def free(folder: Path) -> None:
     for name in (OWNER, EVENTS, MESSAGES, "task.json"):
         (folder / name).unlink(missing_ok=True)
     if folder.is_dir() and not any(folder.iterdir()):
-        folder.rmdir()
+        with contextlib.suppress(OSError):  # it may be a disk of its own
+            folder.rmdir()
 
 
 def demand_ours(folder: Path) -> None:

@@ -137,14 +137,13 @@ def _evaluated_copy(scene: bpy.types.Scene, source: bpy.types.Object, first: int
 
 
 def _add_smoke(scene: bpy.types.Scene, collection: bpy.types.Collection, folder: Path, found: job.Cache) -> None:
-    """A volume sequence with a material; velocities are per second."""
+    """A volume sequence with a material; velocities are per second. Blender finds their grid by itself."""
     volume = bpy.data.volumes.new("Smoke Bake")
     number = f"{found.smoke[0]:04d}"
     volume.filepath = _relative(folder / "cache" / "vdb" / f"scene.{number}.vdb")
     volume.is_sequence = True
     _set_range(volume, found)
     volume.velocity_unit, volume.velocity_scale = "SECOND", 1.0
-    volume.grids.load()  # finds the grid of velocities by itself: "vel"
     volume.materials.append(smoke_material(scene))
     obj = bpy.data.objects.new("Smoke Bake", volume)
     obj[_MARK] = "smoke"

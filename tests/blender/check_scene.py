@@ -44,6 +44,8 @@ def render(path: Path, frame: int, width: int = 160) -> np.ndarray:
     scene = bpy.context.scene
     scene.render.engine, scene.cycles.device, scene.cycles.samples = "CYCLES", "CPU", SAMPLES
     scene.cycles.max_bounces, scene.render.threads_mode, scene.render.threads = 3, "FIXED", 1
+    if hasattr(scene.cycles, "volume_biased"):
+        scene.cycles.volume_biased = True  # an eighth of the time
     scene.render.resolution_x, scene.render.resolution_y = width, width * 9 // 16
     scene.render.resolution_percentage, scene.render.filepath = 100, str(path)
     scene.frame_set(frame)
