@@ -90,6 +90,9 @@ def status(scene: bpy.types.Scene) -> Status:
     end = work.told.end
     if end and end["status"] == "failed":
         return Status("failed", f"Failed, {done}: {first_error(scene, work)}", found, work, folder)
+    if work.process and end is None and (code := work.process.returncode) > 0:
+        crashed = f"The solver ended with code {code}: {folder / job.MESSAGES} says why"
+        return Status("failed", crashed, found, work, folder)
     if work.process and end is None:
         killed = f"The solver was killed, {done} kept: Resume continues"
         return Status("stopped", killed, found, work, folder)
@@ -121,7 +124,8 @@ def to_finding(scene: bpy.types.Scene, event: dict) -> Finding:
     message = event["message"]
     for obj in sorted(scene_export.members(scene), key=lambda o: -len(o.eulerfsi.prim)):
         if obj.eulerfsi.prim:
-            message = re.sub(rf"{re.escape(scene_export.path_of(obj))}(?![\w])", f"“{obj.name}”", message)
+            path = re.escape(scene_export.path_of(obj))
+            message = re.sub(rf"{path}(?!\w)", lambda _, name=obj.name: f"“{name}”", message)
     found = scene_export.object_of(scene, event.get("prim"))
     field = (event.get("field") or "").rpartition(":")[2]
     return Finding(event["level"], found.name if found else "", field, message.replace("eulerfsi:", ""))
@@ -222,16 +226,16 @@ def check(scene: bpy.types.Scene) -> list[Finding]:
     work = job.start(folder, preferences.version(), words, stage)
     code = work.wait()
     found = [to_finding(scene, event) for event in work.told.findings]
-    if code and not any(finding.level == "error" for finding in found):
-        found.append(Finding("error", "", "", f"the solver ended with code {code}: see {folder / job.MESSAGES}"))
+    unexplained = code and not any(finding.level == "error" for finding in found)
+    if unexplained:
+        found.append(Finding("error", "", "", f"the solver ended with code {code}: {folder / job.MESSAGES} says why"))
     if work.told.start:
         cells, memory = work.told.start["cells"], work.told.start["memory"]
         found.append(Finding("info", "", "", f"can be simulated: {cells:,} cells, {memory / 1e6:.3g} MB of memory"))
     _checks[scene.eulerfsi.uid] = found
-    if not code:
-        job.free(folder)
+    if not unexplained:
         (folder / "scene.usdc").unlink(missing_ok=True)
-        folder.rmdir()
+        job.free(folder)
     return found
 
 
@@ -268,6 +272,8 @@ def look_at(scene: bpy.types.Scene) -> bool:
     if now.folder is None or now.kind in ("foreign", "damaged"):
         return False
     running = now.kind in job.RUNNING
+    if bpy.app.is_job_running("RENDER"):
+        return running  # what is rendered must not change
     try:
         load.refresh(scene, now.folder, now.cache, final=not running)
     except (OSError, RuntimeError, ValueError) as error:  # the host lives, whatever a half-written file is like

@@ -59,10 +59,10 @@ PRESETS = {
         "Is dented for good: yields where it hits and does not bounce",
         {
             "density": 1600.0,
-            "youngs_modulus": 60000.0,
+            "youngs_modulus": 100000.0,
             "poissons_ratio": 0.4,
             "friction": 0.7,
-            "plastic_yield_stress": 2500.0,
+            "plastic_yield_stress": 5000.0,
             "plastic_flow_rate": 1000.0,
         },
     ),

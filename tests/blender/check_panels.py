@@ -51,7 +51,7 @@ def check_no_domain() -> None:
 
 
 def check_ready_and_roles() -> None:
-    scene, _ = jelly("ready")
+    jelly("ready")
     drawn = draw()
     assert "Ready to bake" in drawn.texts and "cells" in drawn.texts and "memory" in drawn.texts, drawn.texts
     before = drawn.texts
@@ -67,7 +67,9 @@ def check_ready_and_roles() -> None:
         rows = set(table.rows(scope))
         assert role == "DOMAIN" or rows <= shown[role] | {table.snake(n) for n in table.ADVANCED.get(scope, ())}, role
     assert set(table.rows("domain")) <= shown["NONE"]
-    scene.frame_end = 7
+    for mode in ("NEW", "RESUME", "REBAKE"):
+        button = types.SimpleNamespace(mode=mode)
+        assert part("operators").EULERFSI_OT_bake.description(bpy.context, button)
     bpy.data.objects["Cube"].eulerfsi.role = "SOLID"
     bpy.data.objects["Cube"].vertex_groups.new(name="Top")
     bpy.data.objects["Cube"].eulerfsi.pin_group = "Top"
