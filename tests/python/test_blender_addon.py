@@ -74,7 +74,7 @@ def test_every_row_has_a_property_and_presets_are_rows(addon):
 
 
 def export(folder: Path, unit: float) -> Path:
-    """What Blender writes of a cube of 0.2 m in a box, in a scene of that unit; its top is pinned, the emitter keyed."""
+    """What Blender writes of a cube of 0.2 m in a scene of that unit; its top is pinned, the emitter keyed."""
     folder.mkdir()
     side = 0.1 / unit
     points = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float32) * side
