@@ -17,8 +17,8 @@ from .scene_export import Finding
 
 _jobs: dict[str, job.Job] = {}  # by folder: bakes that this Blender has started or found
 _checks: dict[str, list[Finding]] = {}  # by the scene's identity: what the last check or start has found
+_LONGEST = 240  # characters of an error in the line of the state; Messages has it whole
 _PAUSE = 0.4  # seconds between two looks at a bake
-MODES = {"NEW": [], "RESUME": ["--resume"], "REBAKE": []}
 
 
 @dataclasses.dataclass
@@ -133,7 +133,8 @@ def to_finding(scene: bpy.types.Scene, event: dict) -> Finding:
 
 def first_error(scene: bpy.types.Scene, work: job.Job) -> str:
     errors = [event for event in work.told.findings if event["level"] == "error"]
-    return to_finding(scene, errors[0]).message if errors else (work.told.end or {}).get("error") or "unknown"
+    text = to_finding(scene, errors[0]).message if errors else (work.told.end or {}).get("error") or "unknown"
+    return text if len(text) < _LONGEST else f"{text[: text.rfind(' ', 0, _LONGEST)]} ..."
 
 
 def findings(scene: bpy.types.Scene, now: Status) -> list[Finding]:

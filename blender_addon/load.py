@@ -111,7 +111,9 @@ def _add_body(
     obj = bpy.data.objects.new(f"{entry['object']} Bake", mesh)
     obj[_MARK] = entry["path"]
     collection.objects.link(obj)
-    obj.matrix_world = Matrix(np.reshape(entry["matrices"][str(first)], (4, 4)).tolist())
+    obj.matrix_world = Matrix(
+        np.reshape(entry["matrices"].get(str(first)) or list(entry["matrices"].values())[-1], (4, 4)).tolist()
+    )
     modifier = obj.modifiers.new("Euler FSI", "MESH_SEQUENCE_CACHE")
     modifier.cache_file, modifier.object_path = cache, entry["path"]
     modifier.read_data = {"VERT", "ATTRIBUTES"} if "ATTRIBUTES" in modifier.read_data else {"VERT"}

@@ -11,6 +11,13 @@ from bpy.props import EnumProperty
 from . import bake, job, load, scene_export
 
 
+_MODES = (
+    ("NEW", "Bake", "From the first frame; a bake that is there is replaced"),
+    ("RESUME", "Resume", "Go on where it stopped, or with more frames at the end"),
+    ("REBAKE", "Bake from Here", "Keep frames up to the last checkpoint before this frame, make later ones anew"),
+)
+
+
 class _Told:
     """Errors of a bake as reports; the panel shows them too."""
 
@@ -35,24 +42,11 @@ class EULERFSI_OT_bake(_Told, bpy.types.Operator):
     bl_idname = "eulerfsi.bake"
     bl_label = "Bake"
 
-    mode: EnumProperty(
-        name="Mode",
-        items=(
-            ("NEW", "Bake", "From the first frame; a bake that is there is replaced"),
-            ("RESUME", "Resume", "Go on where it stopped, or with more frames at the end"),
-            (
-                "REBAKE",
-                "Bake from Here",
-                "Keep frames up to the last checkpoint before this frame, make later ones anew",
-            ),
-        ),
-        default="NEW",
-        options={"SKIP_SAVE"},
-    )
+    mode: EnumProperty(name="Mode", items=_MODES, default="NEW", options={"SKIP_SAVE"})
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
-        return cls.bl_rna.properties["mode"].enum_items[properties.mode].description
+        return next(text for name, _, text in _MODES if name == properties.mode)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if self.mode == "NEW" and bake.status(context.scene).cache.frames:

@@ -192,6 +192,14 @@ def _get(settings: Any, name: str) -> Any:
     return list(value) if hasattr(value, "__len__") and not isinstance(value, str) else value
 
 
+def trimmed(samples: dict[int, Any]) -> dict[int, Any]:
+    """Samples without those at the end that change nothing: a longer range of frames is the same scene then."""
+    frames = sorted(samples)
+    while len(frames) > 1 and samples[frames[-1]] == samples[frames[-2]]:
+        frames.pop()
+    return {frame: samples[frame] for frame in frames}
+
+
 class Exporter:
     """Writes the export of one scene. Changes the scene's frame while it does, and sets it back."""
 
@@ -298,9 +306,9 @@ class Exporter:
 
     def _matrices(self, track: _Track) -> dict[str, list[float]]:
         """By frame; one where nothing moves. Domains and forces: with the box in them, a unit cube or ball."""
-        matrices = track.matrices
-        if all(matrix == matrices[self.first] for matrix in matrices.values()):
-            matrices = {self.first: matrices[self.first]}
+        matrices = trimmed(track.matrices)
+        if all(matrix == track.matrices[self.first] for matrix in matrices.values()):
+            matrices = {self.first: track.matrices[self.first]}
         role = track.obj.eulerfsi.role
         if role in ("DOMAIN", "FORCE"):
             edges, center = domain_box(track.obj)
@@ -319,7 +327,10 @@ class Exporter:
         if role == "NONE":
             return {"type": "Xform"}
         counts, indices = track.faces
-        points = [track.points[frame] for frame in sorted(track.points)]
+        frames = sorted(track.points)
+        while len(frames) > 1 and np.array_equal(track.points[frames[-1]], track.points[frames[-2]]):
+            frames.pop()
+        points = [track.points[frame] for frame in frames]
         if role == "COLLIDER" and (plane := _plane(points, counts)):
             return plane
         still = all(np.array_equal(at, points[0]) for at in points)
@@ -328,7 +339,7 @@ class Exporter:
             "counts": counts,
             "indices": indices,
         }
-        arrays |= {} if still else {"frames": np.array(sorted(track.points))}
+        arrays |= {} if still else {"frames": np.array(frames)}
         arrays |= {} if track.pin is None else {"pin": track.pin}
         file = f"{obj.eulerfsi.prim}.npz"
         np.savez(self.folder / file, **arrays)
@@ -341,7 +352,8 @@ class Exporter:
         for row in table.rows(scope).values():
             name = row["name"]
             if row.get("animated") and any(values[name] != first[name] for values in track.values.values()):
-                result[name] = {str(frame): values[name] for frame, values in track.values.items()}
+                samples = trimmed({frame: values[name] for frame, values in track.values.items()})
+                result[name] = {str(frame): value for frame, value in samples.items()}
         return result
 
     def _relate(self, prims: list[dict[str, Any]]) -> None:
