@@ -10,7 +10,6 @@ from bpy.props import EnumProperty
 
 from . import bake, job, load, scene_export
 
-
 _MODES = (
     ("NEW", "Bake", "From the first frame; a bake that is there is replaced"),
     ("RESUME", "Resume", "Go on where it stopped, or with more frames at the end"),

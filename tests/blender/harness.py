@@ -66,7 +66,7 @@ def refused(operator: Callable[..., Any], *words: str, **arguments: Any) -> str:
     raise AssertionError(f"{operator} was not refused")
 
 
-def until(what: Callable[[], Any], seconds: float = 120.0) -> Any:
+def until(what: Callable[[], Any], seconds: float = 900.0) -> Any:
     """Waits for something; its value."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
@@ -74,6 +74,14 @@ def until(what: Callable[[], Any], seconds: float = 120.0) -> Any:
             return found
         time.sleep(0.05)
     raise AssertionError(f"waited {seconds} s in vain")
+
+
+def leave_none_running() -> None:
+    """A bake outlives Blender, but not its check."""
+    for work in part("bake")._jobs.values():
+        if work.process and work.process.poll() is None:
+            work.process.kill()
+            work.process.wait()
 
 
 def run(checks: dict[str, Callable[[], None]]) -> int:
@@ -88,5 +96,7 @@ def run(checks: dict[str, Callable[[], None]]) -> int:
         except Exception:
             traceback.print_exc()
             failed.append(name)
+        finally:
+            leave_none_running()
         print(f"{'FAILED' if name in failed else 'passed'}: {name} ({time.monotonic() - start:.1f} s)", flush=True)
     return int(bool(failed))
