@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from eulerfsi.cli.main import main
 from eulerfsi.scene import memory
 from eulerfsi.scene.read import open_stage, read_scene
 from pxr import UsdGeom
@@ -174,3 +175,10 @@ def test_state_comes_from_manifest_and_lock(addon, tmp_path):
     assert work.read() and work.told.findings[0]["message"] == "bad"
     job.free(folder)
     assert not folder.exists()
+
+
+def test_package_names_a_missing_wheel(tmp_path, capsys):
+    assert main(["package", "blender", "-o", str(tmp_path), "--wheel", str(tmp_path / "none.whl")]) == 2
+    assert "none.whl: no such file" in capsys.readouterr().err
+    assert main(["package", "wheel", "-o", str(tmp_path), "--wheel", "some.whl"]) == 2
+    assert "--wheel: belongs to `package blender`" in capsys.readouterr().err
