@@ -13,6 +13,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import tomllib
 from pathlib import Path
 
 from eulerfsi.errors import EulerFsiError
@@ -25,13 +26,19 @@ _TOOLS = ROOT / "build" / "wheel-tools"
 _REQUIREMENTS = ROOT / "packaging" / "requirements.txt"
 
 
-def main(output: Path) -> Path:
-    """Builds the wheel into a folder; returns its path. Raises EulerFsiError."""
+def main(output: Path, library: Path | None = None) -> Path:
+    """Builds the wheel into a folder; returns its path. Raises EulerFsiError.
+
+    library: a built libeulerfsi.so that is packed as it is; None: builds one.
+    """
     tools = _tools()
     with tempfile.TemporaryDirectory(prefix="eulerfsi-wheel-") as folder:
         raw, whole, packed = (Path(folder) / name for name in ("raw", "whole", "packed"))
-        settings = f"--config-settings=build-dir={ROOT / 'build' / 'wheel'}"  # kept: the next build is quick
-        _run(tools / "python", "-m", "pip", "wheel", "--no-deps", "--no-input", settings, "-w", raw, ROOT)
+        if library:
+            _pack_built(library, Path(folder) / "built", raw, tools)
+        else:
+            settings = f"--config-settings=build-dir={ROOT / 'build' / 'wheel'}"  # kept: the next build is quick
+            _run(tools / "python", "-m", "pip", "wheel", "--no-deps", "--no-input", settings, "-w", raw, ROOT)
         _run(tools / "auditwheel", "repair", "--strip", "--only-plat", "--plat", PLATFORM, "-w", whole, *raw.iterdir())
         _run(tools / "wheel", "unpack", "-d", packed, *whole.iterdir())
         (tree,) = packed.iterdir()
@@ -42,6 +49,34 @@ def main(output: Path) -> Path:
         if made.stat().st_size > MOST_BYTES:
             raise EulerFsiError(f"{made.name}: {made.stat().st_size:,} bytes: must be at most {MOST_BYTES:,}")
         return Path(shutil.move(made, output / made.name))
+
+
+def _pack_built(library: Path, tree: Path, raw: Path, tools: Path) -> None:
+    """What scikit-build-core makes, around a library that is built already."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    facts, layout = project["project"], project["tool"]["scikit-build"]["wheel"]
+    tags = f"py3-none-linux_{platform.machine()}"
+    for package in layout["packages"]:
+        name = Path(package).name
+        shutil.copytree(ROOT / package, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
+    place = tree / layout["install-dir"]
+    (place / "_lib").mkdir()
+    shutil.copy(library, place / "_lib" / "libeulerfsi.so")
+    shutil.copy(ROOT / "libeulerfsi" / "parameters.toml", place)
+    info = tree / f"{facts['name']}-{facts['version']}.dist-info"
+    (info / "licenses").mkdir(parents=True)
+    for name in facts["license-files"]:
+        shutil.copy(ROOT / name, info / "licenses")
+    needs = "".join(f"Requires-Dist: {need}\n" for need in facts["dependencies"])
+    head = (
+        f"Metadata-Version: 2.1\nName: {facts['name']}\nVersion: {facts['version']}\nSummary: {facts['description']}\n"
+    )
+    (info / "METADATA").write_text(f"{head}License: {facts['license']}\nRequires-Python: >=3.11\n{needs}")
+    (info / "WHEEL").write_text(f"Wheel-Version: 1.0\nGenerator: eulerfsi\nRoot-Is-Purelib: false\nTag: {tags}\n")
+    scripts = "".join(f"{name} = {place}\n" for name, place in facts["scripts"].items())
+    (info / "entry_points.txt").write_text(f"[console_scripts]\n{scripts}")
+    raw.mkdir()
+    _run(tools / "wheel", "pack", "-d", raw, tree)
 
 
 def _tools() -> Path:

@@ -148,8 +148,9 @@ def build_parser() -> argparse.ArgumentParser:
     bench.add_argument("rest", nargs=argparse.REMAINDER, help="options of the benchmark; --help lists them")
 
     package = add("package", "Build a file that installs elsewhere without a system package (in a checkout).")
-    package.add_argument("what", choices=("wheel",))
+    package.add_argument("what", choices=("wheel", "blender"))
     package.add_argument("-o", "--output", type=Path, default=Path("dist"), metavar="DIR", help="default: ./dist")
+    package.add_argument("--wheel", type=Path, metavar="FILE", help="blender: with this wheel; default: makes one")
 
     test = add("test", "Run the tests (in a checkout).")
     slow = "the slow tests instead: double precision, slow laws, whole scenes"
@@ -373,7 +374,13 @@ def _bench(options: argparse.Namespace) -> int:
 
 def _package(options: argparse.Namespace) -> int:
     script = _checkout() / "packaging" / f"{options.what}.py"
-    say(str(runpy.run_path(str(script))["main"](options.output)), sys.stdout)
+    make = runpy.run_path(str(script))["main"]
+    if options.what == "blender":
+        say("\n".join(map(str, make(options.output, options.wheel))), sys.stdout)
+        return errors.EXIT_OK
+    if options.wheel:
+        raise UsageError("--wheel: belongs to `package blender`")
+    say(str(make(options.output)), sys.stdout)
     return errors.EXIT_OK
 
 

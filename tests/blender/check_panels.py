@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Every panel is drawn in every state by a layout that knows what Blender takes."""
+
+from __future__ import annotations
+
+import sys
+import types
+
+import bpy
+from harness import fresh, jelly, part, pick, refused, run, until
+from layout import DrawError, Layout
+
+
+def draw() -> Layout:
+    """All panels as the current scene has them; what was drawn."""
+    drawn = Layout()
+    for cls in part("panels").CLASSES:
+        parent = next((c for c in part("panels").CLASSES if c.bl_idname == getattr(cls, "bl_parent_id", "")), None)
+        if all(c.poll(bpy.context) for c in (cls, parent) if c and hasattr(c, "poll")):
+            own = types.SimpleNamespace(layout=Layout(drawn.calls), _buttons=getattr(cls, "_buttons", None))
+            own._solid = getattr(cls, "_solid", None)
+            cls.draw(own, bpy.context)
+    return drawn
+
+
+def check_layout_finds_faults() -> None:
+    fresh("layout")
+    scene = bpy.context.scene
+    for wrong in (
+        lambda layout: layout.label(text="x", icon="NO_SUCH_ICON"),
+        lambda layout: layout.prop(scene, "no_such_property"),
+        lambda layout: layout.operator("eulerfsi.no_such_operator"),
+        lambda layout: layout.lable(text="x"),
+        lambda layout: layout.label(txt="x"),
+        lambda layout: setattr(layout.operator("eulerfsi.bake"), "mode", "OLD"),
+        lambda layout: setattr(layout, "use_property_splits", True),
+        lambda layout: layout.prop(scene),
+    ):
+        try:
+            wrong(Layout())
+        except DrawError:
+            continue
+        raise AssertionError("a wrong call was taken")
+
+
+def check_no_domain() -> None:
+    fresh("no_domain")
+    drawn = draw()
+    assert {"eulerfsi.quick", "eulerfsi.add_domain"} <= set(drawn.operators), drawn.operators
+    assert "eulerfsi.bake" not in drawn.operators
+
+
+def check_ready_and_roles() -> None:
+    jelly("ready")
+    drawn = draw()
+    assert "Ready to bake" in drawn.texts and "cells" in drawn.texts and "memory" in drawn.texts, drawn.texts
+    before = drawn.texts
+    bpy.data.objects["Domain"].eulerfsi.domain.voxel_size = 0.25
+    assert "4,860 cells" in draw().texts and "648 cells" in before, (before, draw().texts)
+    shown: dict[str, set[str]] = {}
+    for role in ("NONE", "SOLID", "COLLIDER", "EMITTER", "FORCE", "PIN", "PASSENGER"):
+        pick("Cube")
+        bpy.data.objects["Cube"].eulerfsi.role = role
+        shown[role] = {str(a["property"]) for name, a in draw().calls if name == "prop"}
+    table = part("table")
+    for role, scope in part("properties").SCOPE_OF.items():
+        rows = set(table.rows(scope))
+        assert role == "DOMAIN" or rows <= shown[role] | {table.snake(n) for n in table.ADVANCED.get(scope, ())}, role
+    assert set(table.rows("domain")) <= shown["NONE"]
+    for mode in ("NEW", "RESUME", "REBAKE"):
+        button = types.SimpleNamespace(mode=mode)
+        assert part("operators").EULERFSI_OT_bake.description(bpy.context, button)
+    bpy.data.objects["Cube"].eulerfsi.role = "SOLID"
+    bpy.data.objects["Cube"].vertex_groups.new(name="Top")
+    bpy.data.objects["Cube"].eulerfsi.pin_group = "Top"
+    assert "pin_to" in {str(a["property"]) for name, a in draw().calls if name == "prop"}
+
+
+def check_unsaved() -> None:
+    bpy.ops.wm.read_homefile(use_factory_startup=True)
+    import addon_utils
+
+    addon_utils.enable("bl_ext.user_default.eulerfsi", default_set=True)
+    pick("Cube")
+    bpy.ops.eulerfsi.quick()
+    assert "Save the file first" in draw().texts
+
+
+def check_baking_done_failed() -> None:
+    scene, _ = jelly("baking", frames=200)
+    bake = part("bake")
+    work = bake.begin(scene, "NEW")
+    assert "eulerfsi.cancel" in draw().operators  # preparing
+    until(lambda: bake.status(scene).kind == "running" and len(bake.status(scene).cache.frames) > 3)
+    drawn = draw()
+    assert "left" in drawn.texts and "%" in drawn.texts, drawn.texts
+    assert "eulerfsi.cancel" in drawn.operators and "eulerfsi.free" not in drawn.operators
+    assert bpy.ops.eulerfsi.cancel() == {"FINISHED"}
+    bake.wait(scene, work)
+    scene.frame_set(9)
+    drawn = draw()
+    assert "Resume" in drawn.texts and "Bake from Frame" in drawn.texts, drawn.texts
+    scene.frame_end = bake.status(scene).cache.frames[-1] + 2
+    assert bpy.ops.eulerfsi.bake(mode="RESUME") == {"FINISHED"}
+    drawn = draw()
+    assert "Done" in drawn.texts and "eulerfsi.load" in drawn.operators, drawn.texts
+    bpy.data.objects["Cube"].eulerfsi.solid.youngs_modulus = 7000.0
+    assert "Changed since the bake: Cube: Youngs Modulus" in draw().texts, draw().texts
+    bpy.data.objects["Cube"].location.z = 40.0
+    bpy.context.view_layer.update()
+    refused(bpy.ops.eulerfsi.bake, "Failed", "“Cube”")
+    drawn = draw()
+    assert "Failed" in drawn.texts and "eulerfsi.free" in drawn.operators, drawn.texts
+
+
+if __name__ == "__main__":
+    sys.exit(run({name: check for name, check in globals().items() if name.startswith("check_")}))

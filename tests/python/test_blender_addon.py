@@ -1,0 +1,184 @@
+"""The parts of the Blender extension that need no Blender; tests/blender has the rest."""
+
+from __future__ import annotations
+
+import fcntl
+import importlib
+import importlib.util
+import json
+import re
+import shutil
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from eulerfsi.cli.main import main
+from eulerfsi.scene import memory
+from eulerfsi.scene.read import open_stage, read_scene
+from pxr import UsdGeom
+
+ROOT = Path(__file__).resolve().parents[2]
+ADDON = ROOT / "blender_addon"
+
+
+@pytest.fixture
+def addon(tmp_path, monkeypatch):
+    """Imports a module of the extension as the zip has it: beside the parameter table."""
+    place = tmp_path / "addon" / "extension"
+    shutil.copytree(ADDON, place)
+    shutil.copy(ROOT / "usd_plugin/eulerfsi_usd/parameters.json", place)
+    (place / "__init__.py").write_text("")  # the real one needs bpy
+    monkeypatch.syspath_prepend(str(place.parent))
+    for name in [name for name in sys.modules if name.split(".")[0] == "extension"]:
+        monkeypatch.delitem(sys.modules, name)
+    return lambda name: importlib.import_module(f"extension.{name}")
+
+
+@pytest.fixture
+def stage_module():
+    spec = importlib.util.spec_from_file_location("blender_stage", ADDON / "runner" / "stage.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_manifest_has_the_version_of_the_package():
+    manifest = tomllib.loads((ADDON / "blender_manifest.toml").read_text())
+    package = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert manifest["version"] == package["version"] and manifest["platforms"] == ["linux-x64"]
+
+
+def test_what_imports_bpy_is_gpl():
+    files = [*ADDON.rglob("*.py"), *(ROOT / "tests" / "blender").glob("*.py")]
+    users = [path for path in files if re.search(r"^import (bpy|addon_utils)", path.read_text(), re.M)]
+    assert len(users) > 8
+    assert [p.name for p in users if not p.read_text().startswith("# SPDX-License-Identifier: GPL-3.0-or-later")] == []
+    assert "GNU GENERAL PUBLIC LICENSE" in (ADDON / "LICENSE").read_text()[:200]
+
+
+def test_every_row_has_a_property_and_presets_are_rows(addon):
+    table, presets = addon("table"), addon("presets")
+    data = json.loads((ROOT / "usd_plugin/eulerfsi_usd/parameters.json").read_text())
+    shown = {(scope, row["name"]) for scope in table.SCOPES for row in table.rows(scope).values()}
+    assert shown == {(row["scope"], row["name"]) for row in data["parameters"]} - table.FROM_OBJECT
+    rows = table.rows("solid")
+    for preset in presets.PRESETS.values():
+        assert preset.behaves and set(preset.values) <= set(rows)
+        for name, value in preset.values.items():
+            low, high = (rows[name].get("hard") or (None, None))[:2]
+            assert (low is None or value >= low) and (high is None or value <= high), name
+    assert table.plain(float(np.float32(0.3))) == 0.3
+    for scope, names in table.ADVANCED.items():
+        assert set(names) <= {row["name"] for row in table.rows(scope).values()}
+
+
+def export(folder: Path, unit: float) -> Path:
+    """What Blender writes of a cube of 0.2 m in a scene of that unit; its top is pinned, the emitter keyed."""
+    folder.mkdir()
+    side = 0.1 / unit
+    points = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float32) * side
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    pin = (points[:, 2] > 0).astype(np.float32)
+    arrays = {"points": points, "counts": np.full(6, 4, np.int32), "indices": np.array(faces, np.int32).ravel()}
+    np.savez(folder / "Cube.npz", **arrays, pin=pin)
+    np.savez(folder / "Smoke.npz", **arrays)
+
+    def place(scale: float, z: float) -> list[float]:
+        return [scale, 0, 0, 0, 0, scale, 0, 0, 0, 0, scale, z / unit, 0, 0, 0, 1]
+
+    solid = {
+        "density": 900.0,
+        "youngsModulus": 5000.0,
+        "velocity": [0.0, 0.0, 0.0],
+        "angularVelocity": [0.0, 0.0, 90.0],
+    }
+    solid["angularVelocity"] = [0.0, 0.0, 0.0]
+    smoke = {"smokeDensity": {"1": 0.5, "2": 1.0}, "mode": "continuous", "velocity": [0.0, 0.0, 0.3]}
+    prims = [
+        {"path": "/World/Domain", "shape": {"type": "Cube"}, "matrices": {"1": place(1.0 / unit, 0.0)}}
+        | {"values": {"domain": {"voxelSize": 0.05, "fluidDensity": 1.2, "wallXMin": "open"}}},
+        {"path": "/World/Cube", "shape": {"type": "Mesh", "file": "Cube.npz"}, "matrices": {"1": place(1.0, 0.1)}}
+        | {"values": {"solid": solid}, "relationships": {"pinTo": ["/World/Hand"]}},
+        {"path": "/World/Hand", "shape": {"type": "Xform"}, "values": {}}
+        | {"matrices": {str(f): place(1.0, 0.01 * f) for f in (1, 2, 3)}},
+        {"path": "/World/Smoke", "shape": {"type": "Mesh", "file": "Smoke.npz"}, "matrices": {"1": place(1.0, -0.3)}}
+        | {"values": {"emitter": smoke}},
+    ]
+    scene = {"meters_per_unit": unit, "fps": 24.0, "first": 1, "last": 3, "gravity": [0.0, 0.0, -9.81]}
+    entries = [{"object": entry["path"], **entry} for entry in prims]
+    (folder / "scene.json").write_text(json.dumps({**scene, "prims": entries}))
+    return folder
+
+
+@pytest.mark.parametrize("unit", [1.0, 0.01])
+def test_stage_of_an_export_is_the_same_in_every_unit(tmp_path, stage_module, unit):
+    stage_module.write_stage(export(tmp_path / "export", unit), tmp_path / "scene.usdc")
+    stage = open_stage(tmp_path / "scene.usdc")
+    assert UsdGeom.GetStageUpAxis(stage) == "Z" and UsdGeom.GetStageMetersPerUnit(stage) == unit
+    scene = read_scene(stage, tmp_path / "scene.usdc")
+    assert scene.domain["voxel_size"] == pytest.approx(0.05) and scene.domain["fluid_density"] == pytest.approx(1.2)
+    assert scene.domain["domain_size"] == pytest.approx([1.0] * 3) and scene.domain["gravity"][2] == pytest.approx(
+        -9.81
+    )
+    (solid,) = scene.solids
+    assert solid.values["density"] == pytest.approx(900.0, rel=1e-6) and solid.values["youngs_modulus"] == 5000.0
+    assert np.ptp(solid.mesh.points, axis=0) == pytest.approx([0.2] * 3, rel=1e-5)
+    (pin,) = scene.pins
+    assert pin.vertices.sum() == 4 and pin.motion.moves
+    (emitter,) = scene.emitters
+    assert emitter.over_time("density").max() == pytest.approx(1.0) and emitter.keys
+    assert emitter.values["velocity"] == pytest.approx([0, 0, 0.3], rel=1e-6)
+
+
+def test_estimates_are_those_of_the_library(addon):
+    estimate = addon("estimate")
+    box = np.array([(0, 0, 0), (0.4, 0.3, 0.2)])
+    for fluid in (True, False):
+        domain = {
+            "domain_size": [2.0, 1.5, 1.0],
+            "domain_min": [0, 0, 0],
+            "voxel_size": 0.04,
+            "ambient_fluid": int(fluid),
+        }
+        mesh = type("Box", (), {"points": box})
+        told, _ = memory.estimate(domain, [mesh], 0)
+        assert estimate.memory([2.0, 1.5, 1.0], 0.04, [(0.4, 0.3, 0.2)], fluid) == pytest.approx(told, rel=0.01)
+    assert estimate.cells((1.0, 0.5, 0.26), 0.25) == 4 * 2 * 2
+    assert estimate.text(1_234_567) == "1.23 MB" and estimate.text(12) == "12 B"
+
+
+def test_state_comes_from_manifest_and_lock(addon, tmp_path):
+    job = addon("job")
+    cache = tmp_path / "bake" / "cache"
+    cache.mkdir(parents=True)
+    folder = cache.parent
+    assert job.look(folder).status == "none"
+    frames = {"1": {"files": {"vdb/s.0001.vdb": {"bytes": 10}, "frames/s.0001.usdc": {"bytes": 5}}}}
+    checkpoints = [{"frame": 1, "time": 0.0}, {"frame": 1, "time": 0.02}]  # the second is of a run that was stopped
+    facts = {"first": 1, "last": 9, "fps": 24.0, "grids": ["density"], "frames": frames, "checkpoints": checkpoints}
+    (cache / "manifest.json").write_text(json.dumps({"status": "running", **facts}))
+    found = job.look(folder)
+    assert (found.status, found.frames, found.smoke, found.bytes) == ("stopped", [1], [1], 15)
+    assert found.checkpoints == [1]
+    with open(cache / ".lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        assert job.look(folder).status == "running"
+        with pytest.raises(job.JobError, match="cancel it first"):
+            job.free(folder)
+    (folder / "events.jsonl").write_text('{"event": "error", "code": "scene"')  # a line that is not whole yet
+    work = job.Job(folder)
+    assert not work.read() and not work.told.findings
+    with open(folder / "events.jsonl", "a") as events:
+        events.write(', "prim": "/World/A", "field": null, "message": "bad"}\n')
+    assert work.read() and work.told.findings[0]["message"] == "bad"
+    job.free(folder)
+    assert not folder.exists()
+
+
+def test_package_names_a_missing_wheel(tmp_path, capsys):
+    assert main(["package", "blender", "-o", str(tmp_path), "--wheel", str(tmp_path / "none.whl")]) == 2
+    assert "none.whl: no such file" in capsys.readouterr().err
+    assert main(["package", "wheel", "-o", str(tmp_path), "--wheel", "some.whl"]) == 2
+    assert "--wheel: belongs to `package blender`" in capsys.readouterr().err
