@@ -13,6 +13,7 @@ EXIT_DIVERGED = 4
 EXIT_IO = 5
 EXIT_STRICT = 6
 EXIT_MISMATCH = 7
+EXIT_JOBS = 8
 EXIT_SIGHUP = 129
 EXIT_SIGINT = 130
 EXIT_SIGTERM = 143
@@ -27,7 +28,7 @@ EXIT_CODES = {
     EXIT_IO: ("io", "disk or damage"),
     EXIT_STRICT: ("strict", "stopped by --strict"),
     EXIT_MISMATCH: ("mismatch", "a cache or checkpoint that does not fit the scene"),
-    8: ("jobs", "reserved"),
+    EXIT_JOBS: ("jobs", "some jobs of a wedge failed"),
     10: ("packages", "set-up: system packages"),
     11: ("python", "set-up: Python environment"),
     12: ("build", "set-up: build"),
@@ -85,6 +86,12 @@ class MismatchError(EulerFsiError):
     """A cache or checkpoint is that of another scene, or cannot be continued as it is."""
 
     exit_code = EXIT_MISMATCH
+
+
+class JobsError(EulerFsiError):
+    """Some jobs of a wedge have failed; the others are done."""
+
+    exit_code = EXIT_JOBS
 
 
 class Cancelled(KeyboardInterrupt):

@@ -18,6 +18,7 @@ from ..command import command_line
 from ..errors import EulerFsiError, UsageError
 from ..say import say
 from ..solver import binding, mesh_file
+from . import farm
 
 # What the commands load beside this module, with USD.
 _MODULES = {
@@ -26,6 +27,8 @@ _MODULES = {
     "info": ".info",
     "plot": ".plot",
     "new": ".new_scene",
+    "wedge": "..farm.wedge",
+    "submit": "..farm.openjd",
 }
 BENCHMARKS = ("speed", "loop", "random", "accuracy", "stress", "skip", "table", "estimate", "meshes")
 
@@ -94,6 +97,8 @@ def build_parser() -> argparse.ArgumentParser:
     shown.add_argument("--json", action="store_true", help="the report as one JSON object")
     shown.add_argument("--progress", choices=("none", "json"), default="none", help="events in place of the report")
 
+    farm.add_commands(add, _scene_options)
+
     info = add("info", "Describe the program, a scene or a cache folder (and verify its files).")
     info.add_argument("path", type=Path, nargs="?", metavar="SCENE_OR_CACHE")
     info.add_argument("--json", action="store_true", help="as one JSON object")
@@ -155,6 +160,13 @@ def _scene_options(parser: argparse.ArgumentParser) -> None:
         metavar="PRIM.ATTR=VALUE",
         help="change one attribute for this run, in stage units; may be repeated",
     )
+    parser.add_argument(
+        "--path-map",
+        action="append",
+        default=[],
+        metavar="A=B",
+        help="look under B for files that the scene has under A; may be repeated; or a file of OpenJD's rules",
+    )
 
 
 def _positive(text: str) -> int:
@@ -186,6 +198,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "bench": _bench,
         "test": _test,
         "package": _package,
+        **farm.COMMANDS,
     }
     try:
         if options.command in _MODULES:
@@ -219,6 +232,7 @@ def _simulate(options: argparse.Namespace) -> int:
         threads=options.threads,
         preset=options.preset,
         settings=tuple(options.settings),
+        path_map=tuple(options.path_map),
         progress=options.progress,
         overwrite=options.overwrite,
         resume=options.resume,
@@ -249,7 +263,13 @@ def _validate(options: argparse.Namespace) -> int:
     with progress.make_progress(options.progress).told() as told, usd_messages():
         try:
             report = validate(
-                options.scene, options.frames, options.start_frame, options.settings, options.threads, told
+                options.scene,
+                options.frames,
+                options.start_frame,
+                options.settings,
+                options.threads,
+                told,
+                options.path_map,
             )
         except EulerFsiError as error:
             if options.json:

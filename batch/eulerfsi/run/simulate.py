@@ -46,6 +46,7 @@ class Options:
     threads: int | None = None
     preset: str | None = None
     settings: tuple[str, ...] = ()
+    path_map: tuple[str, ...] = ()
     progress: str = "auto"
     overwrite: bool = False
     resume: bool = False
@@ -64,7 +65,7 @@ def load_scene(
 
     Raises UsageError for options, SceneError with every fault of the scene.
     """
-    stage = open_stage(path)
+    stage = open_stage(path, options.path_map)
     set_frames(stage, parse_frames(options.frames) if options.frames else None, options.start)
     expand_instancers(stage)
     overrides = apply_overrides(stage, options.settings)
