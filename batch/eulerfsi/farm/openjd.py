@@ -27,7 +27,10 @@ _DEADLINE = ("targetTaskRunStatus", "maxFailedTasksCount", "maxRetriesPerTask", 
 
 
 def write_bundle(folder: Path, job: Submission, program: str, values: Iterable[str], timeout: int | None) -> list[Path]:
-    """Writes the three files. program: command on a node; values: options NAME=VALUE; timeout: seconds of one simulation. Raises UsageError."""
+    """Writes the three files. program: command on a node; values: options NAME=VALUE; timeout: seconds of a run.
+
+    Raises UsageError.
+    """
     template = make_template(job, program, timeout)
     given = parameter_values(job, template, values)
     inputs = {"filenames": [str(path) for path in job.files], "directories": []}
@@ -51,7 +54,8 @@ def make_template(job: Submission, program: str, timeout: int | None) -> dict[st
     start = [f"--start-frame={job.options.start}"] if job.options.start is not None else []
     threads = ["--threads={{Param.Threads}}"] if job.options.threads else []
     scene = ["{{Param.Scene}}", "--frames={{Param.Frames}}", *start, *threads]
-    scene += ["--path-map={{Session.PathMappingRulesFile}}", *map(_plain, job.settings()), *settings]
+    maps = [f"--path-map={_plain(rule)}" for rule in job.options.path_map]
+    scene += ["--path-map={{Session.PathMappingRulesFile}}", *maps, *map(_plain, job.settings()), *settings]
     run = [*scene, "-o", cache, "--resume", "--allow-restart", "--progress", "openjd"]
     steps = [
         _step("Validate", None, space, _action("validate", scene, None)),

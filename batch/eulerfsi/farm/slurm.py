@@ -38,7 +38,8 @@ again_if() { # CODE: not done yet, or stopped by a signal: the job goes back to 
 """
 _STEPS = """\
 code=0
-run "${program[@]}" simulate "${scene[@]}" -o "$cache" --resume --allow-restart --requeue-on-signal --progress plain || code=$?
+how=(--resume --allow-restart --requeue-on-signal --progress plain)
+run "${program[@]}" simulate "${scene[@]}" -o "$cache" "${how[@]}" || code=$?
 again_if $code
 [[ $code == 0 ]] || exit $code
 run "${program[@]}" verify "$cache" || code=$?
