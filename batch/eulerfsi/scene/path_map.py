@@ -7,7 +7,7 @@ import json
 from collections.abc import Iterable
 from pathlib import Path
 
-from pxr import Sdf, Tf, Usd, UsdUtils
+from pxr import Sdf, Tf, UsdUtils
 
 from ..errors import UsageError
 
@@ -99,7 +99,7 @@ def map_layers(root: Path, rules: list[Rule]) -> list[Sdf.Layer]:
             layer = Sdf.Layer.FindOrOpen(name)
         except (Tf.ErrorException, UnicodeDecodeError):
             layer = None
-        if not layer or layer.identifier in held or Usd.ZipFile.Open(str(layer.realPath)):
+        if not layer or layer.identifier in held or layer.GetFileFormat().IsPackage():
             continue
         held[layer.identifier] = layer
         UsdUtils.ModifyAssetPaths(layer, lambda path: mapped(path, rules))
