@@ -60,7 +60,7 @@ def make_template(job: Submission, program: str, timeout: int | None) -> dict[st
     steps = [
         _step("Validate", None, space, _action("validate", scene, None)),
         _step("Simulate", "Validate", space, _action("simulate", run, timeout), _host(job)),
-        _step("Verify", "Simulate", space, _action("verify", [cache], None)),
+        _step("Verify", "Simulate", _folders_of(space), _action("verify", [cache], None)),
     ]
     return {
         "specificationVersion": "jobtemplate-2023-09",
@@ -137,6 +137,14 @@ def _space(axes: list[Axis]) -> tuple[dict[str, Any] | None, str, list[str]]:
     settings = [w for target, name in names.items() for w in ("--set", f"{_plain(target)}={{{{Task.Param.{name}}}}}")]
     space = {"taskParameterDefinitions": definitions, "combination": " * ".join(groups)}
     return space, "__".join(folders), settings
+
+
+def _folders_of(space: dict[str, Any] | None) -> dict[str, Any] | None:
+    """What a task needs that only looks at its folder."""
+    if space is None:
+        return None
+    kept = [one for one in space["taskParameterDefinitions"] if one["name"].startswith("Folder")]
+    return {"taskParameterDefinitions": kept, "combination": " * ".join(one["name"] for one in kept)}
 
 
 def _identifier(target: str, taken: Iterable[str]) -> str:
