@@ -8,30 +8,18 @@
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
-if [[ $(id -u) != 0 ]] || ! { command -v slurmctld && command -v slurmd && command -v munged && command -v sbatch; } >/dev/null
-then
+# shellcheck source=tests/slurm_machine.sh
+source "$root/tests/slurm_machine.sh"
+if ! has_slurm; then
   echo "skipped: no SLURM"
   [[ -z ${EFSI_NEED_SLURM-} ]]
   exit
 fi
-
 work=$(mktemp -d /tmp/efsi-slurm-XXXXXX)
-host=$(hostname -s)
-daemons=()
 leave() {
-  local code=$? pid
+  local code=$?
   [[ $code == 0 ]] || tail -n 20 "$work"/*.slurm-*.log "$work"/log/* >&2 || true
-  scancel --quiet --user=root >/dev/null 2>&1 || true
-  for ((i = ${#daemons[@]} - 1; i >= 0; i--)); do # slurmd first: it ends the jobs
-    kill "${daemons[i]}" 2>/dev/null || true
-  done
-  for pid in "${daemons[@]}"; do
-    for _ in $(seq 30); do kill -0 "$pid" 2>/dev/null && sleep 0.1 || break; done
-    kill -9 "$pid" 2>/dev/null || true
-  done
-  for pid in $(find /proc/[0-9]*/fd -lname "$work/*" 2>/dev/null | cut -d / -f 3 | sort -u); do # what outlived its job
-    [[ $pid == $$ ]] || kill -9 "$pid" 2>/dev/null || true
-  done
+  stop_machine
   rm -rf "$work"
   exit "$code"
 }
@@ -39,75 +27,8 @@ trap leave EXIT
 trap 'exit 143' TERM
 trap 'exit 130' INT
 
-fail() {
-  echo "slurm.sh: $*" >&2
-  exit 1
-}
-most=120 # seconds for one step on a busy machine; a quiet one takes under a minute for all
-within() { # SECONDS COMMAND...: until the command succeeds
-  local until=$((SECONDS + $1))
-  shift
-  until "$@"; do
-    ((SECONDS < until)) || fail "not in time: $*"
-    sleep 0.2
-  done
-}
 begun=$SECONDS
 passed() { echo "ok: $* ($((SECONDS - begun)) s)"; }
-
-# --- one machine -----------------------------------------------------------------------------------------------------
-
-start_daemons() {
-  mkdir -p "$work"/{state,spool,log,munge}
-  head -c 1024 /dev/urandom >"$work/munge/key"
-  chmod 700 "$work/munge"
-  chmod 400 "$work/munge/key"
-  munged --force --foreground --key-file="$work/munge/key" --socket="$work/munge/socket" --pid-file="$work/munge/pid" \
-    --log-file="$work/munge/log" --seed-file="$work/munge/seed" --num-threads=2 >/dev/null 2>&1 &
-  daemons+=($!)
-  # Six processors, whatever there are: jobs wait more than they compute. No RequeueExit: the script asks for it itself.
-  cat >"$work/slurm.conf" <<CONF
-ClusterName=test
-SlurmctldHost=$host(127.0.0.1)
-SlurmUser=root
-SlurmdUser=root
-AuthType=auth/munge
-AuthInfo=socket=$work/munge/socket
-CryptoType=crypto/munge
-SlurmctldPort=16917
-SlurmdPort=16918
-StateSaveLocation=$work/state
-SlurmdSpoolDir=$work/spool
-SlurmctldPidFile=$work/slurmctld.pid
-SlurmdPidFile=$work/slurmd.pid
-SlurmctldLogFile=$work/log/slurmctld
-SlurmdLogFile=$work/log/slurmd
-SlurmdParameters=config_overrides
-ProctrackType=proctrack/linuxproc
-TaskPlugin=task/none
-SwitchType=switch/none
-MpiDefault=none
-JobAcctGatherType=jobacct_gather/none
-AccountingStorageType=accounting_storage/none
-SelectType=select/cons_tres
-SelectTypeParameters=CR_CPU
-SchedulerParameters=batch_sched_delay=1
-JobRequeue=1
-KillWait=10
-ReturnToService=2
-MailProg=/bin/true
-NodeName=$host NodeAddr=127.0.0.1 CPUs=6 RealMemory=4000 State=UNKNOWN
-PartitionName=all Nodes=$host Default=YES MaxTime=INFINITE State=UP
-CONF
-  export SLURM_CONF=$work/slurm.conf
-  within 5 test -S "$work/munge/socket"
-  slurmctld -D -f "$SLURM_CONF" >"$work/log/slurmctld.out" 2>&1 &
-  daemons+=($!)
-  slurmd -D -f "$SLURM_CONF" >"$work/log/slurmd.out" 2>&1 &
-  daemons+=($!)
-  within 15 is_node idle
-}
-is_node() { [[ $(sinfo -h -o %t 2>/dev/null) == "$1"* ]]; }
 
 # --- jobs ------------------------------------------------------------------------------------------------------------
 
@@ -123,7 +44,7 @@ is() { # JOB STATE: of every task of an array
   [[ $states == "$2" ]]
 }
 has_frame() { [[ -n $(ls "$work/$1"/frames/*."$2".* 2>/dev/null) ]]; } # CACHE FRAME
-is_requeued() { [[ $(facts "$1" Restarts) == 1 && $(facts "$1" JobState) == PENDING ]]; }
+is_requeued() { [[ $(facts "$1" Restarts) -gt 0 && $(facts "$1" JobState) == PENDING ]]; }
 go_on() { # JOB: a job that was requeued waits two minutes otherwise
   within "$most" is_requeued "$1"
   scontrol update JobId="$1" StartTime=now
@@ -151,7 +72,7 @@ scene=$root/examples/scenes/ball.usda
 coarse=(--set Domain.voxelSize=0.05)
 frames=1-96
 
-start_daemons
+start_machine
 passed "daemons"
 submit alone "${coarse[@]}" --frames $frames
 for name in signalled requeued down; do sed "s|$work/alone|$work/$name|g" "$work/alone.sh" >"$work/$name.sh"; done

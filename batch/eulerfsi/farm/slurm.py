@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shlex
 from pathlib import Path
 
 from .. import files
 from ..errors import CacheIOError, UsageError
+from . import wedge
 from .submission import Submission
 
 SIGNAL_SECONDS = 120  # before the time limit: SIGTERM, for a checkpoint
@@ -51,17 +53,20 @@ exit $code
 def write_script(path: Path, job: Submission, program: str, seconds: int | None) -> Path:
     """Writes the script. program: command on a node; seconds: time limit of a task, None: that of the partition.
 
-    Raises UsageError for a folder that sbatch cannot write a log beside.
+    Raises UsageError for a folder that sbatch cannot write a log beside, MismatchError for one of another wedge.
     """
     log = f"{str(job.folder).replace('%', '%%')}.slurm-{'%A_%a' if job.jobs else '%j'}.log"
     if any(character.isspace() or character in "\"'\\" for character in log):
         raise UsageError(
             f"submit --slurm: {job.folder}: must have no space, quote or backslash in it: logs go beside it"
         )
+    made = job.folder if job.jobs else job.folder.parent
     try:
-        job.folder.parent.mkdir(parents=True, exist_ok=True)
+        made.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise CacheIOError(f"{job.folder.parent}: cannot be made: {error.strerror}") from error
+        raise CacheIOError(f"{made}: cannot be made: {error.strerror}") from error
+    if job.jobs:  # `wedge --resume` on the folder makes table and contact sheet of what the array has left
+        wedge.prepare(job.folder, job.scene, job.jobs, job.attributes, dataclasses.replace(job.options, resume=True))
     options = [f"--job-name={job.name}", f"--output={log}", "--open-mode=append", "--requeue"]
     options += [f"--array=1-{len(job.jobs)}"] if job.jobs else []
     options += [f"--cpus-per-task={job.options.threads or 1}", f"--mem={-(-job.memory // 2**20)}M"]

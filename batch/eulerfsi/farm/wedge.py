@@ -37,22 +37,31 @@ _PROCESS = 300 << 20  # bytes of a job beside its simulation: Python, USD, the p
 _POLL = 0.05  # seconds between two looks at the jobs
 
 
-def prepare(folder: Path, facts: dict[str, Any], jobs: Sequence[Job], overwrite: bool, resume: bool) -> None:
-    """Makes the folder with its manifest. facts: scene, its frames and settings, for the manifest.
+def prepare(folder: Path, scene: Path, jobs: Sequence[Job], attributes: dict[str, str], options: Options) -> None:
+    """Writes the manifest into the folder. options: what all jobs share, with overwrite and resume.
 
     Raises UsageError for a wedge without --overwrite or --resume and for a folder with other things in it,
     MismatchError for the wedge of other jobs.
     """
-    data = {"format": _FORMAT, "version": 1, "program": __version__, **facts}
-    data["jobs"] = [{"folder": job.folder, "values": job.values} for job in jobs]
+    data = {
+        "format": _FORMAT,
+        "version": 1,
+        "program": __version__,
+        "scene": scene.name,
+        "frames": options.frames,
+        "start_frame": options.start,
+        "settings": list(options.settings),
+        "attributes": attributes,
+        "jobs": [{"folder": job.folder, "values": job.values} for job in jobs],
+    }
     path = folder / MANIFEST
     if path.is_file():
         before = load(folder)
-        if not (overwrite or resume):
+        if not (options.overwrite or options.resume):
             raise UsageError(
                 f"{folder}: already contains a wedge; continue it with --resume or replace it with --overwrite"
             )
-        if resume:
+        if options.resume:
             _check_same(folder, before, data)
         else:
             for job in before["jobs"]:
@@ -258,19 +267,12 @@ def run(
     options: what all jobs share, with overwrite and resume; arguments: the same for `simulate`. Raises as `prepare`
     and `Wedge.run` do.
     """
-    facts = {
-        "scene": scene.name,
-        "frames": options.frames,
-        "start_frame": options.start,
-        "settings": list(options.settings),
-        "attributes": attributes,
-    }
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise CacheIOError(f"{folder}: cannot be made: {error.strerror}") from error
     with FolderLock(folder):
-        prepare(folder, facts, jobs, options.overwrite, options.resume)
+        prepare(folder, scene, jobs, attributes, options)
         need, limit = largest_need(scene, options, jobs, attributes), available_memory()
         at_once = jobs_at_once(len(jobs), threads, need, limit)
         tell(f"{len(jobs)} jobs, {at_once} at once with {max(1, threads // at_once)} threads each, into {folder}")
