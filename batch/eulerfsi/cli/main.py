@@ -1,4 +1,4 @@
-"""The command line: simulate, validate, info, plot, new, bench, test, package. Exit codes: docs/exit-codes.md."""
+"""The command line: its options, and what each command calls. Exit codes: docs/exit-codes.md."""
 
 from __future__ import annotations
 
@@ -25,6 +25,8 @@ _MODULES = {
     "simulate": "..run.simulate",
     "validate": ".report",
     "info": ".info",
+    "verify": ".verify",
+    "doctor": ".doctor",
     "plot": ".plot",
     "new": ".new_scene",
     "wedge": "..farm.wedge",
@@ -78,6 +80,15 @@ def build_parser() -> argparse.ArgumentParser:
         help="a checkpoint every N frames or T seconds, after the first frame and the last one; default: 10",
     )
     simulate.add_argument("--keep-checkpoints", default="2", metavar="N|all", help="the last N checkpoints; default: 2")
+    simulate.add_argument(
+        "--max-wall-seconds", type=float, metavar="S", help="then stop with a checkpoint and exit code 75"
+    )
+    simulate.add_argument(
+        "--requeue-on-signal", action="store_true", help="end with exit code 75, not 143, after SIGTERM"
+    )
+    simulate.add_argument(
+        "--wait", type=float, default=0.0, metavar="S", help="wait that long for another run in the folder; default: 0"
+    )
     simulate.add_argument("--half", action="store_true", help="write smoke as 16-bit floats")
     simulate.add_argument(
         "--smoke-threshold", metavar="X", help="leave out voxels with at most this density; default: 0.001"
@@ -102,6 +113,14 @@ def build_parser() -> argparse.ArgumentParser:
     info = add("info", "Describe the program, a scene or a cache folder (and verify its files).")
     info.add_argument("path", type=Path, nargs="?", metavar="SCENE_OR_CACHE")
     info.add_argument("--json", action="store_true", help="as one JSON object")
+
+    check = add("verify", "Compare every file of a cache with what was written, and name those that differ.")
+    check.add_argument("cache", type=Path, metavar="CACHE")
+    check.add_argument("--deep", action="store_true", help="read every grid and every mesh, too")
+    check.add_argument("--json", action="store_true", help="as one JSON object")
+
+    doctor = add("doctor", "Describe the program and this machine, and simulate for five seconds to test them.")
+    doctor.add_argument("--json", action="store_true", help="as one JSON object")
 
     draw = add("plot", "Draw a cache's statistics: sizes of steps, volumes, energies, time per frame.")
     draw.add_argument(
@@ -145,7 +164,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def _exit_codes() -> str:
-    return ", ".join(f"{code} {text}" for code, (_, text) in errors.EXIT_CODES.items() if text != "reserved")
+    return ", ".join(f"{code} {text}" for code, (_, text) in errors.EXIT_CODES.items())
 
 
 def _scene_options(parser: argparse.ArgumentParser) -> None:
@@ -188,11 +207,15 @@ def _join_negative(arguments: Sequence[str]) -> list[str]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs one command; returns the exit code. A wrong option leaves through SystemExit(2), as argparse does."""
-    options = build_parser().parse_args(_join_negative(sys.argv[1:] if arguments is None else arguments))
+    given = sys.argv[1:] if arguments is None else arguments
+    options = build_parser().parse_args(_join_negative(given))
+    options.line = command_line(*given)
     run = {
         "simulate": _simulate,
         "validate": _validate,
         "info": _info,
+        "verify": _verify,
+        "doctor": _doctor,
         "plot": _plot,
         "new": _new,
         "bench": _bench,
@@ -241,10 +264,14 @@ def _simulate(options: argparse.Namespace) -> int:
         keep_checkpoints=options.keep_checkpoints,
         strict=options.strict,
         rebake_from=options.rebake_from,
+        max_wall_seconds=options.max_wall_seconds,
+        requeue_on_signal=options.requeue_on_signal,
+        wait=options.wait,
+        command=options.line,
         written=Output.parse(options.half, options.smoke_threshold, not options.no_velocity, options.region),
     )
     result = simulate(options.scene, wanted)
-    if options.progress != "json":
+    if options.progress not in ("json", "openjd", "alf"):
         if result.nothing_to_do:
             say("all frames exist already", sys.stdout)
         say(f"cache:   {result.folder}", sys.stdout)
@@ -291,6 +318,28 @@ def _info(options: argparse.Namespace) -> int:
     say(json.dumps(found.facts) if options.json else "\n".join(found.lines), sys.stdout)
     if found.damage:
         raise found.damage
+    return errors.EXIT_OK
+
+
+def _verify(options: argparse.Namespace) -> int:
+    from ..usd_messages import usd_messages
+    from .verify import verify
+
+    with usd_messages():
+        found, error = verify(options.cache, options.deep)
+    say(json.dumps(found.facts()) if options.json else "\n".join(found.lines()), sys.stdout)
+    if error:
+        raise error
+    return errors.EXIT_OK
+
+
+def _doctor(options: argparse.Namespace) -> int:
+    from .doctor import doctor
+
+    found = doctor()
+    say(json.dumps(found.facts) if options.json else "\n".join(found.lines), sys.stdout)
+    if found.fault:
+        raise found.fault
     return errors.EXIT_OK
 
 
