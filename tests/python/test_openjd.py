@@ -32,7 +32,7 @@ def openjd(command: str, folder: Path, *arguments: str, code: int = 0) -> str:
     words = [str(OPENJD), command, str(folder / "template.json"), *arguments]
     if command == "run":
         words += [word for name, value in values.items() for word in ("-p", f"{name}={value}")]
-    done = subprocess.run(words, capture_output=True, text=True, env=environment(), timeout=500)
+    done = subprocess.run(words, capture_output=True, text=True, env=environment(), timeout=1200)
     assert done.returncode == code, done.stdout + done.stderr
     return done.stdout + done.stderr
 
@@ -83,7 +83,7 @@ def test_a_wedge_runs_with_the_bits_of_its_runs_alone(cli, scene, tmp_path, prog
 @pytest.mark.slow
 def test_a_timeout_and_another_run_give_the_same_bits(cli, scene, tmp_path, program):
     """The timeout of the action cuts the run off; the same job, run again without one, goes on."""
-    frames = ["--frames", "1-60"]
+    frames = ["--frames", "1-40"]
     assert cli("submit", scene, "--openjd", "short", *frames, "--timeout", "5", "--program", program).returncode == 0
     assert cli("submit", scene, "--openjd", "long", *frames, "--program", program).returncode == 0
     template = bundle(tmp_path / "short")[0]
@@ -97,7 +97,7 @@ def test_a_timeout_and_another_run_give_the_same_bits(cli, scene, tmp_path, prog
     said = openjd("run", tmp_path / "short", "--step", "Simulate", "--no-run-dependencies", code=1)
     assert "TIMEOUT" in said.upper()
     openjd("run", tmp_path / "long")
-    whole = Options(output=tmp_path / "alone", frames="1-60", settings=("Domain.voxelSize=0.025",), progress="none")
+    whole = Options(output=tmp_path / "alone", frames="1-40", settings=("Domain.voxelSize=0.025",), progress="none")
     simulate(scene, whole)
     assert content_hashes(tmp_path / "small_cache") == content_hashes(tmp_path / "alone")
 

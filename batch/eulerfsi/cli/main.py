@@ -32,7 +32,7 @@ _MODULES = {
     "wedge": "..farm.wedge",
     "submit": "..farm.openjd",
 }
-BENCHMARKS = ("speed", "loop", "random", "accuracy", "stress", "skip", "table", "estimate", "meshes")
+BENCHMARKS = ("speed", "loop", "random", "accuracy", "stress", "skip", "table", "estimate", "meshes", "night")
 
 
 def build_parser() -> argparse.ArgumentParser:
