@@ -55,7 +55,7 @@ def test_a_task_of_an_array(job, tmp_path):
         "SLURM_ARRAY_JOB_ID": "10",
         "SLURM_CPUS_PER_TASK": "3",
     }
-    vary = ["--vary", "Ball.velocity=(0,-1,0),(0, -2, 0)", "--threads", "3", "--timeout", "90", "--frames", "1-2"]
+    vary = ["--vary", "Ball.velocity=(0,-1,0),(0, -2, 0)", "--threads", "3", "--timeout", "301", "--frames", "1-2"]
     assert job(*vary, **variables).wait(60) == 0
     run, verify = calls(tmp_path)
     cache = str(tmp_path / "small_wedge" / "Ball.velocity_0_-2_0")
@@ -65,7 +65,7 @@ def test_a_task_of_an_array(job, tmp_path):
     options = [
         line.removeprefix("#SBATCH --") for line in (tmp_path / "job.sh").read_text().splitlines() if "#SB" in line
     ]
-    assert {"array=1-2", "requeue", "cpus-per-task=3", "signal=B:TERM@120", "time=2", "open-mode=append"} <= set(
+    assert {"array=1-2", "requeue", "cpus-per-task=3", "signal=B:TERM@120", "time=6", "open-mode=append"} <= set(
         options
     )
     assert len(json.loads((tmp_path / "small_wedge" / "wedge.json").read_text())["jobs"]) == 2
@@ -101,6 +101,7 @@ def test_a_task_beyond_the_array(job):
         (["-o", "my cache"], 2, "must have no space"),
         (["--parameter", "Threads=1"], 2, "belongs to --openjd"),
         (["--timeout", "0"], 2, "must be a whole number of seconds >= 1"),
+        (["--timeout", "299"], 2, "--timeout 299: must be at least 300 seconds"),
         (["--set", "Domain.voxelSize=-1"], 3, "must be > 0"),
     ],
 )

@@ -12,6 +12,7 @@ from . import wedge
 from .submission import Submission
 
 SIGNAL_SECONDS = 120  # before the time limit: SIGTERM, for a checkpoint
+SHORTEST = 300  # seconds: with less, the signal, which may be a minute early, leaves no time to get on
 
 # The signal comes to this shell alone (B:), which hands it on and waits for the checkpoint.
 _FUNCTIONS = """\
@@ -60,6 +61,8 @@ def write_script(path: Path, job: Submission, program: str, seconds: int | None)
         raise UsageError(
             f"submit --slurm: {job.folder}: must have no space, quote or backslash in it: logs go beside it"
         )
+    if seconds is not None and seconds < SHORTEST:
+        raise UsageError(f"submit --slurm: --timeout {seconds}: must be at least {SHORTEST} seconds")
     made = job.folder if job.jobs else job.folder.parent
     try:
         made.mkdir(parents=True, exist_ok=True)

@@ -181,7 +181,8 @@ class Wedge:
 
     def _command(self, job: Job, threads: int) -> list[str]:
         settings = [word for setting in job.settings() for word in ("--set", setting)]
-        words = ["simulate", str(self.scene), "-o", str(self.folder / job.folder), "--resume", "--progress", "json"]
+        words = ["simulate", str(self.scene), "-o", str(self.folder / job.folder), "--progress", "json"]
+        words += ["--resume", "--allow-restart"]
         return [sys.executable, "-m", "eulerfsi", *words, "--threads", str(threads), *self.arguments, *settings]
 
     def _collect(self, tell: Any) -> bool:
