@@ -8,7 +8,8 @@ from typing import Any, NoReturn
 
 def _leave(number: int, _frame: Any) -> NoReturn:
     os.write(2, f"stopped by signal {number}\n".encode())
-    os._exit(128 + number)
+    requeue = number == signal.SIGTERM and "--requeue-on-signal" in sys.argv
+    os._exit(75 if requeue else 128 + number)
 
 
 def start() -> int:

@@ -13,6 +13,8 @@ EXIT_DIVERGED = 4
 EXIT_IO = 5
 EXIT_STRICT = 6
 EXIT_MISMATCH = 7
+EXIT_JOBS = 8
+EXIT_UNFINISHED = 75
 EXIT_SIGHUP = 129
 EXIT_SIGINT = 130
 EXIT_SIGTERM = 143
@@ -27,11 +29,11 @@ EXIT_CODES = {
     EXIT_IO: ("io", "disk or damage"),
     EXIT_STRICT: ("strict", "stopped by --strict"),
     EXIT_MISMATCH: ("mismatch", "a cache or checkpoint that does not fit the scene"),
-    8: ("jobs", "reserved"),
+    EXIT_JOBS: ("jobs", "some jobs of a wedge failed"),
     10: ("packages", "set-up: system packages"),
     11: ("python", "set-up: Python environment"),
     12: ("build", "set-up: build"),
-    75: ("unfinished", "reserved"),
+    EXIT_UNFINISHED: ("unfinished", "not done yet, to be run again with --resume"),
     EXIT_SIGHUP: ("hangup", "SIGHUP"),
     EXIT_SIGINT: ("interrupted", "SIGINT (Ctrl-C)"),
     EXIT_SIGTERM: ("terminated", "SIGTERM"),
@@ -87,6 +89,12 @@ class MismatchError(EulerFsiError):
     exit_code = EXIT_MISMATCH
 
 
+class JobsError(EulerFsiError):
+    """Some jobs of a wedge have failed; the others are done."""
+
+    exit_code = EXIT_JOBS
+
+
 class Cancelled(KeyboardInterrupt):
     """A signal stopped the work. `signal_number`: which one; `hint`: how to go on."""
 
@@ -94,6 +102,14 @@ class Cancelled(KeyboardInterrupt):
         super().__init__(f"stopped by signal {signal_number}" + (f"; {hint}" if hint else ""))
         self.signal_number = signal_number
         self.exit_code = 128 + signal_number
+
+
+class Unfinished(Cancelled):
+    """The work stopped before its end and shall be run again: `--max-wall-seconds`, `--requeue-on-signal`."""
+
+    def __init__(self, message: str) -> None:
+        KeyboardInterrupt.__init__(self, message)
+        self.signal_number, self.exit_code = 0, EXIT_UNFINISHED
 
 
 class LibraryError(EulerFsiError):

@@ -75,6 +75,21 @@ def digest(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+def fault(path: Path, facts: dict[str, int | str]) -> str:
+    """What is wrong with a file that `record` has described; "" where it is as it was."""
+    try:
+        size = path.stat().st_size
+        if size < facts["bytes"]:
+            return f"is truncated: {size} of {facts['bytes']} bytes"
+        if size > facts["bytes"]:
+            return f"has changed: {size} bytes, {facts['bytes']} were written"
+        return "" if digest(path) == facts["sha256"] else "has changed: its content is another one than was written"
+    except (FileNotFoundError, NotADirectoryError):
+        return "is missing"
+    except OSError as error:
+        return f"cannot be read: {error.strerror}"
+
+
 def record(path: Path) -> dict[str, int | str]:
     """Size and hash of a file, as the manifest stores them."""
     return {"bytes": path.stat().st_size, "sha256": digest(path)}

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TextIO
 
+from .errors import CacheIOError
 from .say import say
 
 
@@ -21,20 +23,27 @@ class Log:
         self._err = err or sys.stderr
         self.tell: Callable[..., Any] | None = None
         self._file: TextIO | None = None
+        self._path = Path()
         self._pending: list[str] = []
         self._warned: set[str] = set()
 
-    def open(self, path: Path) -> None:
-        """Appends to a file from now on, starting with what was kept."""
-        self._file = open(path, "a", encoding="utf-8")  # noqa: SIM115 - lives as long as the run
-        self._file.writelines(self._pending)
-        self._pending.clear()
-        self._file.flush()
+    def open(self, path: Path, *heading: str) -> None:
+        """Appends to a file from now on: the heading, then what was kept. Raises CacheIOError."""
+        self._path, kept = path, self._pending
+        self._pending = []
+        try:
+            self._file = open(path, "a", encoding="utf-8")  # noqa: SIM115 - lives as long as the run
+        except OSError as error:
+            raise CacheIOError(f"{path}: cannot be written: {error.strerror}") from error
+        for line in heading:
+            self._write("info", line)
+        self._append("".join(kept))
 
     def close(self) -> None:
         """Closes the file."""
         if self._file:
-            self._file.close()
+            with contextlib.suppress(OSError):  # what a full disk has refused was told
+                self._file.close()
             self._file = None
 
     def info(self, text: str) -> None:
@@ -62,7 +71,13 @@ class Log:
         now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
         line = f"{now} {level}: {text}\n"
         if self._file:
-            self._file.write(line)
-            self._file.flush()
+            self._append(line)
         else:
             self._pending.append(line)
+
+    def _append(self, text: str) -> None:
+        try:
+            self._file.write(text)
+            self._file.flush()
+        except OSError as error:
+            raise CacheIOError(f"{self._path}: cannot be written: {error.strerror}") from error

@@ -17,7 +17,7 @@ from . import __version__, errors
 from .frames import FrameRange
 from .say import say
 
-MODES = ("auto", "plain", "json", "none")
+MODES = ("auto", "plain", "json", "openjd", "alf", "none")
 EVENTS_VERSION = 1
 _APART = 1.0  # seconds between two events `step`, and between two lines of one work
 
@@ -75,8 +75,8 @@ class Progress:
         """The command is over."""
 
 
-class _Plain(Progress):
-    """Lines "25% frame 12 of 1-48", one whenever the whole percent changes."""
+class _Percent(Progress):
+    """A line whenever the whole percent changes."""
 
     _percent = -1
 
@@ -85,11 +85,53 @@ class _Plain(Progress):
         percent = int(100 * done / len(self.frames))
         if percent > self._percent:
             self._percent = percent
-            say(f"{percent}% frame {frame} of {self.frames}", self.out)
+            self._tell(percent, frame)
 
     def frame_done(self, frame: int, **facts: Any) -> None:
         super().frame_done(frame)
         self.between_steps(frame, 1.0, 0.0)
+
+    def _tell(self, percent: int, frame: int) -> None:
+        raise NotImplementedError
+
+
+class _Plain(_Percent):
+    """Lines "25% frame 12 of 1-48"."""
+
+    def _tell(self, percent: int, frame: int) -> None:
+        say(f"{percent}% frame {frame} of {self.frames}", self.out)
+
+
+class _Alf(_Percent):
+    """Lines "ALF_PROGRESS 25%", as Alfred and Tractor read them."""
+
+    def _tell(self, percent: int, frame: int) -> None:
+        say(f"ALF_PROGRESS {percent}%", self.out)
+
+
+class _OpenJd(_Percent):
+    """Lines that a session of Open Job Description reads: progress, status, and why the run has failed."""
+
+    def start(self, command: str, frames: FrameRange, done: int, **facts: Any) -> None:
+        super().start(command, frames, done)
+        self._status(f"{command}: {done} of {len(frames)} frames are done")
+
+    def frame_done(self, frame: int, **facts: Any) -> None:
+        super().frame_done(frame)
+        self._status(f"frame {frame} of {self.frames} is done")
+
+    def end(self, status: str, exit_code: int, error: str | None) -> None:
+        text = " ".join((error or "").split())
+        if status == "failed":
+            say(f"openjd_fail: {text}", self.out)
+        else:
+            self._status(text or status)
+
+    def _status(self, text: str) -> None:
+        say(f"openjd_status: {text}", self.out)
+
+    def _tell(self, percent: int, frame: int) -> None:
+        say(f"openjd_progress: {percent}", self.out)
 
 
 class _Bar(Progress):
@@ -176,11 +218,14 @@ def findings(error: BaseException) -> list[dict[str, Any]]:
     return found or [finding(errors.describe(error), word, "", "")]
 
 
+_KINDS = {"plain": _Plain, "bar": _Bar, "json": _Json, "openjd": _OpenJd, "alf": _Alf, "none": Progress}
+
+
 def make_progress(mode: str, out: TextIO | None = None) -> Progress:
     """mode: one of MODES; auto is a bar on a terminal and plain lines elsewhere."""
     if mode == "auto":
         mode = "bar" if sys.stderr.isatty() and (out or sys.stdout).isatty() else "plain"
-    return {"plain": _Plain, "bar": _Bar, "json": _Json, "none": Progress}[mode](out)
+    return _KINDS[mode](out)
 
 
 class Waiting:

@@ -43,7 +43,7 @@ ROOMS = [
 ROW = {room: row for row, rooms in enumerate(ROOMS) for room in rooms}
 ONLY_USER = {"io": "capi"}
 # The parts of batch/eulerfsi. "": the modules that all share; SHOWN: those that only show what parts have.
-PACKAGES = ["", "solver", "scene", "cache", "run", "view", "cli"]
+PACKAGES = ["", "solver", "scene", "cache", "run", "view", "farm", "cli"]
 SHOWN = {"__main__.py", "simulate.py"}
 FORBIDDEN_CALLS = re.compile(
     r"\b(?:v?f?printf|puts|putchar|perror|exit|_exit|quick_exit|abort|getenv|setenv|rand|srand|clock|gettimeofday)\s*\("

@@ -34,5 +34,5 @@ def events(text: str | Iterable[str], exit_code: int | None) -> list[dict[str, A
         end, errors = found[-1], [one for one in found if one["event"] == "error"]
         assert end["exit_code"] == exit_code
         assert bool(errors) == bool(exit_code) == bool(end["error"])
-        assert end["status"] == ("complete" if not exit_code else "interrupted" if exit_code > 128 else "failed")
+        assert end["status"] == ("complete" if not exit_code else "interrupted" if exit_code >= 75 else "failed")
     return found

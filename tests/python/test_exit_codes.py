@@ -27,8 +27,6 @@ def test_the_table_is_that_of_the_program():
     assert {code: word for code, (word, _) in TABLE.items()} == {
         code: word for code, (word, _) in errors.EXIT_CODES.items()
     }
-    reserved = {code for code, (_, when) in TABLE.items() if when == "reserved"}
-    assert reserved == {code for code, (_, text) in errors.EXIT_CODES.items() if text == "reserved"} == {8, 75}
 
 
 def ends_with(done: subprocess.CompletedProcess, code: int, message: str = "") -> None:
@@ -115,6 +113,14 @@ def test_7_mismatch(cli, scene, tmp_path):
     ends_with(cli("simulate", scene, "--set", "Domain.voxelSize=0.06", *start), 7, "--start-from small_cache")
 
 
+def test_75_out_of_time(cli, scene):
+    done = cli("simulate", scene, "--max-wall-seconds", "0.001", "--progress", "json")
+    ends_with(done, 75, "stopped after 0.001 s by --max-wall-seconds; continue with --resume")
+    assert cli("verify", "small_cache").returncode == 75
+    cli("simulate", scene, "--resume")
+    assert cli("verify", "small_cache").returncode == 0
+
+
 def launcher(folder: Path, *missing: str) -> tuple[Path, dict[str, str]]:
     """A copy of the launcher alone in a folder, where some programs are missing, and its environment."""
     tools = folder / "bin"
@@ -159,16 +165,21 @@ def test_12_build(tmp_path):
 
 
 @pytest.mark.usefixtures("library")
-@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGINT, signal.SIGTERM])
-def test_129_130_143_signals(tmp_path, number):
+@pytest.mark.parametrize(
+    ("number", "requeue"),
+    [(signal.SIGHUP, False), (signal.SIGINT, True), (signal.SIGTERM, False), (signal.SIGTERM, True)],
+)
+def test_129_130_143_signals(tmp_path, number, requeue):
+    requeue = ["--requeue-on-signal"] if requeue else []
     make_scene(tmp_path / "small.usda", frames=(1, 400), voxel=0.06)
-    command = [sys.executable, "-m", "eulerfsi", "simulate", "small.usda", "--progress", "json"]
+    command = [sys.executable, "-m", "eulerfsi", "simulate", "small.usda", "--progress", "json", *requeue]
     pipes = {"text": True, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     process = subprocess.Popen(command, cwd=tmp_path, env=environment(), **pipes)
     first = process.stdout.readline()
     process.send_signal(number)
     out, err = process.communicate(timeout=120)
-    ends_with(subprocess.CompletedProcess(command, process.returncode, first + out, err), 128 + number, "--resume")
+    code = 75 if requeue and number == signal.SIGTERM else 128 + number
+    ends_with(subprocess.CompletedProcess(command, process.returncode, first + out, err), code, "--resume")
 
 
 def test_signals_become_exceptions_only_when_usd_is_loaded(tmp_path):

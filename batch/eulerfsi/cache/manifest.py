@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 from .. import files
 from ..errors import CacheIOError, MismatchError, SceneError
+from . import stats_file
 
 FILE_NAME = "manifest.json"
-_FORMAT = "eulerfsi-cache"
+COPY = "manifest.backup.json"  # as of the last checkpoint
+_FORMAT, _VERSION = "eulerfsi-cache", 2
+_CHECKSUM = "checksum"  # of all else in the file
 
 
 class Manifest:
@@ -18,8 +23,12 @@ class Manifest:
 
     data["frames"]["12"]: {"time", "state", "files": {relative path: {"bytes", "sha256", "content"}}}; once solids
     have left the box also "left": their paths.
-    data["checkpoints"]: [{"frame", "time", "file", "bytes", "sha256", "poses"}], oldest first; "frame" is the last
-    frame that is complete at that time, "poses" as Scene.poses gives them for it.
+    data["checkpoints"]: [{"frame", "time", "file", "bytes", "sha256", "poses", "stats"}], oldest first; "frame" is the
+    last frame that is complete at that time, "poses" as Scene.poses gives them for it, "stats" the extent of
+    stats.jsonl up to it (stats_file.Extent). One of a run that was stopped between regular ones has "stopped": contacts
+    of the frame so far; it goes with the next regular one.
+    data["files"]: {relative path: {"bytes", "sha256"}} of the copied scene and the clips' manifest; once the run has
+    ended also of the layer that opens the cache.
     data["bodies"]: as Scene.bodies gives them; data["output"]: as cache.output.Output has it.
     data["stretches"]: of a cache that was made anew in part (cache.rebake).
     data["warnings"]: what run.watch.Watch has found in the run so far, up to the last frame; absent before 0.2.0.
@@ -28,18 +37,45 @@ class Manifest:
     def __init__(self, folder: Path, data: dict[str, Any]) -> None:
         self.folder = folder
         self.data = data
+        self._faults: dict[tuple[str, str], str] = {}
 
     @classmethod
     def new(cls, folder: Path, **facts: Any) -> Manifest:
         """A manifest without frames. facts: scene, scene_hash, parameters, first, last, fps, versions."""
         return cls(
-            folder, {"format": _FORMAT, "version": 1, "status": "running", **facts, "frames": {}, "checkpoints": []}
+            folder,
+            {
+                "format": _FORMAT,
+                "version": _VERSION,
+                "status": "running",
+                **facts,
+                "files": {},
+                "frames": {},
+                "checkpoints": [],
+            },
         )
 
     @classmethod
     def load(cls, folder: Path) -> Manifest:
         """Raises SceneError for a folder that is no cache, CacheIOError that names the file and the fault."""
         path = folder / FILE_NAME
+        if not path.exists() and (folder / COPY).is_file():
+            raise CacheIOError(f"{path}: is missing")
+        return cls._read(folder, path)
+
+    @classmethod
+    def recover(cls, folder: Path, warn: Callable[[str], None]) -> Manifest:
+        """The manifest, or where it is damaged its copy as of the last checkpoint; warn: learns of that."""
+        try:
+            return cls.load(folder)
+        except CacheIOError as error:
+            if not (folder / COPY).is_file():
+                raise
+            warn(f"{error}; its copy {COPY} takes its place")
+        return cls._read(folder, folder / COPY)
+
+    @classmethod
+    def _read(cls, folder: Path, path: Path) -> Manifest:
         try:
             data = json.loads(path.read_text(encoding="utf-8"))
         except (FileNotFoundError, NotADirectoryError) as error:
@@ -49,8 +85,10 @@ class Manifest:
             raise CacheIOError(f"{path}: {error.strerror}") from error
         except ValueError as error:
             raise CacheIOError(f"{path}: is damaged: {error}") from error
-        if not isinstance(data, dict) or data.get("format") != _FORMAT or data.get("version") != 1:
+        if not isinstance(data, dict) or data.get("format") != _FORMAT or data.get("version") != _VERSION:
             raise CacheIOError(f"{path}: is not the manifest of a cache that this version reads")
+        if data.pop(_CHECKSUM, None) != _checksum(data):
+            raise CacheIOError(f"{path}: is damaged: its checksum is another one")
         return cls(folder, data)
 
     @property
@@ -73,7 +111,11 @@ class Manifest:
 
     def save(self) -> None:
         """Writes the file."""
-        files.write_text(self.folder / FILE_NAME, json.dumps(self.data, indent=1) + "\n")
+        self._faults.clear()
+        files.write_text(self.folder / FILE_NAME, self._text())
+
+    def _text(self) -> str:
+        return json.dumps({**self.data, _CHECKSUM: _checksum(self.data)}, indent=1) + "\n"
 
     def check_same_scene(self, scene_hash: str, parameters: dict[str, dict[str, Any]], first: int, fps: float) -> None:
         """Raises MismatchError that names the parameter (or the geometry) which differs from the cache's."""
@@ -113,19 +155,41 @@ class Manifest:
             return [f"frame {frame}"]
         return [name for name, facts in entry["files"].items() if not self.intact(name, facts)]
 
+    def recorded(self) -> Iterator[tuple[str, dict[str, Any]]]:
+        """(relative name, its record) of every file that the manifest knows."""
+        yield from self.data.get("files", {}).items()
+        for frame in sorted(map(int, self.frames)):
+            yield from self.frames[str(frame)]["files"].items()
+        for checkpoint in self.data["checkpoints"]:
+            yield checkpoint["file"], checkpoint
+
+    def fault(self, name: str, facts: dict[str, Any]) -> str:
+        """What is wrong with a file, a relative name; "" where it is as it was written. Read once until `save`."""
+        key = (name, facts["sha256"])
+        if key not in self._faults:
+            self._faults[key] = files.fault(self.folder / name, facts)
+        return self._faults[key]
+
     def intact(self, name: str, facts: dict[str, Any]) -> bool:
         """Whether a file, a relative name, is as it was written."""
-        path = self.folder / name
-        return path.is_file() and path.stat().st_size == facts["bytes"] and files.digest(path) == facts["sha256"]
+        return not self.fault(name, facts)
+
+    def intact_checkpoint(self, checkpoint: dict[str, Any]) -> bool:
+        """Whether the file of a checkpoint, and the statistics up to it, are as they were written."""
+        return self.intact(checkpoint["file"], checkpoint) and self.intact_stats(checkpoint)
+
+    def intact_stats(self, checkpoint: dict[str, Any]) -> bool:
+        """Whether stats.jsonl up to a checkpoint is as it was written."""
+        return not stats_file.fault(self.folder, checkpoint["stats"])
 
     def usable_checkpoint(self) -> dict[str, Any] | None:
-        """The latest checkpoint that is intact and whose frames are all intact."""
+        """The latest checkpoint that is intact, as are all frames and the statistics up to it."""
         first = self.data["first"]
         good_until, frame = first - 1, first
         while self.frames.get(str(frame)) and not self.damaged_files(frame):
             good_until, frame = frame, frame + 1
         for checkpoint in reversed(self.data["checkpoints"]):
-            if checkpoint["frame"] <= good_until and self.intact(checkpoint["file"], checkpoint):
+            if checkpoint["frame"] <= good_until and self.intact_checkpoint(checkpoint):
                 return checkpoint
         return None
 
@@ -146,6 +210,8 @@ class Manifest:
         lost = len(later) - len(damaged)
         if lost:
             what = f"frame {damaged[0]}" if damaged else "the last checkpoint"
+            if not damaged and not self.intact_stats(kept[-1]):
+                what = stats_file.NAME
             count = f"{lost} finished frame{'s' if lost > 1 else ''}"
             where = f"after frame {frame}" if checkpoint else "from the first frame"
             raise MismatchError(
@@ -162,15 +228,31 @@ class Manifest:
         for name in names:
             (self.folder / name).unlink(missing_ok=True)
 
-    def add_checkpoint(self, frame: int, time: float, name: str, keep: int | None, poses: dict[str, str]) -> None:
-        """Registers a checkpoint file (relative name) and removes the oldest beyond `keep`, None: none."""
-        kept = [c for c in self.data["checkpoints"] if c["file"] != name]
-        kept.append({"frame": frame, "time": time, "file": name, "poses": poses, **files.record(self.folder / name)})
-        old = len(kept) - (len(kept) if keep is None else min(keep, len(kept)))
-        self.data["checkpoints"] = kept[old:]
+    def add_checkpoint(self, name: str, keep: int | None, facts: dict[str, Any]) -> None:
+        """Registers a checkpoint file (relative name) and removes the oldest regular ones beyond `keep`, None: none.
+
+        facts: the rest of its entry. One of a run that was stopped stays until the next one.
+        """
+        before = self.data["checkpoints"]
+        regular = [c for c in before if c["file"] != name and "stopped" not in c]
+        new = {"file": name, **facts, **files.record(self.folder / name)}
+        kept = [*regular, new]
+        if keep is not None and "stopped" not in new:
+            kept = kept[-keep:]
+        self.data["checkpoints"] = kept
         self.save()
-        for checkpoint in kept[:old]:
-            (self.folder / checkpoint["file"]).unlink(missing_ok=True)
+        self.save_copy()
+        for checkpoint in before:
+            if all(checkpoint["file"] != one["file"] for one in kept):
+                (self.folder / checkpoint["file"]).unlink(missing_ok=True)
+
+    def save_copy(self) -> None:
+        """Writes the copy that `recover` reads."""
+        files.write_text(self.folder / COPY, self._text())
+
+
+def _checksum(data: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(data).encode()).hexdigest()
 
 
 def changes(before: dict[str, dict[str, Any]], now: dict[str, dict[str, Any]]) -> list[str]:

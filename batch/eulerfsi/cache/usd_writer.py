@@ -86,6 +86,11 @@ class UsdWriter:
         """Relative path of a frame layer."""
         return f"frames/{self.scene.name}.{file_number(frame)}.usdc"
 
+    @property
+    def manifest_name(self) -> str:
+        """Relative path of the layer that tells which attributes the clips hold."""
+        return f"frames/{self.scene.name}.manifest.usda"
+
     def vdb_name(self, frame: int) -> str:
         """Relative path of a frame's volume file."""
         return f"vdb/{self.scene.name}.{file_number(frame)}.vdb"
@@ -168,7 +173,7 @@ class UsdWriter:
             for name, kind in _kinds(solid).items():
                 if name != "normals" or solid.subdivision == "none":
                     Sdf.AttributeSpec(prim, name, kind)
-        with files.replacing(self.folder / f"frames/{self.scene.name}.manifest.usda") as temporary:
+        with files.replacing(self.folder / self.manifest_name) as temporary:
             files.export_layer(layer, temporary)
 
     def write_root(

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from .. import __version__
-from ..cache.lock import is_held
 from ..cache.manifest import FILE_NAME, Manifest, changes
+from ..cache.verify import status as status_of
 from ..errors import CacheIOError, EulerFsiError
 from ..frames import FrameRange
 from ..parameters import Parameter, table
@@ -61,8 +61,7 @@ def _program_info() -> Info:
 
 def _cache_info(manifest: Manifest) -> Info:
     data: dict[str, Any] = manifest.data
-    # The manifest of a run that was killed says for ever that it is running.
-    status = "stopped" if data["status"] == "running" and not is_held(manifest.folder) else data["status"]
+    status = status_of(manifest)
     how, program = "stopped by --strict" if status == "strict" else status, data["program"]["eulerfsi"]
     size = sum(facts["bytes"] for frame in manifest.frames.values() for facts in frame["files"].values())
     damaged = [int(frame) for frame in manifest.frames if manifest.damaged_files(int(frame))]

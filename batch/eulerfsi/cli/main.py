@@ -1,4 +1,4 @@
-"""The command line: simulate, validate, info, view, plot, new, bench, test, package. Exit codes: docs/exit-codes.md."""
+"""The command line: its options, and what each command calls. Exit codes: docs/exit-codes.md."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from ..command import command_line
 from ..errors import EulerFsiError, UsageError
 from ..say import say
 from ..solver import binding, mesh_file
+from . import farm
 
 # What the commands load beside this module, with USD.
 _MODULES = {
@@ -25,11 +26,15 @@ _MODULES = {
     "validate": ".report",
     "info": ".info",
     "view": ".view",
+    "verify": ".verify",
+    "doctor": ".doctor",
     "plot": ".plot",
     "new": ".new_scene",
+    "wedge": "..farm.wedge",
+    "submit": "..farm.openjd",
 }
 _MOST_MEGABYTES = 500  # of a page that a browser still opens
-BENCHMARKS = ("speed", "loop", "random", "accuracy", "stress", "skip", "table", "estimate", "meshes")
+BENCHMARKS = ("speed", "loop", "random", "accuracy", "stress", "skip", "table", "estimate", "meshes", "night")
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -77,6 +82,15 @@ def build_parser() -> argparse.ArgumentParser:
         help="a checkpoint every N frames or T seconds, after the first frame and the last one; default: 10",
     )
     simulate.add_argument("--keep-checkpoints", default="2", metavar="N|all", help="the last N checkpoints; default: 2")
+    simulate.add_argument(
+        "--max-wall-seconds", type=float, metavar="S", help="then stop with a checkpoint and exit code 75"
+    )
+    simulate.add_argument(
+        "--requeue-on-signal", action="store_true", help="end with exit code 75, not 143, after SIGTERM"
+    )
+    simulate.add_argument(
+        "--wait", type=float, default=0.0, metavar="S", help="wait that long for another run in the folder; default: 0"
+    )
     simulate.add_argument("--half", action="store_true", help="write smoke as 16-bit floats")
     simulate.add_argument(
         "--smoke-threshold", metavar="X", help="leave out voxels with at most this density; default: 0.001"
@@ -100,6 +114,8 @@ def build_parser() -> argparse.ArgumentParser:
     shown.add_argument("--json", action="store_true", help="the report as one JSON object")
     shown.add_argument("--progress", choices=("none", "json"), default="none", help="events in place of the report")
 
+    farm.add_commands(add, _scene_options)
+
     info = add("info", "Describe the program, a scene or a cache folder (and verify its files).")
     info.add_argument("path", type=Path, nargs="?", metavar="SCENE_OR_CACHE")
     info.add_argument("--json", action="store_true", help="as one JSON object")
@@ -115,6 +131,13 @@ def build_parser() -> argparse.ArgumentParser:
         metavar="MB",
         help="size at which smoke is coarsened and then frames are left out; default: 20",
     )
+    check = add("verify", "Compare every file of a cache with what was written, and name those that differ.")
+    check.add_argument("cache", type=Path, metavar="CACHE")
+    check.add_argument("--deep", action="store_true", help="read every grid and every mesh, too")
+    check.add_argument("--json", action="store_true", help="as one JSON object")
+
+    doctor = add("doctor", "Describe the program and this machine, and simulate for five seconds to test them.")
+    doctor.add_argument("--json", action="store_true", help="as one JSON object")
 
     draw = add("plot", "Draw a cache's statistics: sizes of steps, volumes, energies, time per frame.")
     draw.add_argument(
@@ -159,7 +182,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def _exit_codes() -> str:
-    return ", ".join(f"{code} {text}" for code, (_, text) in errors.EXIT_CODES.items() if text != "reserved")
+    return ", ".join(f"{code} {text}" for code, (_, text) in errors.EXIT_CODES.items())
 
 
 def _scene_options(parser: argparse.ArgumentParser) -> None:
@@ -173,6 +196,13 @@ def _scene_options(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="PRIM.ATTR=VALUE",
         help="change one attribute for this run, in stage units; may be repeated",
+    )
+    parser.add_argument(
+        "--path-map",
+        action="append",
+        default=[],
+        metavar="A=B",
+        help="look under B for files that the scene has under A; may be repeated; or a file of OpenJD's rules",
     )
 
 
@@ -205,17 +235,22 @@ def _join_negative(arguments: Sequence[str]) -> list[str]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs one command; returns the exit code. A wrong option leaves through SystemExit(2), as argparse does."""
-    options = build_parser().parse_args(_join_negative(sys.argv[1:] if arguments is None else arguments))
+    given = sys.argv[1:] if arguments is None else arguments
+    options = build_parser().parse_args(_join_negative(given))
+    options.line = command_line(*given)
     run = {
         "simulate": _simulate,
         "validate": _validate,
         "info": _info,
         "view": _view,
+        "verify": _verify,
+        "doctor": _doctor,
         "plot": _plot,
         "new": _new,
         "bench": _bench,
         "test": _test,
         "package": _package,
+        **farm.COMMANDS,
     }
     try:
         if options.command in _MODULES:
@@ -250,6 +285,7 @@ def _simulate(options: argparse.Namespace) -> int:
         threads=options.threads,
         preset=options.preset,
         settings=tuple(options.settings),
+        path_map=tuple(options.path_map),
         progress=options.progress,
         overwrite=options.overwrite,
         resume=options.resume,
@@ -259,10 +295,14 @@ def _simulate(options: argparse.Namespace) -> int:
         strict=options.strict,
         flipbook=options.flipbook,
         rebake_from=options.rebake_from,
+        max_wall_seconds=options.max_wall_seconds,
+        requeue_on_signal=options.requeue_on_signal,
+        wait=options.wait,
+        command=options.line,
         written=Output.parse(options.half, options.smoke_threshold, not options.no_velocity, options.region),
     )
     result = simulate(options.scene, wanted)
-    if options.progress != "json":
+    if options.progress not in ("json", "openjd", "alf"):
         if result.nothing_to_do:
             say("all frames exist already", sys.stdout)
         say(f"cache:   {result.folder}", sys.stdout)
@@ -284,7 +324,13 @@ def _validate(options: argparse.Namespace) -> int:
     with progress.make_progress(options.progress).told() as told, usd_messages():
         try:
             report = validate(
-                options.scene, options.frames, options.start_frame, options.settings, options.threads, told
+                options.scene,
+                options.frames,
+                options.start_frame,
+                options.settings,
+                options.threads,
+                told,
+                options.path_map,
             )
         except EulerFsiError as error:
             if options.json:
@@ -318,6 +364,28 @@ def _view(options: argparse.Namespace) -> int:
     for note in made.notes:
         say(f"note: {note}", sys.stderr)
     say(f"{made.path} ({made.bytes / 1e6:.1f} MB)", sys.stdout)
+    return errors.EXIT_OK
+
+
+def _verify(options: argparse.Namespace) -> int:
+    from ..usd_messages import usd_messages
+    from .verify import verify
+
+    with usd_messages():
+        found, error = verify(options.cache, options.deep)
+    say(json.dumps(found.facts()) if options.json else "\n".join(found.lines()), sys.stdout)
+    if error:
+        raise error
+    return errors.EXIT_OK
+
+
+def _doctor(options: argparse.Namespace) -> int:
+    from .doctor import doctor
+
+    found = doctor()
+    say(json.dumps(found.facts) if options.json else "\n".join(found.lines), sys.stdout)
+    if found.fault:
+        raise found.fault
     return errors.EXIT_OK
 
 

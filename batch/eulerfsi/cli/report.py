@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -64,11 +65,12 @@ def validate(
     settings: list[str],
     threads: int | None,
     progress: Progress | None = None,
+    path_map: Iterable[str] = (),
 ) -> Report:
     """Raises SceneError with all faults, UsageError for options."""
     progress, threads = progress or Progress(), threads or available_threads()
     frames = parse_frames(frames_text) if frames_text else None
-    stage = open_stage(path)
+    stage = open_stage(path, path_map)
     set_frames(stage, frames, start)
     expand_instancers(stage)
     apply_overrides(stage, settings)

@@ -17,12 +17,12 @@ from ..log import Log
 from ..progress import Progress
 from ..scene import memory
 from ..scene.parts import Collider, Scene, beyond_faces, face_name, open_faces
-from ..signals import Signals
 from ..solver import binding, c_api
 from .build import Build
 from .checkpoints import Checkpoints
 from .contacts import FrameContacts
 from .measures import Watched
+from .stop import Stop
 from .watch import Watch
 
 # What moves as given, in a step of stats.jsonl: fields of its EfsiPinReaction.
@@ -54,6 +54,11 @@ def _way_out(scene: Scene, facts: dict[str, Any]) -> str:
     return f"wall{face_name(max(open_faces(scene.domain) or range(6), key=lambda face: beyond[face]))}"
 
 
+def _lands(now: float, start: float, target: float) -> bool:
+    """Whether a frame that is continued at `now` ends at the same instant, to the last bit."""
+    return now + (target - now) == start + (target - start)
+
+
 class Run:
     """One run over the frames of a scene."""
 
@@ -65,6 +70,7 @@ class Run:
         log: Log,
         progress: Progress,
         checkpoints: Checkpoints,
+        stop: Stop,
         strict: bool = False,
         flipbook: bool = False,
     ) -> None:
@@ -73,7 +79,7 @@ class Run:
         self.simulation = build.simulation
         self.progress = progress
         self.pictures = Pictures(cache.folder, scene, flipbook)
-        self.signals = Signals()
+        self.stop = stop
         self.surfaces: list[tuple[np.ndarray, np.ndarray]] = []
         self.warned: set[str] = set()  # jets
         self.brought: dict[str, float] = {}  # by every jet in this frame so far: the largest flux of a step
@@ -84,14 +90,14 @@ class Run:
         """Runs to the last frame."""
         folder, scene = self.cache.folder, self.scene
         result = Result(folder, folder / f"{scene.name}.usda", None, resumed)
-        if resumed and self.cache.is_complete():
+        if self.cache.complete:
             self._start(scene.frames.last)
             self._be_strict(scene.frames.last, self.cache.manifest.data.get("warnings", []))
             self.cache.finish("complete")
-            self.cache.write_root()
+            self._draw_late()
             result.nothing_to_do, result.preview = True, self._picture()
             return result
-        with self.signals.installed():
+        with self.stop.signals.installed():
             try:
                 self._frames()
             except Cancelled:
@@ -133,11 +139,10 @@ class Run:
             restore = simulation.restore_state if self.cache.is_foreign else simulation.restore_checkpoint
             restore(self.cache.folder / self.cache.checkpoint["file"])
             done = self.cache.checkpoint["frame"]
-            lines = self.cache.stats()
-            stopped = [line for line in lines if line["event"] == "stopped" and line["frame"] == done + 1]
-            for part in stopped[-1:]:
-                self.contacts.add(**part["contacts"])
-            self.watch.replay(lines)
+            if stopped := self.cache.checkpoint.get("stopped"):
+                self.contacts.add(**stopped)
+            self.watch.replay(self.cache.stats())
+            self.surfaces = self.build.surfaces()
         self.cache.set_warnings(self.watch.warnings, at_once=True)
         what = f"frames {frames} of {self.scene.path.name}, {self.build.definition['threads']} threads"
         self.log.info(f"simulate {what}" + (f", from frame {done}" if done >= frames.first else ""))
@@ -154,13 +159,13 @@ class Run:
             target = (frame - frames.first) / self.scene.fps
             self._advance(frame, target)
             self._finish_frame(frame, time.monotonic() - begun)
-            stop = self.strict and self.watch.warnings
-            if self.checkpoints.due(frame - frames.first) or frame == frames.last or stop:
+            if self.checkpoints.due(frame - frames.first) or frame == frames.last:
                 self._checkpoint(frame)
+            elif self.stop.is_due or (self.strict and self.watch.warnings):
+                self._checkpoint(frame, stopped=True)
             self._be_strict(frame, self.watch.warnings)
-            if self.signals.number and frame < frames.last:
-                self._checkpoint(frame)
-                raise Cancelled(self.signals.number, _RESUME)
+            if self.stop.is_due and frame < frames.last:
+                raise self.stop.error()
 
     def _be_strict(self, frame: int, warnings: list[dict[str, Any]]) -> None:
         """Stops a run with --strict that has warnings."""
@@ -168,9 +173,9 @@ class Run:
             codes = ", ".join(sorted({warning["code"] for warning in warnings}))
             raise StrictError(f"stopped by --strict after frame {frame} ({codes}); {_RESUME} without --strict")
 
-    def _checkpoint(self, frame: int) -> None:
-        self.cache.save_checkpoint(frame, self.simulation, self.checkpoints.keep)
-        self.cache.write_root()
+    def _checkpoint(self, frame: int, stopped: bool = False) -> None:
+        part = self.contacts.part() if stopped else None
+        self.cache.save_checkpoint(frame, self.simulation, self.checkpoints.keep, part)
 
     def _advance(self, frame: int, target: float) -> None:
         """To `target` seconds; every step is a line of the statistics."""
@@ -194,7 +199,9 @@ class Run:
         def between(fraction: float, step: dict[str, Any]) -> bool:
             record(step)
             self.progress.between_steps(frame, fraction, step["time"])
-            return bool(self.signals.number) and fraction < 1 - 1e-9
+            # Out of time: not before there is a step that a checkpoint keeps, so that run after run comes to an end.
+            kept = sums["steps"] > 0 and _lands(step["time"], start, target)
+            return fraction < 1 - 1e-9 and (self.stop.by_signal or (self.stop.out_of_time and kept))
 
         try:
             info = simulation.advance(target - start, between)
@@ -202,7 +209,7 @@ class Run:
             if error.status == binding.ERROR_CANCELLED:
                 self.contacts.add(simulation.contacts(), sums["velocity_iterations"])
                 self._checkpoint_inside(frame, start, target)
-                raise Cancelled(self.signals.number, _RESUME) from error
+                raise self.stop.error() from error
             if error.status == binding.ERROR_DIVERGED:
                 raise DivergedError(f"frame {frame}: {error}") from error
             raise LibraryError(error.status, f"frame {frame}: {error}") from error
@@ -262,10 +269,8 @@ class Run:
     def _checkpoint_inside(self, frame: int, start: float, target: float) -> None:
         """A checkpoint between two frames, where continuing from it lands on the same instant to the last bit."""
         now = self.simulation.time
-        if now == start or now + (target - now) == start + (target - start):
-            part = self.contacts.part()
-            self.cache.add_stats({"event": "stopped", "frame": frame, "time": now, "contacts": part})
-            self._checkpoint(frame - 1)
+        if now == start or _lands(now, start, target):
+            self._checkpoint(frame - 1, stopped=True)
         else:
             self.log.info(
                 f"frame {frame}: stopped in its first steps; a resumed run continues from an earlier checkpoint"
@@ -329,13 +334,24 @@ class Run:
         self.cache.finish(status)
         if self.cache.manifest.last_frame is None:
             return
-        self.cache.write_root()
+        self._draw()
+        self.log.info(f"{status}; last frame {self.cache.manifest.last_frame}")
+
+    def _draw_late(self) -> None:
+        """The picture of a run that was killed after its last checkpoint."""
+        last = self.cache.manifest.data["checkpoints"][-1]
+        if self._picture() is None and last["frame"] == self.cache.manifest.last_frame:
+            self.simulation.restore_state(self.cache.folder / last["file"])
+            self.surfaces = self.build.surfaces()
+            self._draw()
+
+    def _draw(self) -> None:
+        """The picture, of the last frame."""
         made = len(self.surfaces) == len(self.scene.simulated)  # a frame, in this run
         if made and (self.surfaces or self.scene.has_smoke):
             frames = map(int, self.cache.manifest.frames)
             if not self.pictures.finish(frames, self.surfaces, self._smoke):
                 self.log.info("no picture: drawing needs matplotlib")
-        self.log.info(f"{status}; last frame {self.cache.manifest.last_frame}")
 
     def _smoke(self) -> np.ndarray | None:
         return self.simulation.field("smoke_density")[0][0] if self.scene.has_smoke else None

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import os
 from pathlib import Path
 
+from .. import __version__, files
 from ..cache import cache as cache_module
 from ..cache.cache import Cache
 from ..cache.lock import FolderLock
@@ -13,19 +15,23 @@ from ..cache.manifest import Manifest
 from ..cache.output import Output
 from ..cache.rebake import find_checkpoint, try_restore
 from ..cache.start_from import find_start, take_over
+from ..errors import Cancelled, UsageError
 from ..frames import demand_start, parse_frames
 from ..log import Log
 from ..progress import Progress, make_progress
+from ..say import say
 from ..scene import checks
 from ..scene.instancers import expand_instancers
 from ..scene.overrides import apply_overrides, set_domain_parameter
 from ..scene.parts import Scene
 from ..scene.read import open_stage, read_scene, set_frames
+from ..solver import binding
 from ..system import available_memory, available_threads
 from ..usd_messages import usd_messages
 from .build import build_simulation
 from .checkpoints import Checkpoints
 from .run import Result, Run
+from .stop import Stop
 
 
 @dataclasses.dataclass
@@ -36,7 +42,8 @@ class Options:
     None: all that the cgroup allows; checkpoint_every, keep_checkpoints: as Checkpoints takes them; allow_restart: a
     resumed run may drop finished frames where others are damaged; rebake_from: frames after this one of an existing
     cache are made anew; written: what is written of the smoke; strict: a condition of docs/warnings.md stops the
-    run; flipbook: a picture of every frame.
+     run; max_wall_seconds, requeue_on_signal: as Stop takes them; wait: seconds for another run in the folder; command:
+     for the log; flipbook: a picture of every frame.
     """
 
     output: Path | None = None
@@ -46,6 +53,7 @@ class Options:
     threads: int | None = None
     preset: str | None = None
     settings: tuple[str, ...] = ()
+    path_map: tuple[str, ...] = ()
     progress: str = "auto"
     overwrite: bool = False
     resume: bool = False
@@ -54,6 +62,10 @@ class Options:
     checkpoint_every: str = "10"
     keep_checkpoints: str = "2"
     strict: bool = False
+    max_wall_seconds: float | None = None
+    requeue_on_signal: bool = False
+    wait: float = 0.0
+    command: str = ""
     written: Output = Output()
     flipbook: bool = False
 
@@ -65,7 +77,7 @@ def load_scene(
 
     Raises UsageError for options, SceneError with every fault of the scene.
     """
-    stage = open_stage(path)
+    stage = open_stage(path, options.path_map)
     set_frames(stage, parse_frames(options.frames) if options.frames else None, options.start)
     expand_instancers(stage)
     overrides = apply_overrides(stage, options.settings)
@@ -82,45 +94,68 @@ def load_scene(
 def simulate(path: Path, options: Options, log: Log | None = None) -> Result:
     """Simulates a scene into a cache. Raises EulerFsiError subclasses; Cancelled after a signal."""
     log = log or Log()
-    with make_progress(options.progress).told() as progress:
+    stop = Stop(options.max_wall_seconds, options.requeue_on_signal)
+    with make_progress(options.progress).told() as progress, contextlib.closing(log):
         log.tell = progress.warning
-        return _simulate(path, options, log, progress)
+        try:
+            return _simulate(path, options, log, progress, stop)
+        except Cancelled as error:
+            raise stop.of_signal(error) from error
 
 
-def _simulate(path: Path, options: Options, log: Log, progress: Progress) -> Result:
+def _simulate(path: Path, options: Options, log: Log, progress: Progress, stop: Stop) -> Result:
+    if not options.wait >= 0:
+        raise UsageError(f"--wait {options.wait:g}: must be a number >= 0")
     checkpoints = Checkpoints(options.checkpoint_every, options.keep_checkpoints)
     threads, memory_limit = options.threads or available_threads(), available_memory()
     folder = options.output or Path.cwd() / f"{path.stem}_cache"
     start = find_start(options.start_from) if options.start_from else None
     with usd_messages(log.info):
         scene, overrides = load_scene(path, options, log, memory_limit, progress)
-    mode = cache_module.prepare(folder, options.overwrite, options.resume, options.rebake_from)
-    wanted = parse_frames(options.frames) if options.frames else scene.frames
-    if wanted.first > scene.frames.first:
-        demand_start(wanted, scene.frames.first, _last_checkpoint(folder, mode))
+    cache_module.check_ours(folder)
     checks.check_output(folder)
-    checkpoint = find_checkpoint(Manifest.load(folder), options.rebake_from, scene) if mode == "rebake" else None
-    build = build_simulation(scene, threads, memory_limit, log)
-    with build.simulation:
-        if start:
-            take_over(start, build.simulation, scene)
-        if checkpoint:
-            try_restore(Manifest.load(folder), checkpoint, build.simulation)
-        folder.mkdir(parents=True, exist_ok=True)
-        with FolderLock(folder), contextlib.closing(log), usd_messages(log.info):
+
+    def tell(text: str) -> None:
+        log.info(text)
+        say(text, progress.err)
+
+    with FolderLock(folder, options.wait, tell):
+        mode = cache_module.prepare(folder, options.overwrite, options.resume, options.rebake_from)
+        wanted = parse_frames(options.frames) if options.frames else scene.frames
+        if wanted.first > scene.frames.first:
+            demand_start(wanted, scene.frames.first, _last_checkpoint(folder, mode, options.allow_restart))
+        checkpoint = find_checkpoint(Manifest.load(folder), options.rebake_from, scene) if mode == "rebake" else None
+        build = build_simulation(scene, threads, memory_limit, log)
+        with build.simulation, usd_messages(log.info):
+            if start:
+                take_over(start, build.simulation, scene)
+            if checkpoint:
+                try_restore(Manifest.load(folder), checkpoint, build.simulation)
             if mode == "resume":
-                cache = Cache.resume(folder, scene, options.written, start, options.allow_restart)
+                cache = Cache.resume(folder, scene, options.written, start, options.allow_restart, log.warning)
             elif checkpoint:
                 cache = Cache.rebake(folder, scene, overrides, options.written, checkpoint)
             else:
                 cache_module.remove_old(folder)
+                files.remove_leftovers(folder)
                 cache = Cache.create(folder, scene, overrides, options.written, start)
-            log.open(folder / "log")
-            run = Run(scene, cache, build, log, progress, checkpoints, options.strict, options.flipbook)
+            log.open(folder / "log", *_heading(scene, options))
+            run = Run(scene, cache, build, log, progress, checkpoints, stop, options.strict, options.flipbook)
             return run.execute(mode != "new")
 
 
-def _last_checkpoint(folder: Path, mode: str) -> int | None:
+def _heading(scene: Scene, options: Options) -> list[str]:
+    """The first lines of the log of a run."""
+    versions = f"eulerfsi {__version__}, library {binding.library_version()}"
+    return [
+        f"{versions}, host {os.uname().nodename}, process {os.getpid()}",
+        f"command: {options.command or 'none: called from Python'}",
+        f"scene: {scene.path}, scene hash {scene.hash()}",
+    ]
+
+
+def _last_checkpoint(folder: Path, mode: str, allow_restart: bool) -> int | None:
     """Frame from which a resumed run would go on; None where it begins anew."""
-    checkpoint = Manifest.load(folder).usable_checkpoint() if mode == "resume" else None
+    manifest = cache_module.open_manifest(folder, allow_restart) if mode == "resume" else None
+    checkpoint = manifest.usable_checkpoint() if manifest else None
     return checkpoint["frame"] if checkpoint else None

@@ -16,6 +16,7 @@ from pxr import Usd
 
 from ..command import command_line
 from ..errors import CacheIOError, SceneError
+from ..files import TEMPORARY_PREFIX
 from ..solver import binding
 from ..solver.simulation import Surface, slab_axis
 from ..usd_messages import composition_faults
@@ -330,7 +331,7 @@ def check_output(folder: Path) -> None:
         raise CacheIOError(f"{folder}: output folder: {place} is a file")
     if not os.access(place, os.W_OK | os.X_OK):
         raise CacheIOError(f"{folder}: output folder: {place} is not writable")
-    probe = place / f".eulerfsi-{os.getpid()}"
+    probe = place / f"{TEMPORARY_PREFIX}{os.getpid()}"
     try:  # read-only file systems pass the question and fail the deed
         probe.touch()
         probe.unlink()

@@ -28,8 +28,8 @@ _TYPES = {
 _BOOLS = {"true": True, "1": True, "on": True, "false": False, "0": False, "off": False}
 
 
-def apply_overrides(stage: Usd.Stage, settings: Iterable[str]) -> dict[str, str]:
-    """Applies settings in order; returns {"/Prim.attribute": value text}.
+def apply_overrides(stage: Usd.Stage, settings: Iterable[str], option: str = "--set") -> dict[str, str]:
+    """Applies settings in order; returns {"/Prim.attribute": value text}. option: where they come from, for messages.
 
     Raises UsageError that suggests the nearest names for an unknown prim or attribute.
     """
@@ -42,7 +42,7 @@ def apply_overrides(stage: Usd.Stage, settings: Iterable[str]) -> dict[str, str]
         for setting in settings:
             target, equals, text = setting.partition("=")
             prim_name, dot, name = target.rpartition(".")
-            where = f"--set {setting}"
+            where = f"{option} {setting}"
             if not (equals and dot and prim_name and name):
                 raise UsageError(f"{where}: must read PRIM.ATTR=VALUE, for example Domain.voxelSize=0.01")
             prim = _find_prim(prims, prim_name.strip(), where, made)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from . import memory
 from .bodies import examine, read_collider, read_density, read_pins, read_solid
 from .parts import Pin, Scene, Solid
 from .passengers import read_passenger, read_riders
+from .path_map import map_layers, parse_rules
 from .references import how_to_make_a_scene, is_usd_file
 from .sources import read_emitters, read_forces
 from .space import SimulationSpace, domain_space
@@ -36,14 +38,16 @@ EARTH_GRAVITY = 9.81  # m/s^2
 _VOXEL_SIZES = (1e-6, 1e6)  # m: what single precision and OpenVDB's transforms can hold, and a continuum is
 
 
-def open_stage(path: Path) -> Usd.Stage:
-    """Opens a scene file with the schema registered. Raises SceneError."""
+def open_stage(path: Path, path_map: Iterable[str] = ()) -> Usd.Stage:
+    """Opens a scene file with the schema registered. path_map: options `--path-map`. Raises SceneError, UsageError."""
+    rules = parse_rules(path_map)
     if not path.is_file():
         raise SceneError(f"{path}: {'is a folder, not a scene file' if path.is_dir() else 'no such file'}")
     if not is_usd_file(path):
         raise SceneError(how_to_make_a_scene(path))
+    held = map_layers(path, rules)
     try:
-        return Usd.Stage.Open(str(path))
+        return Usd.Stage.Open(held[0] if held else str(path))
     except (Tf.ErrorException, UnicodeDecodeError) as error:  # bytes that are no text reach Python as the latter
         raise SceneError(f"{path}: cannot be opened as USD: {usd_reason(error)}") from error
 

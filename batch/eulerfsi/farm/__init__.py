@@ -1,0 +1,1 @@
+"""Many runs: wedges, and jobs for farm engines."""
