@@ -3,8 +3,8 @@
 
 import sys
 
+import bpy  # noqa: I001 - it makes the next one importable
 import addon_utils
-import bpy
 
 bpy.ops.wm.read_factory_settings()
 addon_utils.enable("bl_pkg")
