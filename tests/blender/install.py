@@ -3,8 +3,9 @@
 
 import sys
 
-import addon_utils
 import bpy
+
+import addon_utils  # isort: skip - Blender makes it importable
 
 bpy.ops.wm.read_factory_settings()
 addon_utils.enable("bl_pkg")
