@@ -155,7 +155,7 @@ def test_without_matplotlib_a_run_ends_well_and_says_that_there_is_no_picture(cl
     ],
 )
 def test_lines_for_render_farms(mode, lines, capsys):
-    """As the sessions of Open Job Description, and Alfred and Tractor, read them: whole lines, percent from 0 to 100."""
+    """As sessions of Open Job Description, and Alfred and Tractor, read them: whole lines, percent from 0 to 100."""
     told = progress.make_progress(mode)
     told.start("simulate", FrameRange(1, 4), 1)
     for fraction in (0.5, 0.501):
