@@ -136,3 +136,38 @@ def test_without_matplotlib_a_run_ends_well_and_says_that_there_is_no_picture(cl
     assert json.loads((tmp_path / "small_cache/manifest.json").read_text())["status"] == "complete"
     drawn = cli("plot", "step", tmp_path / "small_cache")
     assert drawn.returncode == 2 and "pip install matplotlib" in drawn.stderr
+
+
+@pytest.mark.parametrize(
+    ("mode", "lines"),
+    [
+        (
+            "openjd",
+            [
+                "openjd_status: simulate: 1 of 4 frames are done",
+                "openjd_progress: 37",
+                "openjd_progress: 50",
+                "openjd_status: frame 2 of 1-4 is done",
+                "openjd_fail: frame 3: it diverged; and more",
+            ],
+        ),
+        ("alf", ["ALF_PROGRESS 37%", "ALF_PROGRESS 50%"]),
+    ],
+)
+def test_lines_for_render_farms(mode, lines, capsys):
+    """As sessions of Open Job Description, and Alfred and Tractor, read them: whole lines, percent from 0 to 100."""
+    told = progress.make_progress(mode)
+    told.start("simulate", FrameRange(1, 4), 1)
+    for fraction in (0.5, 0.501):
+        told.between_steps(2, fraction, 0.01)
+    told.frame_done(2)
+    told.end("failed", 4, "frame 3: it diverged;\n  and more")
+    out = capsys.readouterr().out.splitlines()
+    assert sorted(out) == sorted(lines)
+    assert all(line.startswith(("openjd_", "ALF_PROGRESS ")) for line in out)
+
+
+def test_a_stopped_run_is_no_failure_for_a_farm(capsys):
+    told = progress.make_progress("openjd")
+    told.end("interrupted", 75, "stopped after 60 s by --max-wall-seconds")
+    assert capsys.readouterr().out == "openjd_status: stopped after 60 s by --max-wall-seconds\n"

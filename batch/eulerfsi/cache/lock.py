@@ -37,8 +37,6 @@ class FolderLock:
 
     def __enter__(self) -> FolderLock:
         try:
-            self._made = not self.folder.exists()
-            self.folder.mkdir(parents=True, exist_ok=True)
             self._enter()
             self._sign()
         except OSError as error:
@@ -68,7 +66,12 @@ class FolderLock:
 
     def _try(self) -> bool:
         """One try; False where another run has the lock, or has just removed its file."""
-        file = open(self.path, "a+", encoding="utf-8")  # noqa: SIM115 - held for the whole run
+        self._made |= not self.folder.exists()  # a run that was waited for may have removed what it had made
+        self.folder.mkdir(parents=True, exist_ok=True)
+        try:
+            file = open(self.path, "a+", encoding="utf-8")  # noqa: SIM115 - held for the whole run
+        except FileNotFoundError:
+            return False  # it did so at this moment
         try:
             if fcntl:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

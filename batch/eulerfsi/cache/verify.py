@@ -198,7 +198,8 @@ def _compare(stage: Usd.Stage, path: str, frame: int, values: dict[str, np.ndarr
     if not prim or not prim.IsA(UsdGeom.PointBased):
         yield f"{path}: the cache has no such shape"
         return
-    if not np.array_equal(np.asarray(UsdGeom.PointBased(prim).GetPointsAttr().Get(frame)), points):
+    shown = np.asarray(UsdGeom.PointBased(prim).GetPointsAttr().Get(frame))
+    if shown.tobytes() != points.tobytes():
         yield f"{path}: the cache does not show the points of this frame"
     indices = UsdGeom.Mesh(prim).GetFaceVertexIndicesAttr().Get(frame) if prim.IsA(UsdGeom.Mesh) else None
     if indices and max(indices) >= len(points):

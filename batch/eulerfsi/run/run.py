@@ -278,6 +278,8 @@ class Run:
 
     def _finish_frame(self, frame: int, seconds: float) -> None:
         solids = {solid.part.path: self.simulation.solid_diagnostics(solid.id) for solid in self.build.solids}
+        for facts in solids.values():
+            del facts["memory_bytes"]  # another one after a checkpoint was read; `profile` has the memory of all
         left = [path for path, facts in solids.items() if facts["elements"] == 0]  # else the run would have ended
         self._report_left(frame, {path: solids[path] for path in left})
         self.surfaces = self.build.surfaces()
