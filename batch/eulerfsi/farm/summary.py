@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from .. import errors, files
-from ..cache import preview
 from ..cache.manifest import Manifest
+from ..cache.pictures import PREVIEW
 from ..errors import EulerFsiError
 from .variations import Job
 
@@ -81,7 +81,7 @@ def draw(folder: Path, rows: Sequence[Row]) -> list[Path]:
 def _draw_sheet(path: Path, folder: Path, rows: Sequence[Row]) -> None:
     from matplotlib import pyplot
 
-    pictures = [_picture(folder / row.job.folder / preview.NAME) for row in rows]
+    pictures = [_picture(folder / row.job.folder / PREVIEW) for row in rows]
     shapes = [picture.shape for picture in pictures if picture is not None]
     ratio = max((shape[0] / shape[1] for shape in shapes), default=0.25)
     columns = _columns(rows)
