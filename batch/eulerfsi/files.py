@@ -64,8 +64,8 @@ def sync_folder(folder: Path) -> None:
 
 
 def remove_leftovers(folder: Path) -> None:
-    """Removes what killed runs left under temporary names."""
-    for path in folder.rglob(f"{TEMPORARY_PREFIX}*"):
+    """Removes what killed runs left under temporary names; the library puts names of its own around them."""
+    for path in folder.rglob(f"*{TEMPORARY_PREFIX}*"):
         path.unlink(missing_ok=True)
 
 

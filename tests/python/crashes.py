@@ -46,7 +46,8 @@ def contents(folder: Path) -> dict[str, Any]:
 def agree(folder: Path, other: Path) -> None:
     """Asserts that two caches hold the same; names the files that differ."""
     first, second = contents(folder), contents(other)
-    assert [name for name in sorted({*first, *second}) if first.get(name) != second.get(name)] == []
+    differ = [name for name in sorted({*first, *second}) if first.get(name) != second.get(name)]
+    assert not differ, f"{folder}: {', '.join(differ)}"
 
 
 class Runs:

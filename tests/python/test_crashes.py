@@ -106,6 +106,7 @@ def test_every_change_of_a_first_frame_may_be_the_last(simulate, whole, place, t
     changes = simulate(first, "1-2").changes
     for at in range(1, changes + 1, 2):
         shutil.rmtree(tmp_path / "cache", ignore_errors=True)
+        print(f"change {at}")
         assert simulate(tmp_path / "cache", "1-2", at=at).code == -9
         assert simulate(tmp_path / "cache", "1-2").code == 0
         agree(tmp_path / "cache", first)

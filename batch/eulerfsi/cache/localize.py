@@ -11,7 +11,7 @@ from pathlib import Path
 from pxr import Ar, Sdf, Tf, UsdUtils
 
 from ..errors import CacheIOError
-from ..files import export_layer
+from ..files import export_layer, replacing
 from ..reasons import usd_reason
 
 
@@ -35,23 +35,29 @@ def localize_scene(scene: Path, folder: Path) -> Path:
             target = places.of(source)
             target.parent.mkdir(parents=True, exist_ok=True)
             if source.suffix == ".usdz":
-                shutil.copyfile(source, target)
+                _copy(source, target)
                 continue
             copy = Sdf.Layer.CreateAnonymous(source.suffix, layer.GetFileFormatArguments())
             copy.TransferContent(layer)
             UsdUtils.ModifyAssetPaths(copy, lambda path, at=layer, to=target: places.relative(path, at, to))
-            export_layer(copy, target)
+            with replacing(target) as temporary:  # USD's own temporary files begin with its name and are swept with it
+                export_layer(copy, temporary)
         for asset in assets:
             source = Path(Ar.SplitPackageRelativePathOuter(asset)[0])
             target = places.of(source)
             if source.is_file() and not (target.exists() and target.samefile(source)):
                 target.parent.mkdir(parents=True, exist_ok=True)
-                shutil.copyfile(source, target)
+                _copy(source, target)
     except OSError as error:
         raise CacheIOError(
             f"{folder}: cannot copy the scene: {error.filename or ''} {error.strerror or error}"
         ) from error
     return places.of(root)
+
+
+def _copy(source: Path, target: Path) -> None:
+    with replacing(target) as temporary:
+        shutil.copyfile(source, temporary)
 
 
 class _Places:
