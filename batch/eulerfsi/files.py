@@ -63,9 +63,14 @@ def sync_folder(folder: Path) -> None:
             os.close(descriptor)
 
 
+def leftovers(folder: Path) -> list[Path]:
+    """What killed runs left under temporary names; the library and USD put names of their own around them."""
+    return sorted(folder.rglob(f"*{TEMPORARY_PREFIX}*"))
+
+
 def remove_leftovers(folder: Path) -> None:
-    """Removes what killed runs left under temporary names; the library puts names of its own around them."""
-    for path in folder.rglob(f"*{TEMPORARY_PREFIX}*"):
+    """Removes what killed runs left."""
+    for path in leftovers(folder):
         path.unlink(missing_ok=True)
 
 

@@ -85,7 +85,7 @@ def verify(folder: Path, deep: bool = False) -> Verified:
         broken = {name for name, _ in damaged}
         damaged += [fault for fault in _read_all(manifest) if fault[0] not in broken]
     held = is_held(folder)
-    left = [] if held else sorted(folder.rglob(f"{files.TEMPORARY_PREFIX}*"))
+    left = [] if held else files.leftovers(folder)
     return Verified(
         manifest,
         status(manifest),
