@@ -114,7 +114,9 @@ passed "the signal before the time limit: an intact cache, 75"
 
 down=$(sbatch --parsable "$work/down.sh")
 within "$most" has_frame down 0002
-scontrol update NodeName="$host" State=DOWN Reason=test
+crash_node
+within "$most" is_requeued "$down"
+start_node
 go_on "$down"
 grep -q "JobId=$down due to failure of node" "$work/log/slurmctld" || fail "the node did not fail"
 within "$most" is "$down" COMPLETED

@@ -71,9 +71,19 @@ CONF
   within "$most" test -S "$work/munge/socket"
   slurmctld -D -f "$SLURM_CONF" >"$work/log/slurmctld.out" 2>&1 &
   daemons+=($!)
-  slurmd -D -f "$SLURM_CONF" >"$work/log/slurmd.out" 2>&1 &
-  daemons+=($!)
+  start_node
+}
+start_node() {
+  slurmd -D -f "$SLURM_CONF" >>"$work/log/slurmd.out" 2>&1 &
+  node=$!
+  daemons+=($node)
   within "$most" is_node idle
+}
+crash_node() { # the node's daemon and its jobs are gone without a word, as when it loses power
+  kill -9 "$node"
+  wait "$node" || true
+  kill_others "${daemons[@]}" $$ "$PPID"
+  scontrol update NodeName="$host" State=DOWN Reason=crash
 }
 is_node() { [[ $(sinfo -h -o %t 2>/dev/null) == "$1"* ]]; }
 
@@ -87,8 +97,12 @@ stop_machine() {
     for _ in $(seq 30); do kill -0 "$pid" 2>/dev/null && sleep 0.1 || break; done
     kill -9 "$pid" 2>/dev/null || true
   done
-  for pid in $(find /proc/[0-9]*/fd -lname "$work/*" 2>/dev/null | cut -d / -f 3 | sort -u); do # what outlived its job
-    [[ $pid == $$ || $pid == "$PPID" ]] || kill -9 "$pid" 2>/dev/null || true
+  kill_others $$ "$PPID"
+}
+kill_others() { # PID...: what has files of the work folder open, but for these processes
+  local pid
+  for pid in $(find /proc/[0-9]*/fd -lname "$work/*" 2>/dev/null | cut -d / -f 3 | sort -u); do
+    [[ " $* " == *" $pid "* ]] || kill -9 "$pid" 2>/dev/null || true
   done
 }
 

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from browser import Browser, find_browser
 from conftest import ROOT, make_scene
+from eulerfsi.cache.manifest import Manifest
 from eulerfsi.cli.main import main
 from eulerfsi.cli.view import view
 from eulerfsi.errors import CacheIOError, SceneError, UsageError
@@ -51,9 +52,9 @@ def manifest_of(cache):
 
 
 def change(cache, edit):
-    data = manifest_of(cache)
-    edit(data)
-    (cache / "manifest.json").write_text(json.dumps(data))
+    manifest = Manifest.load(cache)
+    edit(manifest.data)
+    manifest.save()
 
 
 class Page(HTMLParser):
@@ -232,7 +233,7 @@ def test_hostile_names_are_text(cache):
     ("break_it", "error", "message"),
     [
         (lambda c: shutil.rmtree(c), SceneError, "cache: no such folder"),
-        (lambda c: (c / "manifest.json").unlink(), SceneError, "is not a cache of eulerfsi"),
+        (lambda c: (c / "manifest.json").unlink(), CacheIOError, r"manifest\.json: is missing"),
         (lambda c: change(c, lambda d: d["frames"].clear()), CacheIOError, "cache: has no finished frame yet"),
         (lambda c: (c / "vdb/small.0002.vdb").write_bytes(b"VDB"), CacheIOError, r"small\.0002\.vdb: is damaged"),
         (lambda c: (c / "frames/small.0003.usdc").unlink(), CacheIOError, r"small\.0003\.usdc: is missing"),

@@ -29,7 +29,7 @@ from .start_from import Start
 from .usd_writer import UsdWriter
 from .verify import damage
 
-_FOLDERS = ("frames", "vdb", "checkpoints", "scene", pictures.FOLDER)
+_FOLDERS = ("frames", "vdb", "checkpoints", "scene", pictures.FOLDER, pictures.EARLIER_FOLDER)
 _FILES = (stats_file.NAME, "log", pictures.PREVIEW)
 
 

@@ -25,6 +25,7 @@ PREVIEW = "preview.png"
 FOLDER = "flipbook"
 SHEET, FILM = f"{FOLDER}/contact_sheet.png", f"{FOLDER}/film.webp"
 EARLIER = 4  # frames below the last one in the preview
+EARLIER_FOLDER = "preview"  # of their pictures, so that a resumed run has them
 _SHEET_PICTURES, _SHEET_COLUMNS, _SHEET_WIDTH = 24, 6, 200
 _QUALITY = 80  # of the film
 _SHORTEST = 20  # milliseconds of a frame that players keep
@@ -55,21 +56,25 @@ class Pictures:
         """flipbook: every frame gets a file."""
         self._folder, self._scene, self._flipbook, self._on = folder, scene, flipbook, can_draw()
         self._wanted = set(spread(scene.frames, EARLIER + 1))
-        self._small: dict[int, Image.Image] = {}  # of earlier frames, for the preview
         self._last: tuple[int, Image.Image] | None = None
 
-    def name(self, frame: int) -> str:
+    def name(self, frame: int, folder: str) -> str:
         """Relative path of a frame's picture."""
-        return f"{FOLDER}/{self._scene.name}.{file_number(frame)}.png"
+        return f"{folder}/{self._scene.name}.{file_number(frame)}.png"
 
     def forget_after(self, frame: int) -> None:
         """Removes what shows later frames, which are made anew, and what is made of all."""
         for name in (SHEET, FILM):
             (self._folder / name).unlink(missing_ok=True)
-        for path in (self._folder / FOLDER).glob("*.png"):
-            number = path.stem.rsplit(".", 1)[-1]
-            if number.lstrip("-").isdecimal() and int(number) > frame:
-                path.unlink()
+        for folder in (FOLDER, EARLIER_FOLDER):
+            for number, path in self._drawn(folder):
+                if number > frame:
+                    path.unlink()
+
+    def _drawn(self, folder: str) -> list[tuple[int, Path]]:
+        """Frames with a picture in a folder of the cache, in order, and their files."""
+        numbered = [(path.stem.rsplit(".", 1)[-1], path) for path in (self._folder / folder).glob("*.png")]
+        return sorted((int(number), path) for number, path in numbered if number.lstrip("-").isdecimal())
 
     def frame(self, frame: int, surfaces: list[tuple[np.ndarray, np.ndarray]], smoke: Callable[[], np.ndarray]) -> None:
         """Draws a frame where a picture of it is wanted. smoke(): its density; not called where none is."""
@@ -99,32 +104,22 @@ class Pictures:
         picture = Image.fromarray(paint(self._scene, frame, surfaces, smoke))
         self._last = (frame, picture)
         if frame in self._wanted:
-            self._small[frame] = _scaled(picture, picture.width // EARLIER)
+            self._save(self.name(frame, EARLIER_FOLDER), _scaled(picture, picture.width // EARLIER))
         if self._flipbook:
-            self._make_folder()
-            self._save(self.name(frame), picture)
-
-    def _make_folder(self) -> None:
-        try:
-            (self._folder / FOLDER).mkdir(exist_ok=True)
-        except OSError as error:
-            raise CacheIOError(f"{self._folder / FOLDER}: cannot be created: {error.strerror}") from error
+            self._save(self.name(frame, FOLDER), picture)
 
     def _write_preview(self) -> None:
-        """The last frame, and below it earlier ones of this run."""
+        """The last frame, and below it earlier ones."""
         frame, picture = self._last
-        earlier = [self._small[n] for n in spread((n for n in self._small if n < frame), EARLIER)]
+        drawn = {number: path for number, path in self._drawn(EARLIER_FOLDER) if number < frame}
+        earlier = [self._read(drawn[number]) for number in spread(drawn, EARLIER)]
         self._save(PREVIEW, _grid([picture], 1, earlier))
 
     def _write_flipbook(self, frames: list[int]) -> None:
-        from PIL import Image
-
-        there = [frame for frame in frames if (self._folder / self.name(frame)).is_file()]
+        there = [frame for frame in frames if (self._folder / self.name(frame, FOLDER)).is_file()]
 
         def pictures(numbers: list[int]) -> Iterable[Image.Image]:
-            for number in numbers:
-                with Image.open(self._folder / self.name(number)) as picture:
-                    yield picture.convert("RGB")
+            return (self._read(self._folder / self.name(number, FOLDER)) for number in numbers)
 
         try:
             shown = [_scaled(picture, _SHEET_WIDTH) for picture in pictures(spread(there, _SHEET_PICTURES))]
@@ -136,10 +131,24 @@ class Pictures:
             [start] = pictures([first])
             with files.replacing(self._folder / FILM) as temporary:
                 start.save(temporary, "WEBP", append_images=pictures(rest), **options)
+        except OSError as error:
+            raise CacheIOError(f"{self._folder / FOLDER}: a picture cannot be written: {error}") from error
+
+    def _read(self, path: Path) -> Image.Image:
+        from PIL import Image
+
+        try:
+            with Image.open(path) as picture:
+                return picture.convert("RGB")
         except (OSError, SyntaxError) as error:  # Pillow's words for a damaged file
-            raise CacheIOError(f"{self._folder / FOLDER}: a picture cannot be read or written: {error}") from error
+            raise CacheIOError(f"{path}: a picture cannot be read: {error}") from error
 
     def _save(self, name: str, picture: Image.Image) -> None:
+        folder = (self._folder / name).parent
+        try:
+            folder.mkdir(exist_ok=True)
+        except OSError as error:
+            raise CacheIOError(f"{folder}: cannot be created: {error.strerror}") from error
         with files.replacing(self._folder / name) as temporary:
             picture.save(temporary, "PNG", compress_level=1)
 

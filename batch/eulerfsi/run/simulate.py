@@ -41,9 +41,9 @@ class Options:
     start None: the scene's first frame; start_from: "CACHE" or "CACHE:FRAME", whose solids are taken over; threads
     None: all that the cgroup allows; checkpoint_every, keep_checkpoints: as Checkpoints takes them; allow_restart: a
     resumed run may drop finished frames where others are damaged; rebake_from: frames after this one of an existing
-    cache are made anew; written: what is written of the smoke; strict: a condition of docs/warnings.md stops the
-     run; max_wall_seconds, requeue_on_signal: as Stop takes them; wait: seconds for another run in the folder; command:
-     for the log; flipbook: a picture of every frame.
+    cache are made anew; written: what is written of the smoke; strict: a condition of docs/warnings.md stops the run;
+    max_wall_seconds, requeue_on_signal: as Stop takes them; wait: seconds for another run in the folder; command: for
+    the log; flipbook: a picture of every frame.
     """
 
     output: Path | None = None

@@ -23,6 +23,8 @@ Deformation deformation_of(const Mat3d& squares, double det) {
     d.stretch[i] = 1.0 / clamped;
   }
   d.det = d.stretch.prod();
+  const bool is_flat = d.stretch.minCoeff() < kFlat || d.stretch.maxCoeff() > kLong;
+  if (is_flat && !(d.det <= kFlatGrowth && d.det * kFlatGrowth >= 1.0)) d.degenerate = true;
   return d;
 }
 

@@ -34,7 +34,10 @@ TEST_CASE("Inverted, collapsed and torn cells are marked and clamped") {
     return deformation_from_displacement(Mat3d::Identity() - Mat3d(diagonal.asDiagonal()));
   };
   CHECK_FALSE(from_inverse({1, 1, 1}).degenerate);
-  CHECK_FALSE(from_inverse({0.15, 1, 7}).degenerate);
+  CHECK_FALSE(from_inverse({0.25, 1, 4}).degenerate);
+  CHECK_FALSE(from_inverse({0.15, 1, 7}).degenerate);  // flat, and as large as before
+  CHECK(from_inverse({1, 1, 7}).degenerate);
+  CHECK(from_inverse({0.15, 1, 1}).degenerate);
   for (const Vec3d& bad : {Vec3d(-1, 1, 1), Vec3d(0, 1, 1), Vec3d(-1, -1, -1), Vec3d(20, 1, 1), Vec3d(0.05, 1, 1),
                            Vec3d(0, 0, 0), Vec3d(0, -2, 30)}) {
     const Deformation d = from_inverse(bad);
