@@ -80,9 +80,12 @@ start_node() {
   within "$most" is_node idle
 }
 crash_node() { # the node's daemon and its jobs are gone without a word, as when it loses power
+  local ours
   kill -9 "$node"
-  wait "$node" || true
-  kill_others "${daemons[@]}" $$ "$PPID"
+  wait "$node" 2>/dev/null || true
+  ours=$(printf '%s,' "${daemons[@]}")
+  # shellcheck disable=SC2046
+  kill_others $$ "$PPID" "${daemons[@]}" $(pgrep --parent "${ours%,}") # slurmctld runs its scripts in a child
   scontrol update NodeName="$host" State=DOWN Reason=crash
 }
 is_node() { [[ $(sinfo -h -o %t 2>/dev/null) == "$1"* ]]; }
