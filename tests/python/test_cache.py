@@ -47,7 +47,8 @@ def test_layout_and_frame_numbers(cache):
     fixed = {"small.usda", "scene/small.usda", "frames/small.manifest.usda", "manifest.json", "stats.jsonl", "log"}
     fixed |= {"manifest.backup.json"}
     checkpoints = {name for name in names if name.startswith("checkpoints/")}
-    assert names == frames | fixed | {"preview.png"} | checkpoints
+    shown = {"preview.png"} | {f"preview/small.{f:04d}.png" for f in (1, 2, 3)}
+    assert names == frames | fixed | shown | checkpoints
     assert len(checkpoints) == 2  # after the first frame and the last
 
 

@@ -63,12 +63,12 @@ class Pictures:
         return f"{folder}/{self._scene.name}.{file_number(frame)}.png"
 
     def forget_after(self, frame: int) -> None:
-        """Removes what shows later frames, which are made anew, and what is made of all."""
+        """Removes what shows later frames, which are made anew, what is made of all, and what no preview shows."""
         for name in (SHEET, FILM):
             (self._folder / name).unlink(missing_ok=True)
         for folder in (FOLDER, EARLIER_FOLDER):
             for number, path in self._drawn(folder):
-                if number > frame:
+                if number > frame or (folder == EARLIER_FOLDER and number not in self._wanted):
                     path.unlink()
 
     def _drawn(self, folder: str) -> list[tuple[int, Path]]:
@@ -91,22 +91,29 @@ class Pictures:
         if not self._on:
             return False
         known = sorted(frames)
-        if self._last is None or self._last[0] != known[-1]:
-            self._draw(known[-1], surfaces, smoke())
+        if self._last is None or self._last[0] != known[-1]:  # a run without a frame, whose smoke may be ahead of it
+            self._last = (known[-1], self._paint(known[-1], surfaces, smoke()))
+            if self._flipbook and not (self._folder / self.name(known[-1], FOLDER)).exists():
+                self._save(self.name(known[-1], FOLDER), self._last[1])
         self._write_preview()
         if self._flipbook:
             self._write_flipbook(known)
         return True
 
     def _draw(self, frame: int, surfaces: list[tuple[np.ndarray, np.ndarray]], smoke: np.ndarray | None) -> None:
-        from PIL import Image
-
-        picture = Image.fromarray(paint(self._scene, frame, surfaces, smoke))
+        picture = self._paint(frame, surfaces, smoke)
         self._last = (frame, picture)
         if frame in self._wanted:
             self._save(self.name(frame, EARLIER_FOLDER), _scaled(picture, picture.width // EARLIER))
         if self._flipbook:
             self._save(self.name(frame, FOLDER), picture)
+
+    def _paint(
+        self, frame: int, surfaces: list[tuple[np.ndarray, np.ndarray]], smoke: np.ndarray | None
+    ) -> Image.Image:
+        from PIL import Image
+
+        return Image.fromarray(paint(self._scene, frame, surfaces, smoke))
 
     def _write_preview(self) -> None:
         """The last frame, and below it earlier ones."""
