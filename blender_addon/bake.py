@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 import re
@@ -251,6 +252,9 @@ def free(scene: bpy.types.Scene) -> None:
     load.remove(scene)
     (folder / "scene.usdc").unlink(missing_ok=True)
     job.free(folder)
+    if not scene.eulerfsi.folder:
+        with contextlib.suppress(OSError):  # another scene has a bake beside it
+            folder.parent.rmdir()
     _jobs.pop(str(folder), None)
     _checks.pop(scene.eulerfsi.uid, None)
 
