@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 import re
@@ -45,9 +46,9 @@ def folder_of(scene: bpy.types.Scene) -> Path:
 
 
 def job_of(folder: Path) -> job.Job:
-    """The job of a folder; one that an earlier Blender has started is found by its events."""
+    """The job of a folder; one that another Blender has started is found by its events."""
     key = str(folder)
-    if key not in _jobs:
+    if key not in _jobs or (not _jobs[key].alive and job.baking(folder)):
         _jobs[key] = job.Job(folder)
         _jobs[key].read()
     return _jobs[key]
@@ -83,10 +84,13 @@ def status(scene: bpy.types.Scene) -> Status:
     found, work = job.look(folder), job_of(folder)
     work.read()
     done = f"{len(found.frames)} of {found.last - found.first + 1} frames" if found.frames else "no frame yet"
-    if work.alive:
+    if work.alive and (work.process or job.baking(folder)):
         if work.told.start is None:
             return Status("preparing", work.told.waiting or "Reading the scene", found, work, folder)
         return Status("running", f"Frame {work.told.frame or found.first}, {_eta(work)}", found, work, folder)
+    if job.lock_held(folder / "cache"):
+        whose = job.lock_text(folder / "cache") or "another process"
+        return Status("running", f"A run outside Blender ({whose}), {done}", found, job.Job(folder), folder)
     end = work.told.end
     if end and end["status"] == "failed":
         return Status("failed", f"Failed, {done}: {first_error(scene, work)}", found, work, folder)
@@ -165,7 +169,7 @@ def begin(scene: bpy.types.Scene, mode: str) -> job.Job:
     job.demand_ours(folder)
     now = status(scene)
     if now.kind in job.RUNNING:
-        raise job.JobError("a bake runs already: cancel it first")
+        raise job.JobError(f"a bake runs already ({now.text}): cancel it first")
     arguments = _arguments(scene, folder, mode, now.cache)
     if mode == "NEW":
         load.remove(scene)
@@ -248,6 +252,9 @@ def free(scene: bpy.types.Scene) -> None:
     load.remove(scene)
     (folder / "scene.usdc").unlink(missing_ok=True)
     job.free(folder)
+    if not scene.eulerfsi.folder:
+        with contextlib.suppress(OSError):  # another scene has a bake beside it
+            folder.parent.rmdir()
     _jobs.pop(str(folder), None)
     _checks.pop(scene.eulerfsi.uid, None)
 

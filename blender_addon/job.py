@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A bake: a process of its own, and what its folder tells of it. Knows nothing of Blender.
 
-Whether a bake runs is read from the folder (lock, manifest, events), never from the .blend file, so that a bake goes on
-when Blender ends and is found again when the file is opened.
+Whether a bake runs is read from the folder (locks, manifest, events), never from the .blend file, so that a bake goes
+on when Blender ends and is found again when the file is opened. The process of a bake holds a lock on its events from
+its start to its end; the lock in cache/ is that of any run, also of one outside Blender.
 
     <folder>/owner.json     which scene of which file it belongs to, and the settings it was made with
     <folder>/export/        meshes as the host wrote them; scene.usdc, which the solver's Python makes of them
@@ -22,7 +23,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 SOLVER = Path(__file__).with_name("solver")
 _RUNNER = Path(__file__).with_name("runner") / "run.py"
@@ -80,6 +81,8 @@ class Job:
         """Takes new events in; whether there were any."""
         try:
             with open(self.folder / EVENTS, "rb") as file:
+                if os.fstat(file.fileno()).st_size < self._offset:  # another bake has begun
+                    self.told, self._offset = Told(), 0
                 file.seek(self._offset)
                 lines = file.read()
         except OSError:
@@ -96,7 +99,9 @@ class Job:
     @property
     def alive(self) -> bool:
         """Whether its process runs."""
-        return self.process.poll() is None if self.process else lock_held(self.folder / "cache")
+        if self.process:
+            return self.process.poll() is None
+        return baking(self.folder) or lock_held(self.folder / "cache")
 
     def stop(self) -> None:
         """Asks it to stop: it writes a checkpoint first. Raises JobError."""
@@ -106,7 +111,7 @@ class Job:
             return
         number = lock_owner(self.folder / "cache")
         if number is None:
-            raise JobError("the bake runs on another machine: stop it there")
+            raise JobError("the bake still reads the scene, or runs on another machine: wait, or stop it there")
         os.kill(number, signal.SIGINT)
 
     def wait(self) -> int:
@@ -121,10 +126,13 @@ def start(folder: Path, version: str, arguments: list[str], stage: str) -> Job:
     if not (SOLVER / "eulerfsi").is_dir():
         raise JobError(f"the solver is missing ({SOLVER}): install the extension again, for this version of Blender")
     task = {"version": version, "export": str(folder / "export"), "stage": stage, "arguments": arguments}
-    (folder / "task.json").write_text(json.dumps(task, indent=1))
     environment = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
     environment |= {"PYTHONPATH": str(SOLVER), "PYTHONDONTWRITEBYTECODE": "1"}
-    with open(folder / EVENTS, "wb") as events, open(folder / MESSAGES, "wb") as messages:
+    with open(folder / EVENTS, "ab") as events, open(folder / MESSAGES, "ab") as messages:
+        _lock(events, folder)
+        events.truncate(0)
+        messages.truncate(0)
+        (folder / "task.json").write_text(json.dumps(task, indent=1))
         process = subprocess.Popen(
             [sys.executable, "-s", str(_RUNNER), str(folder / "task.json")],
             stdin=subprocess.DEVNULL,
@@ -136,10 +144,29 @@ def start(folder: Path, version: str, arguments: list[str], stage: str) -> Job:
     return Job(folder, process)
 
 
-def lock_held(cache: Path) -> bool:
-    """Whether a run writes to the cache at this moment."""
+def _lock(events: IO[bytes], folder: Path) -> None:
+    """Until the process that inherits the file ends. Raises JobError where another one has it."""
     try:
-        with open(cache / ".lock", encoding="utf-8") as file:
+        fcntl.flock(events, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise JobError(f"{folder}: another Blender bakes here: wait for it, or cancel it") from error
+    except OSError:
+        return  # a disk without locks
+
+
+def baking(folder: Path) -> bool:
+    """Whether the process of a bake runs, of this Blender or of another."""
+    return _held(folder / EVENTS)
+
+
+def lock_held(cache: Path) -> bool:
+    """Whether a run writes to the cache at this moment, from Blender or not."""
+    return _held(cache / ".lock")
+
+
+def _held(path: Path) -> bool:
+    try:
+        with open(path, "rb") as file:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
         return True
@@ -148,12 +175,17 @@ def lock_held(cache: Path) -> bool:
     return False
 
 
+def lock_text(cache: Path) -> str:
+    """Who writes to the cache: "process 12 on host", "" where that is not known."""
+    try:
+        return (cache / ".lock").read_text(encoding="utf-8").strip()
+    except OSError:
+        return ""
+
+
 def lock_owner(cache: Path) -> int | None:
     """Process that writes to the cache, where it runs on this machine."""
-    try:
-        words = (cache / ".lock").read_text(encoding="utf-8").split()
-    except OSError:
-        return None
+    words = lock_text(cache).split()
     return int(words[1]) if len(words) == 4 and words[3] == os.uname().nodename else None
 
 
@@ -214,7 +246,7 @@ def _parse(path: Path) -> Cache:
 
 def free(folder: Path) -> None:
     """Deletes a bake: only what bakes write. Raises JobError, OSError."""
-    if lock_held(folder / "cache"):
+    if baking(folder) or lock_held(folder / "cache"):
         raise JobError(f"{folder}: a bake writes to it: cancel it first")
     demand_ours(folder)
     for name in ("cache", "export"):

@@ -23,6 +23,11 @@ def collection_of(scene: bpy.types.Scene) -> bpy.types.Collection | None:
     return next((c for c in scene.collection.children if c.get(_MARK) == scene.eulerfsi.uid), None)
 
 
+def original(scene: bpy.types.Scene, obj: bpy.types.Object | None) -> bpy.types.Object | None:
+    """The object whose bake an object shows; the object itself where it shows none."""
+    return (obj and scene_export.object_of(scene, obj.get(_MARK))) or obj
+
+
 def refresh(scene: bpy.types.Scene, folder: Path, found: job.Cache, final: bool) -> None:
     """Shows the frames that are there. final: no more come."""
     if not found.frames or not (folder / "cache" / "scene.usda").exists():

@@ -76,7 +76,8 @@ class EULERFSI_OT_cancel(_Told, bpy.types.Operator):
         return bake.status(context.scene).kind in job.RUNNING
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        return self.tell(lambda: bake.job_of(bake.folder_of(context.scene)).stop())
+        work = bake.status(context.scene).job
+        return self.tell(work.stop) if work else {"CANCELLED"}
 
 
 class EULERFSI_OT_free(_Told, bpy.types.Operator):

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import bake, estimate, job, presets, properties, scene_export, table
+from . import bake, estimate, job, load, presets, properties, scene_export, table
 
 _WALLS = "wall_"
 _ICONS = {
@@ -75,8 +75,8 @@ class EULERFSI_PT_bake(_Panel, bpy.types.Panel):
         if not scene.eulerfsi.folder and now.folder:
             _lines(column, str(now.folder), "FILE_FOLDER")
         row = column.row(align=True)
-        row.prop(scene, "frame_start")
-        row.prop(scene, "frame_end")
+        row.prop(scene, "frame_start", text="Start")
+        row.prop(scene, "frame_end", text="End")
 
     @staticmethod
     def _buttons(layout: bpy.types.UILayout, scene: bpy.types.Scene, now: bake.Status) -> None:
@@ -127,7 +127,7 @@ class EULERFSI_PT_object(_Panel, bpy.types.Panel):
         return context.object is not None
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout, obj = self.layout, context.object
+        layout, obj = self.layout, load.original(context.scene, context.object)
         layout.use_property_split = True
         settings = obj.eulerfsi
         layout.label(text=obj.name, icon=_ICONS[settings.role])
@@ -233,7 +233,7 @@ class EULERFSI_PT_advanced(_Panel, bpy.types.Panel):
                 layout.prop(settings, name)
         for name in ("checkpoint_every", "keep_checkpoints", "half", "smoke_threshold", "threads"):
             layout.prop(scene.eulerfsi, name)
-        obj = context.object
+        obj = load.original(context.scene, context.object)
         if obj and obj.eulerfsi.role == "SOLID":
             for name, row in table.rows("solid").items():
                 if row["name"] in table.ADVANCED["solid"]:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import signal
@@ -167,6 +168,41 @@ def check_bake_outlives_blender() -> None:
     assert bpy.ops.eulerfsi.cancel() == {"FINISHED"}
     work.process.wait(60)
     assert bake.status(scene).kind == "interrupted"
+
+
+def check_run_outside_blender() -> None:
+    """Exit codes 5 (another run holds the cache) and 75 (its time is up), as a farm gives them."""
+    scene, _ = jelly("outside", frames=40)
+    bake, job = part("bake"), part("job")
+    folder = bake.folder_of(scene)
+    work = bake.begin(scene, "NEW")
+    until(lambda: len(bake.status(scene).cache.frames) > 2)
+    work.stop()
+    assert bake.wait(scene, work).kind == "interrupted"
+    solver = ["simulate", str(folder / "scene.usdc"), "-o", str(folder / "cache"), "--progress", "json", "--resume"]
+    with open(folder / "cache" / ".lock", "w", encoding="utf-8") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        lock.write("process 1 on elsewhere\n")
+        lock.flush()
+        now = bake.status(scene)
+        assert now.kind == "running" and "outside Blender (process 1 on elsewhere)" in now.text, now
+        refused(bpy.ops.eulerfsi.bake, "process 1 on elsewhere", mode="RESUME")
+        refused(bpy.ops.eulerfsi.free, "a bake writes to it")
+        refused(bpy.ops.eulerfsi.cancel, "another machine")
+        work = job.start(folder, part("preferences").version(), solver, str(folder / "scene.usdc"))
+        assert work.wait() == 5, work.told.end
+        assert "process 1 on elsewhere is writing to this cache" in work.told.findings[0]["message"]
+    kept = len(bake.status(scene).cache.frames)
+    assert kept > 2
+    work = job.start(
+        folder, part("preferences").version(), [*solver, "--max-wall-seconds", "0.2"], str(folder / "scene.usdc")
+    )
+    assert work.wait() == 75, work.told.end
+    bake._jobs[str(folder)] = work
+    now = bake.status(scene)
+    assert now.kind == "interrupted" and "Resume continues" in now.text and len(now.cache.frames) >= kept, now
+    scene.frame_end = now.cache.frames[-1] + 1
+    assert bpy.ops.eulerfsi.bake(mode="RESUME") == {"FINISHED"}
 
 
 def check_other_scenes_cache() -> None:

@@ -104,6 +104,9 @@ def check_baking_done_failed() -> None:
     assert bpy.ops.eulerfsi.bake(mode="RESUME") == {"FINISHED"}
     drawn = draw()
     assert "Done" in drawn.texts and "eulerfsi.load" in drawn.operators, drawn.texts
+    pick("Cube Bake")
+    drawn = draw()
+    assert "material_preset" in {str(a["property"]) for name, a in drawn.calls if name == "prop"}, "those of the Cube"
     bpy.data.objects["Cube"].eulerfsi.solid.youngs_modulus = 7000.0
     assert "Changed since the bake: Cube: Youngs Modulus" in draw().texts, draw().texts
     bpy.data.objects["Cube"].location.z = 40.0

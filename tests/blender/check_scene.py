@@ -143,7 +143,7 @@ def check_cancel_resume_rebake_free() -> None:
     assert np.abs(points_of("Cube Bake", done + 3) - late).max() > 1e-3, "later frames are others"
     assert not bake.stale(scene, bake.status(scene))
     assert bpy.ops.eulerfsi.free() == {"FINISHED"}
-    assert not (folder / "shot_eulerfsi/Scene").exists() and bake.status(scene).kind == "ready"
+    assert not (folder / "shot_eulerfsi").exists() and bake.status(scene).kind == "ready"
     cube = bpy.data.objects["Cube"]
     assert "Cube Bake" not in bpy.data.objects and not cube.hide_viewport and not cube.hide_render
     assert not bpy.data.cache_files and not bpy.data.volumes

@@ -177,6 +177,43 @@ def test_state_comes_from_manifest_and_lock(addon, tmp_path):
     assert not folder.exists()
 
 
+_BAKES = """import sys, time
+from pathlib import Path
+print('{"event": "start", "first": 1, "last": 9}', flush=True)
+while not Path(sys.argv[1]).with_name("end").exists():
+    time.sleep(0.02)
+"""
+
+
+def test_second_bake_is_refused_while_the_first_runs(addon, tmp_path, monkeypatch):
+    job = addon("job")
+    (tmp_path / "solver" / "eulerfsi").mkdir(parents=True)
+    (tmp_path / "runner.py").write_text(_BAKES)
+    monkeypatch.setattr(job, "SOLVER", tmp_path / "solver")
+    monkeypatch.setattr(job, "_RUNNER", tmp_path / "runner.py")
+    folder = tmp_path / "bake"
+    folder.mkdir()
+    (folder / "events.jsonl").write_text('{"event": "end", "status": "failed"}\n' * 9)
+    other = job.Job(folder)  # as another Blender sees it
+    assert other.read() and other.told.end and not other.alive
+    first = job.start(folder, "1", ["simulate"], "a.usdc")
+    try:
+        while not first.read():
+            assert first.alive
+        assert other.read() and other.told.start and other.told.end is None and other.alive
+        with pytest.raises(job.JobError, match="another Blender bakes here"):
+            job.start(folder, "1", ["other"], "b.usdc")
+        assert json.loads((folder / "task.json").read_text())["stage"] == "a.usdc"
+        with pytest.raises(job.JobError, match="still reads the scene"):
+            other.stop()
+        with pytest.raises(job.JobError, match="cancel it first"):
+            job.free(folder)
+    finally:
+        (folder / "end").touch()
+        first.wait()
+    assert not other.alive and not job.baking(folder)
+
+
 def test_package_names_a_missing_wheel(tmp_path, capsys):
     assert main(["package", "blender", "-o", str(tmp_path), "--wheel", str(tmp_path / "none.whl")]) == 2
     assert "none.whl: no such file" in capsys.readouterr().err
