@@ -129,6 +129,20 @@ def test_a_bundle_passes_the_check_and_says_what_it_needs(cli, scene, tmp_path):
         assert not (definition["type"] == "PATH" and "default" in definition)
 
 
+def test_a_program_of_several_words(cli, scene, tmp_path):
+    """The engine starts one file: the other words are arguments."""
+    python = tmp_path / "my python"
+    python.write_text(f'#!/bin/sh\nexec "{sys.executable}" "$@"\n')
+    python.chmod(0o755)
+    done = cli("submit", scene, "--openjd", "job", "--program", f"'{python}' -m eulerfsi")
+    assert done.returncode == 0, done.stderr
+    openjd("run", tmp_path / "job", "--step", "Validate")
+    template = bundle(tmp_path / "job")[0]
+    assert [step["script"]["actions"]["onRun"]["args"][:3] for step in template["steps"]] == [
+        ["-m", "eulerfsi", command] for command in ("validate", "simulate", "verify")
+    ]
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -139,6 +153,11 @@ def test_a_bundle_passes_the_check_and_says_what_it_needs(cli, scene, tmp_path):
         (["--parameter", "Threads=0", "--threads", "1"], "must be a whole number >= 1"),
         (["--parameter", "Scene=a/b.usda"], "must be an absolute path"),
         (["--parameter", "Frames="], "is empty"),
+        (["--parameter", "Frames=1-9x2"], "--frames '1-9x2': a step leaves frames out"),
+        (["--parameter", "deadline:priority=high"], "must be a whole number >= 0"),
+        (["--parameter", "deadline:targetTaskRunStatus=ready"], "must be READY or SUSPENDED"),
+        (["--program", "python 'x"], "--program python 'x: is no command: no closing quotation"),
+        (["--program", " "], "--program ' ': must name a command"),
         (["--timeout", "1.5"], "--timeout 1.5: must be a whole number of seconds >= 1"),
         (["--set", "Ball.material={{x}}"], "is not one of"),
         (["--vary", "Ball.youngsModuls=1"], "did you mean youngsModulus"),

@@ -100,6 +100,7 @@ def test_a_task_beyond_the_array(job):
     [
         (["-o", "my cache"], 2, "must have no space"),
         (["--parameter", "Threads=1"], 2, "belongs to --openjd"),
+        (["--program", 'python "x'], 2, 'python "x: is no command: no closing quotation'),
         (["--timeout", "0"], 2, "must be a whole number of seconds >= 1"),
         (["--timeout", "299"], 2, "--timeout 299: must be at least 300 seconds"),
         (["--set", "Domain.voxelSize=-1"], 3, "must be > 0"),

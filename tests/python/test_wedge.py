@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import content_hashes, environment
-from eulerfsi.errors import UsageError
+from eulerfsi.cache.manifest import Manifest
+from eulerfsi.errors import SceneError, UsageError
 from eulerfsi.farm import summary
 from eulerfsi.farm.summary import Row
 from eulerfsi.farm.variations import MOST_JOBS, parse_list, plan, read_table
@@ -202,3 +203,14 @@ def test_what_a_killed_job_leaves(tmp_path):
     row.take(128 + signal.SIGKILL, [], "", 1.0, tmp_path)
     assert (row.status, row.reason) == ("signal 9", "ended without a word")
     assert os.path.basename(job.folder) == job.folder
+
+
+def test_a_wedge_is_no_cache_but_holds_some(tmp_path):
+    """`info`, `verify`, `view`, `plot` of its folder, or of a file, say what to give in its place."""
+    for name in ("b", "a"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "manifest.json").touch()
+    with pytest.raises(SceneError, match=r"no manifest\.json; 2 of its folders have one, the first is a$"):
+        Manifest.load(tmp_path)
+    with pytest.raises(SceneError, match=r"manifest\.json: is a file: must be the folder of a cache"):
+        Manifest.load(tmp_path / "a" / "manifest.json")

@@ -79,8 +79,7 @@ class Manifest:
         try:
             data = json.loads(path.read_text(encoding="utf-8"))
         except (FileNotFoundError, NotADirectoryError) as error:
-            reason = f"is not a cache of eulerfsi: it has no {FILE_NAME}" if folder.is_dir() else "no such folder"
-            raise SceneError(f"{folder}: {reason}") from error
+            raise SceneError(f"{folder}: {_no_cache(folder)}") from error
         except OSError as error:
             raise CacheIOError(f"{path}: {error.strerror}") from error
         except ValueError as error:
@@ -249,6 +248,17 @@ class Manifest:
     def save_copy(self) -> None:
         """Writes the copy that `recover` reads."""
         files.write_text(self.folder / COPY, self._text())
+
+
+def _no_cache(folder: Path) -> str:
+    """Why a folder without a manifest is no cache."""
+    if not folder.exists():
+        return "no such folder"
+    if not folder.is_dir():
+        return "is a file: must be the folder of a cache"
+    inside = sorted(path.parent.name for path in folder.glob(f"*/{FILE_NAME}"))
+    hint = f"; {len(inside)} of its folders have one, the first is {inside[0]}" if inside else ""
+    return f"is not a cache of eulerfsi: it has no {FILE_NAME}{hint}"
 
 
 def _checksum(data: dict[str, Any]) -> str:

@@ -113,6 +113,7 @@ def _submit(options: argparse.Namespace) -> int:
     if options.slurm and options.parameters:
         raise UsageError("--parameter: belongs to --openjd; a SLURM job takes its options from sbatch")
     timeout = submission.parse_seconds("--timeout", options.timeout)
+    program = submission.parse_program(options.program)
     kind = "wedge" if axes else "cache"
     folder = options.output or Path.cwd() / f"{options.scene.stem}_{kind}"
     with usd_messages():
@@ -121,10 +122,10 @@ def _submit(options: argparse.Namespace) -> int:
         say(f"warning: {options.scene}: refers to {name}, which is not there", sys.stderr)
     tasks = f"{len(job.jobs) or 1} task(s), frames {job.frames}, {format_bytes(job.memory)} of memory each"
     if options.slurm:
-        path = slurm.write_script(options.slurm, job, options.program, timeout)
+        path = slurm.write_script(options.slurm, job, program, timeout)
         _tell(f"{path}: {tasks}\nnext: sbatch {shlex.quote(str(path))}")
     else:
-        openjd.write_bundle(options.openjd, job, options.program, options.parameters, timeout)
+        openjd.write_bundle(options.openjd, job, program, options.parameters, timeout)
         _tell(f"{options.openjd}: {tasks}\nnext: deadline bundle submit {shlex.quote(str(options.openjd))}")
     return errors.EXIT_OK
 

@@ -9,27 +9,31 @@ from __future__ import annotations
 import difflib
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from .. import files
 from ..errors import CacheIOError, UsageError
+from ..frames import parse_frames
 from .submission import Submission
 from .variations import Axis, folder_name
 
 TEMPLATE, VALUES, ASSETS = "template.json", "parameter_values.json", "asset_references.json"
 NOTIFY_SECONDS = 120  # between SIGTERM and SIGKILL: time for a checkpoint
+_CANCEL = {"cancelation": {"mode": "NOTIFY_THEN_TERMINATE", "notifyPeriodInSeconds": NOTIFY_SECONDS}}
 # Limits of the specification 2023-09.
 MOST_VALUES, MOST_TASK_PARAMETERS, LONGEST_NAME = 1024, 16, 64
 # What Deadline Cloud itself reads from the parameter values.
 _DEADLINE = ("targetTaskRunStatus", "maxFailedTasksCount", "maxRetriesPerTask", "priority")
 
 
-def write_bundle(folder: Path, job: Submission, program: str, values: Iterable[str], timeout: int | None) -> list[Path]:
-    """Writes the three files. program: command on a node; values: options NAME=VALUE; timeout: seconds of a run.
+def write_bundle(
+    folder: Path, job: Submission, program: Sequence[str], values: Iterable[str], timeout: int | None
+) -> list[Path]:
+    """Writes the three files. program: words of the command on a node; values: options NAME=VALUE.
 
-    Raises UsageError.
+    timeout: seconds of a run. Raises UsageError.
     """
     template = make_template(job, program, timeout)
     given = parameter_values(job, template, values)
@@ -47,7 +51,7 @@ def write_bundle(folder: Path, job: Submission, program: str, values: Iterable[s
     return written
 
 
-def make_template(job: Submission, program: str, timeout: int | None) -> dict[str, Any]:
+def make_template(job: Submission, program: Sequence[str], timeout: int | None) -> dict[str, Any]:
     """The job template. Raises UsageError for what the specification cannot hold."""
     space, folder, settings = _space(job.axes)
     cache = "{{Param.OutputFolder}}" + (f"/{folder}" if folder else "")
@@ -57,15 +61,16 @@ def make_template(job: Submission, program: str, timeout: int | None) -> dict[st
     maps = [f"--path-map={_plain(rule)}" for rule in job.options.path_map]
     scene += ["--path-map={{Session.PathMappingRulesFile}}", *maps, *map(_plain, job.settings()), *settings]
     run = [*scene, "-o", cache, "--resume", "--allow-restart", "--progress", "openjd"]
+    words = list(map(_plain, program[1:]))
     steps = [
-        _step("Validate", None, space, _action("validate", scene, None)),
-        _step("Simulate", "Validate", space, _action("simulate", run, timeout), _host(job)),
-        _step("Verify", "Simulate", _folders_of(space), _action("verify", [cache], None)),
+        _step("Validate", None, space, _action([*words, "validate", *scene], None)),
+        _step("Simulate", "Validate", space, {**_action([*words, "simulate", *run], timeout), **_CANCEL}, _host(job)),
+        _step("Verify", "Simulate", _folders_of(space), _action([*words, "verify", cache], None)),
     ]
     return {
         "specificationVersion": "jobtemplate-2023-09",
         "name": job.name,
-        "parameterDefinitions": _parameters(job, program),
+        "parameterDefinitions": _parameters(job, program[0]),
         "steps": steps,
     }
 
@@ -80,7 +85,7 @@ def parameter_values(job: Submission, template: dict[str, Any], given: Iterable[
         if not equals:
             raise UsageError(f"{where}: must read NAME=VALUE")
         if name.removeprefix("deadline:") in _DEADLINE and name.startswith("deadline:"):
-            values[name] = int(value) if value.isdecimal() else value
+            values[name] = _deadline_value(where, name, value)
             continue
         if name not in known:
             near = difflib.get_close_matches(name, known, 1)
@@ -92,8 +97,21 @@ def parameter_values(job: Submission, template: dict[str, Any], given: Iterable[
             raise UsageError(f"{where}: is empty")
         if known[name]["type"] == "PATH" and not Path(value).is_absolute():
             raise UsageError(f"{where}: must be an absolute path")
+        if name == "Frames":
+            value = str(parse_frames(value))
         values[name] = int(value) if known[name]["type"] == "INT" else value
     return [{"name": name, "value": value} for name, value in values.items()]
+
+
+def _deadline_value(where: str, name: str, value: str) -> int | str:
+    """Of one of Deadline's own parameters. Raises UsageError."""
+    if name == "deadline:targetTaskRunStatus":
+        if value not in ("READY", "SUSPENDED"):
+            raise UsageError(f"{where}: must be READY or SUSPENDED")
+        return value
+    if not value.isdecimal():
+        raise UsageError(f"{where}: must be a whole number >= 0")
+    return int(value)
 
 
 def _parameters(job: Submission, program: str) -> list[dict[str, Any]]:
@@ -166,11 +184,8 @@ def _plain(text: str) -> str:
     return text
 
 
-def _action(command: str, arguments: list[str], timeout: int | None) -> dict[str, Any]:
-    action = {"command": "{{Param.Program}}", "args": [command, *arguments]}
-    if command == "simulate":
-        action["cancelation"] = {"mode": "NOTIFY_THEN_TERMINATE", "notifyPeriodInSeconds": NOTIFY_SECONDS}
-    return {**action, **({"timeout": timeout} if timeout else {})}
+def _action(arguments: list[str], timeout: int | None) -> dict[str, Any]:
+    return {"command": "{{Param.Program}}", "args": arguments, **({"timeout": timeout} if timeout else {})}
 
 
 def _host(job: Submission) -> dict[str, Any]:

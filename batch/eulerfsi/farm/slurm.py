@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import shlex
+from collections.abc import Sequence
 from pathlib import Path
 
 from .. import files
@@ -51,9 +52,10 @@ exit $code
 """
 
 
-def write_script(path: Path, job: Submission, program: str, seconds: int | None) -> Path:
-    """Writes the script. program: command on a node; seconds: time limit of a task, None: that of the partition.
+def write_script(path: Path, job: Submission, program: Sequence[str], seconds: int | None) -> Path:
+    """Writes the script. program: words of the command on a node; seconds: time limit of a task.
 
+    seconds None: the limit of the partition.
     Raises UsageError for a folder that sbatch cannot write a log beside, MismatchError for one of another wedge.
     """
     log = f"{str(job.folder).replace('%', '%%')}.slurm-{'%A_%a' if job.jobs else '%j'}.log"
@@ -79,7 +81,7 @@ def write_script(path: Path, job: Submission, program: str, seconds: int | None)
     scene = shlex.join([str(job.scene), f"--frames={job.frames}", *start, *maps, *job.settings()])
     lines = ["#!/bin/bash", *(f"#SBATCH {option}" for option in options), _FUNCTIONS, *_tasks(job)]
     lines += [
-        f"program=({shlex.join(shlex.split(program))})",
+        f"program=({shlex.join(program)})",
         f'scene=({scene} "${{values[@]}}" --threads "${{SLURM_CPUS_PER_TASK:-1}}")',
         _STEPS,
     ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -75,6 +76,17 @@ def references(scene: Path, path_map: Sequence[str] = ()) -> tuple[list[Path], l
 def _join(axes: Sequence[Axis]) -> Axis:
     steps = zip(*(axis.choices for axis in axes), strict=True)
     return Axis(axes[0].where, tuple({n: v for choice in step for n, v in choice.items()} for step in steps))
+
+
+def parse_program(text: str) -> list[str]:
+    """The words of the command on a node, as a shell splits them. Raises UsageError."""
+    try:
+        words = shlex.split(text)
+    except ValueError as error:
+        raise UsageError(f"--program {text}: is no command: {str(error).lower()}") from error
+    if not words or not words[0]:
+        raise UsageError(f"--program {text!r}: must name a command")
+    return words
 
 
 def parse_seconds(option: str, text: str | None) -> int | None:
