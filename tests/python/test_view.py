@@ -237,6 +237,8 @@ def test_hostile_names_are_text(cache):
         (lambda c: change(c, lambda d: d["frames"].clear()), CacheIOError, "cache: has no finished frame yet"),
         (lambda c: (c / "vdb/small.0002.vdb").write_bytes(b"VDB"), CacheIOError, r"small\.0002\.vdb: is damaged"),
         (lambda c: (c / "frames/small.0003.usdc").unlink(), CacheIOError, r"small\.0003\.usdc: is missing"),
+        (lambda c: (c / "stats.jsonl").write_text(""), CacheIOError, r"stats\.jsonl: is truncated: 0 of \d+ lines"),
+        (lambda c: (c / "stats.jsonl").unlink(), CacheIOError, r"stats\.jsonl: "),
         (lambda c: (c / "stats.jsonl").write_text("{\n"), CacheIOError, r"stats\.jsonl: line 1: is damaged"),
     ],
 )

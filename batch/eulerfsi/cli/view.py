@@ -77,6 +77,9 @@ class _Source:
         self.kinds = {path: parameter_rows(values)[0] for path, values in self.data["parameters"].items()}
         self.values = self.data["parameters"][self.domain]
         self.lines = stats_file.read(folder)
+        for checkpoint in self.data["checkpoints"][-1:]:
+            if fault := stats_file.fault(folder, checkpoint["stats"]):
+                raise CacheIOError(f"{folder / stats_file.NAME}: {fault}")
         self.box = self._box()
         self.edge = float(np.ptp(self.box, axis=0).max())
         self.flat = self._flat()
