@@ -242,6 +242,7 @@ class Cache:
             data.setdefault("files", {})[data["scene"]] = files.record(self.write_root())
         data["status"] = status
         self.manifest.save()
+        self.manifest.save_copy()
 
     def add_stats(self, line: dict[str, Any]) -> None:
         """Adds a line to stats.jsonl; it reaches the file with the frame."""

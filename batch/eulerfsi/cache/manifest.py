@@ -13,7 +13,7 @@ from ..errors import CacheIOError, MismatchError, SceneError
 from . import stats_file
 
 FILE_NAME = "manifest.json"
-COPY = "manifest.backup.json"  # as of the last checkpoint
+COPY = "manifest.backup.json"  # as of the last checkpoint, or of the end of the run
 _FORMAT, _VERSION = "eulerfsi-cache", 2
 _CHECKSUM = "checksum"  # of all else in the file
 
