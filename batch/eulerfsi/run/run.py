@@ -159,12 +159,13 @@ class Run:
             target = (frame - frames.first) / self.scene.fps
             self._advance(frame, target)
             self._finish_frame(frame, time.monotonic() - begun)
+            stop = self.stop.is_due  # asked once: a signal may come at any line
             if self.checkpoints.due(frame - frames.first) or frame == frames.last:
                 self._checkpoint(frame)
-            elif self.stop.is_due or (self.strict and self.watch.warnings):
+            elif stop or (self.strict and self.watch.warnings):
                 self._checkpoint(frame, stopped=True)
             self._be_strict(frame, self.watch.warnings)
-            if self.stop.is_due and frame < frames.last:
+            if stop and frame < frames.last:
                 raise self.stop.error()
 
     def _be_strict(self, frame: int, warnings: list[dict[str, Any]]) -> None:
