@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import abc
 import contextlib
 import json
 import os
@@ -75,7 +76,7 @@ class Progress:
         """The command is over."""
 
 
-class _Percent(Progress):
+class _Percent(Progress, abc.ABC):
     """A line whenever the whole percent changes."""
 
     _percent = -1
@@ -91,8 +92,9 @@ class _Percent(Progress):
         super().frame_done(frame)
         self.between_steps(frame, 1.0, 0.0)
 
+    @abc.abstractmethod
     def _tell(self, percent: int, frame: int) -> None:
-        raise NotImplementedError
+        """Writes the line."""
 
 
 class _Plain(_Percent):
