@@ -26,6 +26,7 @@ KNOWN_KEYS = REQUIRED_KEYS | {
     "tokens",
     "hard",
     "soft",
+    "names",
     "min_exclusive",
     "unit",
     "stage_unit",

@@ -16,7 +16,8 @@ NAMESPACE = "eulerfsi:"
 
 @dataclasses.dataclass(frozen=True)
 class Parameter:
-    """One row of the table. `default` and `hard` are SI; `field` is the member of the C definition."""
+    """One row of the table. `default` and `hard` are SI; `field` is the member of the C definition.
+    names: of values, which `--set` takes too."""
 
     scope: str
     name: str
@@ -27,6 +28,7 @@ class Parameter:
     hard: tuple[float, float] = (-math.inf, math.inf)
     min_exclusive: bool = False
     tokens: tuple[str, ...] = ()
+    names: dict[str, float] = dataclasses.field(default_factory=dict)
     usd_physics: bool = False
     unit: str = ""
     animated: bool = False

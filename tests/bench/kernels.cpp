@@ -93,7 +93,7 @@ std::vector<Kernel> kernels_of(const Parallel& p, Fields& f) {
       // flow, specific volume; velocity
       {"fluid transport",
        28,
-       [&] { fluid::advect_velocity(p, f.g, true, kStep, f.flow, f.specific_volume, 1, f.fluid, f.advect); },
+       [&] { fluid::advect_velocity(p, f.g, true, kStep, f.flow, f.flow, f.specific_volume, 1, f.fluid, f.advect); },
        {}},
       // flow, smoke; smoke
       {"smoke transport", 20, [&] { fluid::advect_smoke(p, f.g, true, kStep, f.flow, {}, f.fluid, f.advect); }, {}},

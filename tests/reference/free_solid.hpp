@@ -47,7 +47,7 @@ struct FreeSolid {
     if (integration == Integration::kImplicit) system.solve(parallel, system::VelocitySolver::kPcr, momentum, v, 1e-3);
     grid::VectorField field = s.state.v;
     system.scatter(parallel, v, field, slip);
-    solid::take_velocity(parallel, g, field, s.state, s.work);
+    solid::take_velocity(parallel, g, 0.0, field, s.state, s.work);
     solid::extend(parallel, s.rest, s.state, s.work);
     solid::Particles particles;
     solid::seed_particles(parallel, s.rest, s.state, s.work, steps, particles);

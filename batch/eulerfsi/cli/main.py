@@ -55,7 +55,7 @@ def build_parser() -> argparse.ArgumentParser:
     simulate.add_argument("scene", type=Path, metavar="SCENE")
     simulate.add_argument("-o", "--output", type=Path, metavar="DIR", help="default: ./<scene>_cache")
     _scene_options(simulate)
-    simulate.add_argument("--preset", help="production (default) or paper2016; same as --set <domain>.preset=P")
+    simulate.add_argument("--preset", help="production (default), paper2016 or fast; same as --set <domain>.preset=P")
     simulate.add_argument("--progress", choices=progress.MODES, default="auto", help="default: auto")
     simulate.add_argument(
         "--start-from",

@@ -92,7 +92,7 @@ def _set(prim: Usd.Prim, name: str, text: str, where: str) -> str:
     if parameter is None:
         raise UsageError(f"{where}: {prim.GetPath()} has no parameter {name}{_suggest(short, list(known))}")
     try:
-        value = _parse(parameter.type, text)
+        value = parameter.names[text] if text in parameter.names else _parse(parameter.type, text)
     except ValueError as error:
         raise UsageError(f"{where}: {text!r} is not a value of type {parameter.type}{error}") from None
     if parameter.type == "token" and text not in parameter.tokens:

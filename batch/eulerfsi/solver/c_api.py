@@ -13,7 +13,7 @@ ActsOn = {'both': 0, 'fluid': 1, 'solids': 2}
 StepRule = {'end': 0, 'maximum': 1, 'speed': 2, 'strain': 3, 'wall': 4, 'wall_wave': 5, 'solid': 6, 'solid_wave': 7, 'fold': 8, 'fold_wave': 9, 'start': 10, 'collider': 11, 'fluid': 12, 'repeated': 13}
 Stage = {'time_step': 0, 'solid_mass': 1, 'compute_g': 2, 'fluid_forces': 3, 'velocity_solve': 4, 'pressure_solve': 5, 'solid_advection': 6, 'fluid_advection': 7, 'smoke': 8, 'contact': 9, 'surface': 10, 'check': 11, 'other': 12}
 EnergyStage = {'weight': 0, 'mixing': 1, 'external': 2, 'walls': 3, 'velocity': 4, 'pressure': 5, 'solid_transport': 6, 'fluid_transport': 7, 'remap': 8, 'repair': 9, 'momentum': 10, 'plastic_flow': 11, 'viscosity': 12}
-Preset = {'production': 0, 'paper2016': 1}
+Preset = {'production': 0, 'paper2016': 1, 'fast': 2}
 Wall = {'slip': 0, 'no_slip': 1, 'open': 2, 'periodic': 3}
 
 class Error(Structure):
@@ -326,6 +326,7 @@ class SimulationDef(Structure):
         ("log_user", c_void_p),
         ("volume_source", c_int32),
         ("padding", c_int32),
+        ("step_tolerance", c_double),
     ]
 
 class StepLimits(Structure):

@@ -17,6 +17,7 @@ typedef struct EfsiSim EfsiSim;
 typedef enum EfsiPreset {
   EFSI_PRESET_PRODUCTION = 0, /**< default */
   EFSI_PRESET_PAPER2016 = 1,  /**< the paper's scheme */
+  EFSI_PRESET_FAST = 2,       /**< production in the longest steps that geometry allows: damped, for layout */
 } EfsiPreset;
 
 /** Conditions at a face of the box. */
@@ -57,6 +58,8 @@ typedef struct EfsiSimulationDef {
   void* log_user;               /**< passed to `log` */
   int32_t volume_source;        /**< 1: a volume source restores the rest volume of solids; not in preset paper2016 */
   int32_t padding;              /**< unused */
+  double step_tolerance;        /**< part of its energy that the steps of a solid in contact may take while an elastic
+                                   wave passes it; 0: from the preset */
 } EfsiSimulationDef;
 
 /** Reports progress. Called after each step on the caller's thread. fraction: completed part of the requested duration,

@@ -67,6 +67,7 @@ inline sim::Params to_params(const EfsiSimulationDef& def) {
   to.energy_ledger = def.energy_ledger != 0;  // changes no result
   // The preset's pieces, of which some can be chosen.
   to.numerics = sim::numerics_of(static_cast<sim::Preset>(def.preset));
+  if (def.step_tolerance > 0.0) to.numerics.step_tolerance = def.step_tolerance;
   if (def.velocity_tolerance > 0.0) to.numerics.velocity_tolerance = def.velocity_tolerance;
   if (def.pressure_tolerance > 0.0) to.numerics.pressure_tolerance = def.pressure_tolerance;
   if (def.volume_source == 0) to.numerics.volume_source = false;

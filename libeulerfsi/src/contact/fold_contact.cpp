@@ -172,8 +172,7 @@ std::vector<FoundRow> find_folds(const StepContext& step, std::size_t l, const s
   return rows;
 }
 
-SolidGap measure_folds(const solid::SolidState& state, const solid::SolidWork& work) {
-  SolidGap out{std::numeric_limits<double>::infinity(), 0.0};
+void visit_fold_gaps(const solid::SolidState& state, const solid::SolidWork& work, const VisitGap& visit) {
   const Grid& g = state.band.grid;
   const solid::FoldPlaces& places = work.fold_places;
   const grid::NodeSampler sampler(g);
@@ -185,10 +184,9 @@ SolidGap measure_folds(const solid::SolidState& state, const solid::SolidWork& w
     const Vec3d &a = places.place[one], &b = places.place[other], way = b - a;
     if (!(places.normal[one].cast<double>().dot(way) > 0.0 && places.normal[other].cast<double>().dot(way) < 0.0))
       continue;
-    out.gap = std::min(out.gap, static_cast<double>(pair.distance) - stand_off(static_cast<double>(pair.at_rest), g.h));
-    out.closing = std::max(out.closing, way.normalized().dot(velocity_at(a) - velocity_at(b)));
+    visit(static_cast<double>(pair.distance) - stand_off(static_cast<double>(pair.at_rest), g.h),
+          way.normalized().dot(velocity_at(a) - velocity_at(b)));
   }
-  return out;
 }
 
 }  // namespace efsi::sim

@@ -20,8 +20,7 @@ void find_near_folds(const Parallel& parallel, const solid::SolidRest& rest, con
 std::vector<FoundRow> find_folds(const StepContext& step, std::size_t l, const solid::SolidState& state,
                                  const solid::SolidWork& work, const grid::Grid& common, const NodeVelocity& velocity);
 
-// The gap between parts of a solid less what they keep, the least [m], and how fast it closes at most [m/s]. Infinite
-// where none is within reach of another.
-SolidGap measure_folds(const solid::SolidState& state, const solid::SolidWork& work);
+// Calls visit for the parts of a solid that are within reach of another.
+void visit_fold_gaps(const solid::SolidState& state, const solid::SolidWork& work, const VisitGap& visit);
 
 }  // namespace efsi::sim

@@ -136,7 +136,7 @@ ContactPair report(const StepContext& step, const SolidStates& states, std::size
   const bool given = is_collider(step.scene.pins, other);
   pair.normal_impulse = given ? on_one.normal_impulse : on_other.normal_impulse;
   pair.impulse = given ? Vec3d(-on_one.impulse) : on_other.impulse;
-  const double gap = measure_gap(step.scene, states, one, other).gap / step.scene.grid.h + kContactSkin;
+  const double gap = least_gap(step.scene, states, one, other) / step.scene.grid.h + kContactSkin;
   pair.surface_overlap = std::max(pair.row_overlap, -gap);
   return pair;
 }

@@ -314,8 +314,8 @@ void remember_contacts(double dt, const SolidContacts& contacts, SolidStates& st
 namespace {
 
 // The vertices of a solid against the surface of another one.
-void measure_vertices(const Scene& scene, const solid::SolidState& vertices, const solid::SolidRest& rest,
-                      const solid::SolidState& state, SolidGap& out) {
+void visit_vertices(const Scene& scene, const solid::SolidState& vertices, const solid::SolidRest& rest,
+                    const solid::SolidState& state, const VisitGap& visit) {
   const Grid& g = state.band.grid;
   const geometry::SignedDistance& distance = solid::distance_of(rest, state);
   const grid::NodeSampler sampler(g), own(vertices.band.grid);
@@ -334,22 +334,26 @@ void measure_vertices(const Scene& scene, const solid::SolidState& vertices, con
     if (!std::all_of(corner.begin(), corner.end(), known)) continue;
     const Vec3d u = sampler.vector(state.u, at.cast<Real>()).cast<double>();
     const double gap = distance.sample(x - u) - kContactSkin * scene.grid.h;
-    out.gap = std::min(out.gap, gap);
     const Vec3d out_of = distance.gradient(x - u).normalized();
     const Vec3d v = sampler.vector(state.v, at.cast<Real>()).cast<double>(),
                 w = own.vector(vertices.v, ((x - vertices.band.grid.origin) / g.h).cast<Real>()).cast<double>();
-    out.closing = std::max(out.closing, out_of.dot(v - w));
+    visit(gap, out_of.dot(v - w));
   }
 }
 
 }  // namespace
 
-SolidGap measure_gap(const Scene& scene, const SolidStates& states, std::size_t one, std::size_t other) {
-  SolidGap out{std::numeric_limits<double>::infinity(), 0.0};
-  if (!overlap(states[one].band.grid, states[other].band.grid).any()) return out;
-  measure_vertices(scene, states[one], scene.solids[other], states[other], out);
-  measure_vertices(scene, states[other], scene.solids[one], states[one], out);
-  return out;
+void visit_gaps(const Scene& scene, const SolidStates& states, std::size_t one, std::size_t other,
+                const VisitGap& visit) {
+  if (!overlap(states[one].band.grid, states[other].band.grid).any()) return;
+  visit_vertices(scene, states[one], scene.solids[other], states[other], visit);
+  visit_vertices(scene, states[other], scene.solids[one], states[one], visit);
+}
+
+double least_gap(const Scene& scene, const SolidStates& states, std::size_t one, std::size_t other) {
+  double least = std::numeric_limits<double>::infinity();
+  visit_gaps(scene, states, one, other, [&](double gap, double) { least = std::min(least, gap); });
+  return least;
 }
 
 double relative_speed(const SolidStates& states, std::size_t one, std::size_t other) {

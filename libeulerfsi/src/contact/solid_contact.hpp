@@ -3,6 +3,8 @@
 // contact, system/contact_solve.hpp.
 #pragma once
 
+#include <functional>
+
 #include "contact/hold.hpp"
 #include "contact/solid_contacts.hpp"
 #include "frame/step_context.hpp"
@@ -26,12 +28,13 @@ SolidPairs active_pairs(const SolidContacts& contacts);
 // What the next step wants to know.
 void remember_contacts(double dt, const SolidContacts& contacts, SolidStates& states);
 
-// The gap between two solids less the skin, the least over their vertices [m], and how fast it closes at most [m/s].
-struct SolidGap {
-  double gap = 0.0, closing = 0.0;
-};
-// Infinite where the vertices of neither are within reach of the other's map, some cells.
-SolidGap measure_gap(const Scene& scene, const SolidStates& states, std::size_t one, std::size_t other);
+// What is between two surfaces at a point of one of them, less what they keep [m], and how fast it closes [m/s].
+using VisitGap = std::function<void(double gap, double closing)>;
+// Calls visit for the vertices of either solid that are within reach of the other's map, some cells.
+void visit_gaps(const Scene& scene, const SolidStates& states, std::size_t one, std::size_t other,
+                const VisitGap& visit);
+// The least of these gaps [m]; infinite where there are none.
+double least_gap(const Scene& scene, const SolidStates& states, std::size_t one, std::size_t other);
 // Bound of the speed at which any two vertices of two solids come towards each other [m/s].
 double relative_speed(const SolidStates& states, std::size_t one, std::size_t other);
 

@@ -87,7 +87,7 @@ EFSI_INLINE Octet way(const Octets& v, Real step) {
 struct Transport {
   NodeTransport nodes;
   Real step;
-  const VectorField& flow;
+  const VectorField &flow, &carried;
   const Real* specific_volume;  // per node
   Real fluid_volume;
 };
@@ -103,7 +103,7 @@ EFSI_INLINE void carry_node(const Transport& t, const Row& row, int i, VectorFie
   const bool from_wall = sampler.cut_by_wall(node, node - Real(0.5) * t.step * v);
   const Quad from =
       sampler.keep_inside(from_wall ? node - t.step * v : sampler.trace_midpoint(t.flow, node, v, t.step));
-  set_node(first, n, sampler.value(t.flow, from));
+  set_node(first, n, sampler.value(t.carried, from));
   set_node(back, n, from - node);
 }
 
@@ -121,7 +121,7 @@ EFSI_INLINE bool carry_nodes(const Transport& t, const Row& row, int i, VectorFi
     middle = lanes.value(t.flow, n, cell);
     const Octets from = scaled(middle, -t.step);
     if (lanes.place(i, row.j, row.k, from, cell)) {
-      grid::store_octets(first, n, lanes.value(t.flow, n, cell));
+      grid::store_octets(first, n, lanes.value(t.carried, n, cell));
       grid::store_octets(back, n, from);
       return true;
     }
@@ -133,19 +133,19 @@ EFSI_INLINE bool carry_nodes(const Transport& t, const Row& row, int i, VectorFi
   grid::LaneSampler::Place at;
   const Octets from = Room(t.nodes.points, t.nodes.periodic, row, i).keep(scaled(middle, -t.step));
   if (!lanes.place(i, row.j, row.k, from, at)) return false;
-  grid::store_octets(first, n, lanes.value(t.flow, n, at));
+  grid::store_octets(first, n, lanes.value(t.carried, n, at));
   grid::store_octets(back, n, from);
   return true;
 }
 
 void limit_at_border(const Transport& t, const Quad& from, Quad& v) {
-  v = t.nodes.sampler.limit_at_border(t.flow, from, v);
+  v = t.nodes.sampler.limit_at_border(t.carried, from, v);
 }
 
 // v limited to the range of the values around the place it comes from. At the border of a cell, and so on all nodes of
 // fluid that moves along an axis, the range of one cell would be that of a side.
 EFSI_INLINE Quad limited(const Transport& t, const Quad& from, Quad v) {
-  const Quad inside = t.nodes.sampler.limit(t.flow, t.nodes.sampler.place(from), v);
+  const Quad inside = t.nodes.sampler.limit(t.carried, t.nodes.sampler.place(from), v);
   const Quad cut = inside - v;
   const auto counts = cut * cut > kRestCells * kRestCells / (t.step * t.step);
   if ((counts[0] | counts[1] | counts[2]) == 0) return inside;
@@ -165,7 +165,7 @@ EFSI_INLINE Quad corrected_node(const Transport& t, const Row& row, const Hourgl
   const Quad v = node_value(t.flow, n), behind = node_value(back, n), from = node + behind;
   const Quad to = sampler.keep_inside(node + opposite(behind, v, t.step));
   if (!sampler.cut_by_wall(node, from) && !sampler.cut_by_wall(node, to)) {
-    w = w + Real(0.5) * (v - sampler.value(first, to));
+    w = w + Real(0.5) * (node_value(t.carried, n) - sampler.value(first, to));
     w = limited(t, from, w);  // no new extremes
   }
   const Quad square = v * v;
@@ -191,7 +191,7 @@ EFSI_INLINE bool corrected_nodes(const Transport& t, const Row& row, const Hourg
   const Octet zero{}, least = grid::octet(kRestCells / t.step);
   const auto fluid = grid::load_octet(t.specific_volume + n) == grid::octet(t.fluid_volume);
   // Displacements of the backward and the forward trace; nodes without fluid stay.
-  const Octets v = grid::load_octets(t.flow, n);
+  const Octets v = grid::load_octets(t.flow, n), whole = grid::load_octets(t.carried, n);
   Octets from = grid::load_octets(back, n), to;
   for (std::size_t a = 0; a < 3; ++a) {
     to.c[a] = fluid ? opposite(from.c[a], v.c[a], t.step) : zero;
@@ -205,8 +205,8 @@ EFSI_INLINE bool corrected_nodes(const Transport& t, const Row& row, const Hourg
     for (std::size_t a = 0; a < 3; ++a) {
       const Real* arrived = first.c[a].data() + n;
       const Octet here = grid::load_octet(arrived);
-      const Octet better = here + Real(0.5) * (v.c[a] - lanes.value(arrived, ahead));
-      const Octet limited = lanes.limit(t.flow.c[a].data() + n, behind, better);
+      const Octet better = here + Real(0.5) * (whole.c[a] - lanes.value(arrived, ahead));
+      const Octet limited = lanes.limit(t.carried.c[a].data() + n, behind, better);
       cut = grid::larger(cut, grid::larger(limited - better, better - limited));
       w.c[a] = fluid ? limited - share * hourglass.part(first.c[a], i) : here;
     }
@@ -288,9 +288,11 @@ void copy_row(const Row& row, const VectorField& from, VectorField& to) {
 }  // namespace
 
 std::uint64_t advect_velocity(const Parallel& parallel, const Grid& g, bool corrected, double dt,
-                              const VectorField& flow, const std::vector<Real>& specific_volume, Real fluid_volume,
-                              FluidState& state, AdvectWorkspace& work) {
-  const Transport t = {NodeTransport(g), static_cast<Real>(dt / g.h), flow, specific_volume.data(), fluid_volume};
+                              const VectorField& flow, const VectorField& carried,
+                              const std::vector<Real>& specific_volume, Real fluid_volume, FluidState& state,
+                              AdvectWorkspace& work) {
+  const Transport t = {NodeTransport(g), static_cast<Real>(dt / g.h), flow,
+                       carried,          specific_volume.data(),      fluid_volume};
   TileMask tiles(g.nodes());
   parallel.for_each(tiles.count(), [&](std::int64_t tile) {
     Vec3i begin, end;
@@ -309,7 +311,7 @@ std::uint64_t advect_velocity(const Parallel& parallel, const Grid& g, bool corr
     if (active)
       carry_row(t, row, first, result);
     else
-      copy_row(row, flow, first);
+      copy_row(row, carried, first);
   });
   tiles.for_runs(parallel, [&](int j, int k, int begin, int end, bool active) {
     const Row row = {j, k, begin, end, g.node(0, j, k)};

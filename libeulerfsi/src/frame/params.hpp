@@ -13,7 +13,7 @@
 namespace efsi::sim {
 
 // Values equal EFSI_PRESET_*.
-enum class Preset : std::int32_t { kProduction = 0, kPaper2016 = 1 };
+enum class Preset : std::int32_t { kProduction = 0, kPaper2016 = 1, kFast = 2 };
 
 // Which pieces a preset chooses. Each can be set alone.
 struct Numerics {
@@ -26,6 +26,7 @@ struct Numerics {
   // With kPaper: distance below which the particles of a solid are repelled [cells], h of Eq. 14.
   double contact_distance = 1.0;
   bool corrected_fluid_advection = true;  // MacCormack; smoke and heat keep their amount
+  bool carries_pressure = true;           // half of the pressure acts on the fluid before its transport, half after it
   // true: v = v* - G^-1 J^T q on solid nodes (Eq. 13 as printed); false: v = v* - M^-1 J^T q, divergence-free.
   bool stiff_correction = false;
   // Coupling steps, in which elasticity responds to the pressure, before the projection.
@@ -33,7 +34,9 @@ struct Numerics {
   // How much of the stiffness is implicit follows what a step does to the solid; false: all of it (Eq. 8).
   bool damping_by_pace = true;
   bool stiffness_by_part = true;   // a cell that is solid in part is as stiff; false: as a whole one
-  bool resolve_impacts = true;     // at walls, steps that shear waves cross in less than a cell
+  bool resolve_impacts = true;     // steps of solids in contact follow what they lose
+  double step_tolerance = 0.15;    // part of a solid's energy that these may take while a wave passes it
+  double contact_travel = 0.4;     // cells that the surface of a solid in contact approaches another in a step
   bool repair_map = true;          // broken cells are repaired
   bool volume_by_pressure = true;  // alone: an incompressible solid's lambda is bounded
   bool unilateral_walls = true;    // solids leave them freely, and slide; false: they fix what they fix of the fluid

@@ -28,6 +28,7 @@ void visit_box_fields(Fields& fields, States&... s) {
   fields.value(s.fluid_speed...);
   for (std::size_t a = 0; a < 3; ++a) fields.array(s.fluid.velocity.c[a]...);
   fields.array(s.fluid.pressure...);
+  fields.value(s.fluid.carried_time...);
   if (((s.fluid.velocity.size() == 0) && ...)) fields.value(s.window...);
   fields.array(s.fluid.smoke...);
   fields.array(s.fluid.temperature...);

@@ -71,7 +71,7 @@ ContactPairs record_contacts(const Scene& scene, const SolidStates& states, cons
   for (ContactPair& pair : pairs) {
     pair.steps = 1;
     if (pair.one == pair.other) continue;
-    const double gap = measure_gap(scene, states, pair.one, pair.other).gap / scene.grid.h;
+    const double gap = least_gap(scene, states, pair.one, pair.other) / scene.grid.h;
     pair.surface_overlap = std::max(pair.row_overlap, -gap) - kContactSkin;
   }
   return pairs;

@@ -2,6 +2,7 @@
 
 #include "frame/grid_loops.hpp"
 #include "solid/element/energy.hpp"
+#include "solid/element/stiffness_block.hpp"
 
 namespace efsi::sim {
 
@@ -43,6 +44,30 @@ double mean_energy(const Parallel& parallel, const Grid& common, const solid::So
         const Vec3d now = velocity.at(common.node(i + lo[0], j + lo[1], k + lo[2])).cast<double>();
         const Vec3d w = 0.5 * (state.v.at(n).cast<double>() + now) + back.at(g.node_position(i, j, k));
         sum += 0.5 * static_cast<double>(mass[n]) * w.squaredNorm();
+      }
+    return sum;
+  });
+}
+
+// Work of the solid's internal forces over the change of its velocity to that of the nodes of `common` [kg m^2/s^3].
+double power_of_change(const Parallel& parallel, const Grid& common, const solid::SolidState& state,
+                       const solid::SolidWork& work, const grid::VectorField& velocity) {
+  const Grid& g = state.band.grid;
+  const Vec3i lo = grid::offset(g, common);
+  const auto corner = grid::corner_offsets(g);
+  return parallel.sum(static_cast<std::int64_t>(work.blocks()), [&](std::int64_t b) {
+    const auto first = static_cast<std::size_t>(b) * solid::kBlock;
+    Real force[24 * solid::kBlock];
+    solid::block_force(state, work, static_cast<std::size_t>(b), force);
+    double sum = 0.0;
+    for (std::size_t lane = 0; lane < solid::kBlock && first + lane < work.element_corner.size(); ++lane)
+      for (std::size_t a = 0; a < 8; ++a) {
+        const std::size_t n = static_cast<std::size_t>(work.element_corner[first + lane]) + corner[a];
+        const Vec3i at = g.node_place(n);
+        const Vec3 change = velocity.at(common.node(at[0] + lo[0], at[1] + lo[1], at[2] + lo[2])) - state.v.at(n);
+        for (std::size_t c = 0; c < 3; ++c)
+          sum += static_cast<double>(force[(3 * a + c) * solid::kBlock + lane]) *
+                 static_cast<double>(change[static_cast<Eigen::Index>(c)]);
       }
     return sum;
   });
@@ -189,6 +214,8 @@ void EnergyLedger::meet(NodeVelocity& velocity, std::span<const solid::RigidStep
                                   f.turn / dt_ - f.velocity.angular};
     record_->at_start.solid_kinetic +=
         mean_energy(parallel_, common_, states_[l], solids_[l].mass, velocity.field, back);
+    record_->at_start.elastic -=
+        0.25 * dt_ * power_of_change(parallel_, common_, states_[l], solids_[l], velocity.field);
   }
 }
 

@@ -40,8 +40,9 @@ class EnergyLedger {
   // The work of the pressure through the volume source.
   void book_source(const std::vector<Real>& pressure, const std::vector<Real>& source);
   // Transport moves u by the velocity that a step ends with, so that this is the one of the middle of the step, and the
-  // mean of those that it begins and ends with is the one of its start. The rigid motion is different: transport moves
-  // it by the mean, so that it belongs to the ends of the steps. frames: of the transport that follows.
+  // mean of those that it begins and ends with is the one of its start. With the velocities v0 and v1 of these ends the
+  // displacement of that time is u + dt/4 (v1 - v0). The rigid motion is different: transport moves it by the mean, so
+  // that it belongs to the ends of the steps. frames: of the transport that follows.
   void meet(NodeVelocity& velocity, std::span<const solid::RigidStep> frames);
   // Solid l at the start of its transport: its velocity has been extended, the masses are those of the start.
   void leave(std::size_t l);

@@ -13,7 +13,7 @@
 namespace efsi::sim {
 namespace {
 
-constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', 'B'};
+constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', 'C'};
 
 struct HashArchive {
   Hash hash;

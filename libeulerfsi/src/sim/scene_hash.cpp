@@ -27,9 +27,10 @@ void add(const Params& of, Hash& hash) {
   add_all(hash, of.domain_min, of.domain_size, of.gravity);
   const Numerics& n = of.numerics;
   add_all(hash, n.velocity_solver, n.pressure_solver, n.velocity_tolerance, n.pressure_tolerance, n.points_per_element,
-          n.solid_advection, n.contact_distance, n.corrected_fluid_advection, n.stiff_correction, n.coupling_step,
-          n.damping_by_pace, n.stiffness_by_part, n.resolve_impacts, n.repair_map, n.volume_by_pressure,
-          n.unilateral_walls, n.volume_source, n.fluid_slips, n.conserve_momentum, sizeof(Real));
+          n.solid_advection, n.contact_distance, n.corrected_fluid_advection, n.carries_pressure, n.stiff_correction,
+          n.coupling_step, n.damping_by_pace, n.stiffness_by_part, n.resolve_impacts, n.step_tolerance,
+          n.contact_travel, n.repair_map, n.volume_by_pressure, n.unilateral_walls, n.volume_source, n.fluid_slips,
+          n.conserve_momentum, sizeof(Real));
 }
 
 void add(const solid::SolidRest& of, Hash& hash) {

@@ -311,6 +311,7 @@ void Simulation::set_velocity(const float* values) {
   for (std::size_t a = 0; a < 3; ++a)
     for (std::size_t i = 0; i < n; ++i) state_.fluid.velocity.c[a][i] = static_cast<Real>(values[a * n + i]);
   state_.fluid_speed = 0.0;
+  state_.fluid.carried_time = 0.0;
   for (const auto& c : state_.fluid.velocity.c)
     for (Real v : c) state_.fluid_speed = std::max(state_.fluid_speed, static_cast<double>(std::abs(v)));
 }
@@ -331,6 +332,7 @@ void Simulation::set_solid_field(std::size_t index, bool velocity, const float* 
   solid.stiff.clear();
   work_.masses_ready = false;
   if (velocity) {
+    solid.change = {};
     for (const auto& c : field.c)
       for (Real v : c) solid.speed = std::max(solid.speed, static_cast<double>(std::abs(v)));
   } else {

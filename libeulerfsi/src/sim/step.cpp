@@ -91,7 +91,9 @@ void take_velocities(const StepContext& step, std::uint64_t steps, const grid::G
   for (std::size_t l = 0; l < solids.size(); ++l) {
     ScopedTimer timer(step.profile, Stage::kSolidAdvection);
     const system::SolidView view(step.parallel, velocity.slip, l, velocity.field);
-    solid::take_velocity(step.parallel, common, velocity.field, states[l], solids[l]);  // Alg. 1 line 13
+    const bool remembers = step.scene.params.numerics.damping_by_pace && !is_collider(step.scene.pins, l);
+    solid::take_velocity(step.parallel, common, remembers ? step.dt : 0.0, velocity.field, states[l],  // Alg. 1 line 13
+                         solids[l]);
     if (!uses_particles) continue;
     if (is_collider(step.scene.pins, l)) {  // its velocity is given everywhere
       std::fill(solids[l].layer.begin(), solids[l].layer.end(), std::uint8_t{0});
@@ -255,8 +257,9 @@ void solve(const StepContext& step, State& state, Workspace& work, EnergyLedger&
   ledger.book_nodes(EnergyStage::kPressure, velocity);
   solve_velocity(step, elasticity, velocity);  // Alg. 1 line 9
   ledger.book_nodes(EnergyStage::kVelocity, velocity);
-  solve_pressure(step, states, work.solids, work.matter, last, elasticity, velocity, pressure);  // Alg. 1 line 10
-  project_velocity(step, work.matter.common.grid, elasticity, pressure, velocity, last);         // Alg. 1 line 11
+  solve_pressure(step, states, work.solids, work.matter, state.fluid, elasticity, velocity,
+                 pressure);                                                               // Alg. 1 line 10
+  project_velocity(step, work.matter.common.grid, elasticity, pressure, velocity, last);  // Alg. 1 line 11
   ledger.book_nodes(EnergyStage::kPressure, velocity);
   ledger.book_source(last, pressure.source);
 }
@@ -286,8 +289,9 @@ void transport(const StepContext& step, State& state, Workspace& work, EnergyLed
                     ledger);
   work.pressure.system.exchange_scratch(work.solid_advect.storage());
   still_fluid(work.elasticity.walls, velocity.field);
-  advect_fluid(step, velocity.field, velocity.slip, work.pressure.jets, work.matter, state.fluid,  // Alg. 1 line 22
-               work.advect, work.pressure.system);
+  advect_fluid(step, state.solids, velocity.field, velocity.slip, work.pressure, work.matter,
+               state.fluid,  // Alg. 1 line 22
+               work.advect);
   if (const int slab = grid::slab_axis(step.scene.grid, step.scene.params.walls);
       slab >= 0 && step.scene.params.fluid.present)
     flatten(step.parallel, common, slab, state.fluid.velocity);

@@ -14,14 +14,15 @@
 namespace efsi::sim {
 namespace {
 
-constexpr double kContactCfl = 0.4;       // cells per step in contact
-constexpr double kContactReach = 2.0;     // cells
-constexpr double kContactDistance = 1.0;  // cells: 2 less what a step in contact moves
-constexpr double kContactPace = 0.7;      // cells that a shear wave passes in a step in contact
-constexpr double kContactStrain = 0.1;    // in a step in contact, below which waves need not be resolved
-constexpr double kPaperCfl = 0.6;         // cells per step of solids less than kContactReach apart (Sec. 5.2)
-constexpr double kPairReach = 6.0;        // cells between solids, from which on they do not limit each other
-constexpr double kUnseen = 1.2;           // cells that solids near each other may move before they see each other
+constexpr double kContactReach = 2.0;         // cells
+constexpr double kContactDistance = 1.0;      // cells: 2 less what a step in contact moves
+constexpr double kContactPace = 0.7;          // cells that a shear wave passes in a step in contact, or
+constexpr double kContactShare = 1.0 / 24.0;  // this part of the solid, the cubic root of its volume, if that is more
+constexpr double kNormal = 0.15;              // the tolerance for which these two are meant
+constexpr double kContactStrain = 0.15;       // the energy of which is none to be kept
+constexpr double kPaperCfl = 0.6;             // cells per step of solids less than kContactReach apart (Sec. 5.2)
+constexpr double kPairReach = 6.0;            // cells between solids, from which on they do not limit each other
+constexpr double kUnseen = 1.2;               // cells that solids near each other may move before they see each other
 // Cells per step in flight over those elsewhere: through vacuum (4 where these are 1.8) and through a fluid of at most
 // kThin of a solid's density. The pressure of the fluid grows with what a solid moves in a step, and presses it.
 constexpr double kVacuumReach = 20.0 / 9.0, kFluidReach = 1.5, kThin = 0.01;
@@ -46,15 +47,22 @@ double flight_cells(const Params& params, double density) {
   return std::max(params.cfl_solid, std::min(kFarthest, far));
 }
 
-// A step in which shear waves pass kContactPace cells, or more where that strains the solid little. While a solid is
-// pressed flat against a wall nothing moves fast, and in long steps, which are damped, it would lose what it stores.
+// A step by what it loses: in contact the stiffness is implicit, which takes up to dt^2 v.K v of a solid's energy in a
+// step. Where shear waves pass a small part of the solid in it that is little of what an impact stores while nothing
+// moves fast. Beyond that it may be step_tolerance of the kinetic energy and of that of a strain of kContactStrain,
+// while a wave passes the solid.
 void limit_by_waves(const Parallel& parallel, const Scene& scene, std::size_t l, const solid::SolidState& solid,
                     StepRule rule, StepLimit& limit) {
   const solid::SolidRest& rest = scene.solids[l];
-  const double wave = kContactPace * scene.grid.h / std::sqrt(rest.elastic.mu / rest.density);
+  const double size = std::cbrt(rest.volume), pass = size / std::sqrt(rest.elastic.mu / rest.density);
+  const double tolerance = scene.params.numerics.step_tolerance;
+  const double wave = tolerance / kNormal * pass * std::max(kContactPace * scene.grid.h / size, kContactShare);
   if (limit.dt <= wave) return;
-  const double rate = solid::largest_strain_rate(parallel, solid, solid.valid);
-  if (rate > 0.0) limit.lower(std::max(wave, kContactStrain / rate), rule, l + 1);
+  const solid::CellMotion motion = solid::measure_motion(parallel, rest, solid);
+  const double energy =
+      rest.density * motion.half_square + rest.elastic.mu * kContactStrain * kContactStrain * motion.volume;
+  const double loss = motion.volume > 0.0 ? motion.root * motion.root / motion.volume : 0.0;  // v.K v
+  if (loss > 0.0) limit.lower(std::max(wave, tolerance * energy / (pass * loss)), rule, l + 1);
 }
 
 // What is between a solid and the faces that are walls: -x +x -y +y -z +z.
@@ -86,14 +94,14 @@ Gaps measure_gaps(const Scene& scene, const solid::SolidState& solid) {
   return gaps;
 }
 
-// What walls near a solid allow: its surface may reach them, or move by kContactCfl in contact (Sec. 5.2 uses 0.6 for
-// solids less than 2 cells apart). Sliding along a wall is free.
+// What walls near a solid allow: its surface may reach them, or move by contact_travel in contact (Sec. 5.2 uses 0.6
+// for solids less than 2 cells apart). Sliding along a wall is free.
 void limit_by_walls(const Parallel& parallel, const Scene& scene, std::size_t l, const solid::SolidState& solid,
                     const Gaps& gaps, StepLimit& limit) {
   const Params& params = scene.params;
   const grid::Grid& g = scene.grid;
   for (std::size_t face = 0; face < 6; ++face) {
-    const double cells = std::max(kContactCfl, gaps.cells[face] - kContactDistance);
+    const double cells = std::max(params.numerics.contact_travel, gaps.cells[face] - kContactDistance);
     if (cells < params.cfl_solid)
       limit.lower(time_to_move(gaps.closing[face], params.gravity.norm(), cells * g.h), StepRule::kWall, l + 1);
   }
@@ -112,29 +120,34 @@ std::vector<Box> surface_boxes(const SolidStates& states) {
   return boxes;
 }
 
-// What two solids near each other allow: as walls do, by the gap that rows of contact see. What is between solids of
-// which neither reaches the other's map is taken to be kUnseen, and to close at their largest relative speed.
+// What two solids near each other allow: as walls do, every vertex by its own gap, which rows of contact see. What is
+// between solids of which neither reaches the other's map is taken to be kUnseen, and to close at their largest
+// relative speed.
 void limit_by_pair(const Parallel& parallel, const Scene& scene, const SolidStates& states,
                    const std::vector<Box>& boxes, std::size_t one, std::size_t other, StepLimit& limit) {
   const Params& params = scene.params;
   const double h = scene.grid.h, apart = boxes[one].exteriorDistance(boxes[other]) / h;
   if (apart > kPairReach) return;
-  const SolidGap seen = measure_gap(scene, states, one, other);
-  const auto move = [&](double speed, double cells) {
-    limit.lower(time_to_move(speed, params.gravity.norm(), cells * h), StepRule::kSolid, one + 1, other + 1);
+  const double travel = params.numerics.contact_travel;
+  const auto time_for = [&](double speed, double cells) {
+    return time_to_move(speed, params.gravity.norm(), cells * h);
   };
+  double least = std::numeric_limits<double>::infinity(), meeting = least;
+  visit_gaps(scene, states, one, other, [&](double gap, double closing) {
+    least = std::min(least, gap);
+    meeting = std::min(meeting, time_for(closing, std::max(travel, gap / h - kContactDistance)));
+  });
   if (params.numerics.uses_particles()) {
-    if (seen.gap + kContactSkin * h < kContactReach * h)
-      move(std::max(states[one].speed, states[other].speed), kPaperCfl);
+    if (least + kContactSkin * h < kContactReach * h)
+      limit.lower(time_for(std::max(states[one].speed, states[other].speed), kPaperCfl), StepRule::kSolid, one + 1,
+                  other + 1);
     return;
   }
   if (!params.numerics.unilateral_walls) return;
-  if (!std::isfinite(seen.gap)) {
-    move(relative_speed(states, one, other), std::max(kUnseen, apart - 2.0 * kUnseen));
-    return;
-  }
-  move(seen.closing, std::max(kContactCfl, seen.gap / h - kContactDistance));
-  if (params.numerics.resolve_impacts && seen.gap < kContactReach * h)
+  if (!std::isfinite(least))
+    meeting = time_for(relative_speed(states, one, other), std::max(kUnseen, apart - 2.0 * kUnseen));
+  limit.lower(meeting, StepRule::kSolid, one + 1, other + 1);
+  if (params.numerics.resolve_impacts && least < kContactReach * h)
     for (const std::size_t l : {one, other})
       if (!is_collider(scene.pins, l)) limit_by_waves(parallel, scene, l, states[l], StepRule::kSolidWave, limit);
 }
@@ -143,11 +156,13 @@ void limit_by_pair(const Parallel& parallel, const Scene& scene, const SolidStat
 void limit_by_folds(const Parallel& parallel, const Scene& scene, std::size_t l, const solid::SolidState& solid,
                     const solid::SolidWork& work, StepLimit& limit) {
   if (scene.params.cfl_solid > kRetryTravel) return;
-  const SolidGap seen = measure_folds(solid, work);
-  if (!std::isfinite(seen.gap)) return;
-  const double h = scene.grid.h, cells = std::max(kContactCfl, seen.gap / h - kContactDistance);
-  limit.lower(time_to_move(seen.closing, 0.0, cells * h), StepRule::kFold, l + 1);
-  if (seen.gap < kContactReach * h) limit_by_waves(parallel, scene, l, solid, StepRule::kFoldWave, limit);
+  const double h = scene.grid.h, travel = scene.params.numerics.contact_travel;
+  double least = std::numeric_limits<double>::infinity();
+  visit_fold_gaps(solid, work, [&](double gap, double closing) {
+    least = std::min(least, gap);
+    limit.lower(time_to_move(closing, 0.0, std::max(travel, gap / h - kContactDistance) * h), StepRule::kFold, l + 1);
+  });
+  if (least < kContactReach * h) limit_by_waves(parallel, scene, l, solid, StepRule::kFoldWave, limit);
 }
 
 // How many cells a solid may move in a step: cfl_solid, or more in flight, away from walls and from other solids, which
@@ -181,7 +196,9 @@ void limit_by_speed(const Parallel& parallel, const Scene& scene, std::size_t l,
 }  // namespace
 
 StepLimits step_limits(const Params& params, double lightest_density) {
-  return {kContactReach, kContactCfl, params.numerics.resolve_impacts ? kContactPace : 0.0,
+  const Numerics& n = params.numerics;
+  const bool resolves = n.resolve_impacts && std::isfinite(n.step_tolerance);
+  return {kContactReach, n.contact_travel, resolves ? n.step_tolerance / kNormal * kContactPace : 0.0,
           flight_cells(params, lightest_density)};
 }
 

@@ -83,9 +83,11 @@ void move_band(SolidState& state, const Band& band) {
   const std::size_t n = band.grid.node_count();
   const Band& old = state.band;
   const Vec3i &new_lo = band.grid.lo, &old_lo = old.grid.lo;
-  VectorField u, v;
+  VectorField u, v, change;
   u.assign(n);
   v.assign(n);
+  const bool changes = state.change.size() > 0;
+  if (changes) change.assign(n);
   std::vector<std::uint8_t> valid(n, 0), stiff(state.stiff.empty() ? 0 : band.grid.cell_count(), 0);
   int begin[3], end[3];  // nodes that both bands have: begin .. end
   for (std::size_t a = 0; a < 3; ++a) {
@@ -103,6 +105,7 @@ void move_band(SolidState& state, const Band& band) {
       const std::size_t from = old.grid.node(f[0], f[1], f[2]), to = band.grid.node(t[0], t[1], t[2]);
       u.set(to, state.u.at(from));
       v.set(to, state.v.at(from));
+      if (changes) change.set(to, state.change.at(from));
       valid[to] = state.valid[from];
     });
   if (!stiff.empty())
@@ -112,6 +115,7 @@ void move_band(SolidState& state, const Band& band) {
   state.band = band;
   state.u = std::move(u);
   state.v = std::move(v);
+  state.change = std::move(change);
   state.valid = std::move(valid);
   state.stiff = std::move(stiff);
 }

@@ -102,6 +102,8 @@ struct SolidState {
   Band band;
   VectorField u;                         // displacement, band nodes [m]
   VectorField v;                         // velocity, band nodes [m/s]
+  VectorField change;                    // of v in the last step, moved with it, band nodes; empty: not known [m/s]
+  double change_time = 0.0;              // length of that step [s]
   std::vector<std::uint8_t> valid;       // band nodes: kNoData, or where u and v came from in the last step
   std::vector<std::uint8_t> stiff;       // band cells: carried stiffness in the last step; empty: not known
   std::vector<WallImpulse> presses;      // rows at walls in the last step
@@ -145,6 +147,8 @@ void visit_fields(State& s, Fields& fields) {
   fields.value(s.band.grid.lo);
   for (auto& c : s.u.c) fields.array(c);
   for (auto& c : s.v.c) fields.array(c);
+  for (auto& c : s.change.c) fields.array(c);
+  if (s.change.size() > 0) fields.value(s.change_time);
   fields.array(s.valid);
   fields.array(s.stiff);
   fields.array(s.presses);

@@ -13,6 +13,7 @@
 #include "grid/boundary.hpp"
 #include "linalg/reduce.hpp"
 #include "solve/bulk.hpp"
+#include "solve/carried_pressure.hpp"
 #include "solve/pressure_coupling.hpp"
 #include "solve/reactions.hpp"
 #include "solve/velocity_solve.hpp"
@@ -186,8 +187,27 @@ void prepare_pressure(const StepContext& step, const SolidStates& states, SolidW
   deform_by_pressure(step.parallel, g, q, pressure);
 }
 
+namespace {
+
+// q := -dt times the last pressure, less what of it has been carried; that takes the place of the last pressure.
+void begin_pressure(const StepContext& step, const SolidStates& states, const Matter& matter, fluid::FluidState& fluid,
+                    PressureEquation& pressure) {
+  std::vector<Real>& last = fluid.pressure;
+  pressure.carries = fluid.carried_time > 0.0;
+  if (pressure.carries) {
+    take_carried_pressure(step.parallel, matter.common, states, last, pressure.q);
+    linalg::scale(step.parallel, pressure.q, fluid.carried_time / step.dt);
+    linalg::add_scaled(step.parallel, last, -1.0, pressure.q);
+  }
+  std::swap(pressure.q, last);
+  pressure.q.resize(matter.common.grid.padded_count(), 0);
+  linalg::scale(step.parallel, pressure.q, -step.dt);
+}
+
+}  // namespace
+
 void solve_pressure(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Matter& matter,
-                    std::vector<Real>& last, VelocityEquation& elasticity, NodeVelocity& velocity,
+                    fluid::FluidState& fluid, VelocityEquation& elasticity, NodeVelocity& velocity,
                     PressureEquation& pressure) {
   if (!has_pressure(step.scene)) return;
   const Grid& g = matter.common.grid;
@@ -215,10 +235,8 @@ void solve_pressure(const StepContext& step, const SolidStates& states, const So
       pressure.system.set_right_side(step.parallel, velocity.field, pressure.source);
     }
     ScopedTimer timer(step.profile, Stage::kPressureSolve);
-    if (first) {  // the solve starts from the last pressure, minus the part that already acts
-      std::swap(pressure.q, last);
-      pressure.q.resize(g.padded_count(), 0);
-      linalg::scale(step.parallel, pressure.q, -step.dt);
+    if (first) {  // the solve starts from the last pressure, minus the parts that already act
+      begin_pressure(step, states, matter, fluid, pressure);
       if (pressure.takes) linalg::add_scaled(step.parallel, pressure.q, -1.0, pressure.taken);
     } else {
       linalg::add_scaled(step.parallel, pressure.q, -1.0, direction);
@@ -253,8 +271,9 @@ void project_velocity(const StepContext& step, const Grid& g, VelocityEquation& 
     add_pressure_reactions(reaction, elasticity.walls);
     add_pin_reactions(reaction, elasticity.given);
   }
+  linalg::scale(step.parallel, pressure.q, -1.0 / step.dt);
+  if (pressure.carries) linalg::add_scaled(step.parallel, pressure.q, 1.0, next);
   std::swap(pressure.q, next);
-  linalg::scale(step.parallel, next, -1.0 / step.dt);
   const system::DivergenceNorms after = pressure.system.norms(step.parallel, velocity.field, pressure.source);
   step.info.divergence_after = after.all;
   step.info.divergence_after_solid = after.solid;

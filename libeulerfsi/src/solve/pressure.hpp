@@ -14,12 +14,13 @@ namespace efsi::sim {
 void prepare_pressure(const StepContext& step, const SolidStates& states, SolidWorks& solids, const Matter& matter,
                       const std::vector<Real>& last, VelocityEquation& elasticity, NodeVelocity& velocity,
                       PressureEquation& pressure);
-// Line 10, Eq. 12: pressure.q, from the last pressure, whose array it takes until line 11; before that the coupling
+// Line 10, Eq. 12: pressure.q, from the last pressure, whose array it takes until line 11, when the part that has been
+// carried is in its place; before that the coupling
 // step, which changes the velocity.
 void solve_pressure(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Matter& matter,
-                    std::vector<Real>& last, VelocityEquation& elasticity, NodeVelocity& velocity,
+                    fluid::FluidState& fluid, VelocityEquation& elasticity, NodeVelocity& velocity,
                     PressureEquation& pressure);
-// Line 11, Eq. 13, or the projection; next: the pressure of the step, where q goes.
+// Line 11, Eq. 13, or the projection; next: the pressure of the step, that of q and what has been carried.
 void project_velocity(const StepContext& step, const grid::Grid& g, VelocityEquation& elasticity,
                       PressureEquation& pressure, NodeVelocity& velocity, std::vector<Real>& next);
 

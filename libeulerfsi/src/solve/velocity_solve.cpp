@@ -46,18 +46,27 @@ std::vector<Real> old_velocities(const SolidStates& states, const SolidWorks& so
   return old;
 }
 
-// K v_old to the right-hand side: forces that differ from place to place would strain the solids by v_star.
+// K (behind v_old - memory r D) to the right-hand side: v_old without the forces of the scene, which differ from place
+// to place and would strain the solids; D what it changed by in the last step, which was 1 / r times as long.
 void add_past_stiffness(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
                         const grid::Grid& common, VelocityEquation& elasticity) {
   system::VelocitySystem& system = elasticity.system;
   std::vector<Real> old;
   for (std::size_t l = 0; l < states.size(); ++l) {
     const grid::VectorField& force_velocity = solids[l].force_velocity;
-    if (force_velocity.size() == 0) continue;
+    const grid::VectorField& change = states[l].change;
+    const system::StiffnessShares& shares = system.shares(l);
+    const bool pushed = force_velocity.size() > 0, remembers = shares.memory > 0.0 && change.size() > 0;
+    if (!pushed && !remembers) continue;
+    const Real memory =
+        remembers ? static_cast<Real>(shares.memory / shares.behind * step.dt / states[l].change_time) : Real(0);
     if (old.empty()) old = elasticity.v_star;
     for_unknowns(states, solids, l, common, system, [&](std::size_t u, std::size_t n) {
-      for (std::size_t a = 0; a < 3; ++a)
-        if (system.free()[u + a] > 0) old[u + a] -= force_velocity.c[a][n];
+      for (std::size_t a = 0; a < 3; ++a) {
+        if (!(system.free()[u + a] > 0)) continue;
+        if (pushed) old[u + a] -= force_velocity.c[a][n];
+        if (remembers) old[u + a] -= memory * change.c[a][n];
+      }
     });
   }
   system.add_past_stiffness(step.parallel, old.empty() ? elasticity.v_star : old, elasticity.f_star);

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::size_t kLanes = solid::kBlock;
 constexpr std::size_t kChunk = 1024;  // unknowns that are summed at a time
-constexpr double kUndampedImplicit = 0.26, kUndampedExplicit = 0.25;
+constexpr double kAlpha = 0.05;       // of HHT-alpha
 constexpr double kUndampedPace = 1.25, kUndampedStrain = 0.1,
                  kUndampedGrowth = 1.25;  // from here to twice as much it fades
 constexpr double kDampedImplicit = 0.6, kImplicitOfPace = 0.4;
@@ -33,7 +33,10 @@ StiffnessShares stiffness_shares(double pace, double strain, double growth) {
   const double undamped =
       std::min({fade(pace, kUndampedPace), fade(strain, kUndampedStrain), fade(growth, kUndampedGrowth)});
   const double damped = std::clamp(kImplicitOfPace * pace, kDampedImplicit, 1.0);
-  return {damped + undamped * (kUndampedImplicit - damped), undamped * kUndampedExplicit};
+  // HHT-alpha for what v changes by in the step: gamma = 1/2 + alpha, beta = (1 + alpha)^2 / 4.
+  constexpr double kBeta = 0.25 * (1.0 + kAlpha) * (1.0 + kAlpha), kImplicit = kBeta * (1.0 - kAlpha),
+                   kMemory = (kBeta - kAlpha) * kAlpha;
+  return {damped + undamped * (kImplicit - damped), undamped * kImplicit, undamped * kMemory};
 }
 
 void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, const std::vector<std::uint8_t>& fixed,
@@ -44,9 +47,8 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
   start(global, solids, slip);
   const std::vector<double> damping = number_unknowns(fixed, slip, dt);
   for (std::size_t l = 0; l < solids_.size(); ++l) {
-    const StiffnessShares& shares = touches(l) ? solids_[l].held : solids_[l].loose;
-    stiffness_factor_.push_back(static_cast<Real>(shares.ahead * dt * dt + dt * solids_[l].rest->rayleigh_beta));
-    past_factor_.push_back(static_cast<Real>(shares.behind * dt * dt));
+    stiffness_factor_.push_back(static_cast<Real>(shares(l).ahead * dt * dt + dt * solids_[l].rest->rayleigh_beta));
+    past_factor_.push_back(static_cast<Real>(shares(l).behind * dt * dt));
   }
   weigh_unknowns(mass, slip, damping);
   moves_ = free_;

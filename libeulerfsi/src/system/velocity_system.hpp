@@ -22,11 +22,11 @@ namespace efsi::system {
 using grid::Grid;
 using grid::VectorField;
 
-// What stands for K v* in Eq. 8: ahead K v* - behind K v^n. {1, 0} is backward Euler, {1/4, 1/4} the trapezoidal rule.
-// A linear material is stable from ahead + behind = 1/2 on; a mode of frequency omega loses (ahead - behind) (omega
-// dt)^2 of its energy in a step (docs/numerics/stiffness-shares.md).
+// What stands for K v* in Eq. 8: ahead K v* - behind K v^n + memory K (v^n - v^(n-1)). {1, 0} is backward Euler, {1/4,
+// 1/4} the trapezoidal rule. Without memory a linear material is stable from ahead + behind = 1/2 on, and a mode of
+// frequency omega loses (ahead - behind) (omega dt)^2 of its energy in a step (docs/numerics/stiffness-shares.md).
 struct StiffnessShares {
-  double ahead = 1.0, behind = 0.0;
+  double ahead = 1.0, behind = 0.0, memory = 0.0;
 };
 // Nearly undamped; but ahead grows to 0.6 and behind vanishes where elastic waves pass more than a cell or so in the
 // step, where it strains the solid much, and where a cell has grown or shrunk much; where waves pass many cells ahead
@@ -148,6 +148,9 @@ class VelocitySystem {
   // Axes along which walls constrain a node of a solid: bit a: axis a; 7 where another solid does.
   unsigned fixed_axes(std::size_t solid) const { return held_[solid] == 7u ? 7u : held_[solid] & ~across_slab_; }
   bool touches(std::size_t solid) const { return fixed_axes(solid) != 0; }
+  const StiffnessShares& shares(std::size_t solid) const {
+    return touches(solid) ? solids_[solid].held : solids_[solid].loose;
+  }
   // Pairs of solids that share an unknown; of three or more at a node all with the first.
   const std::set<std::pair<std::size_t, std::size_t>>& touching() const { return touching_; }
   std::size_t bytes() const;

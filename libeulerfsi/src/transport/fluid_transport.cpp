@@ -1,6 +1,8 @@
 #include "transport/fluid_transport.hpp"
 
 #include "frame/grid_loops.hpp"
+#include "linalg/reduce.hpp"
+#include "solve/carried_pressure.hpp"
 
 namespace efsi::sim {
 
@@ -26,28 +28,45 @@ void still_inflow(const Parallel& parallel, const Grid& g, const grid::Walls& wa
 
 }  // namespace
 
-void advect_fluid(const StepContext& step, grid::VectorField& flow, const system::SlipNodes& slip, const Jets& jets,
-                  Matter& matter, fluid::FluidState& fluid, fluid::AdvectWorkspace& work,
-                  system::PressureSystem& scratch) {
+void advect_fluid(const StepContext& step, const SolidStates& states, grid::VectorField& flow,
+                  const system::SlipNodes& slip, PressureEquation& pressure, Matter& matter, fluid::FluidState& fluid,
+                  fluid::AdvectWorkspace& work) {
   if (!step.scene.params.fluid.present) return;
   const bool corrected = step.scene.params.numerics.corrected_fluid_advection;
   const Real fluid_volume = static_cast<Real>(1.0 / step.scene.params.fluid.density);
   const Grid& g = matter.common.grid;
+  const bool carries = step.scene.params.numerics.carries_pressure;
+  system::PressureSystem& scratch = pressure.system;
   still_inflow(step.parallel, step.scene.grid, step.scene.params.walls, flow);
   scratch.exchange_scratch(work.storage());
   {
     ScopedTimer timer(step.profile, Stage::kSmoke);
-    const std::uint64_t tiles =
-        fluid::advect_smoke(step.parallel, g, corrected, step.dt, flow, matter.cell_fraction, fluid, work, jets);
+    const std::uint64_t tiles = fluid::advect_smoke(step.parallel, g, corrected, step.dt, flow, matter.cell_fraction,
+                                                    fluid, work, pressure.jets);
     timer.visited(512 * tiles, 6 * sizeof(Real));
+  }
+  if (carries) {
+    ScopedTimer timer(step.profile, Stage::kFluidAdvection);
+    work.exchange_carried();
+    for (std::size_t a = 0; a < 3; ++a) linalg::copy(step.parallel, work.carried.c[a], flow.c[a]);
+    take_carried_pressure(step.parallel, matter.common, states, fluid.pressure, pressure.q);
+    linalg::scale(step.parallel, pressure.q, -step.dt);
+    pressure.system.project(step.parallel, pressure.q, work.carried);
+    fluid.carried_time = step.dt;
+    work.first.c[0].swap(pressure.q);  // no more needed
   }
   for (const system::SlipNode& n : slip.nodes())  // fluid like any other: corrected
     matter.specific_volume[n.node] = fluid_volume;
   {
     ScopedTimer timer(step.profile, Stage::kFluidAdvection);
-    const std::uint64_t tiles = fluid::advect_velocity(step.parallel, g, corrected, step.dt, flow,
-                                                       matter.specific_volume, fluid_volume, fluid, work);
+    const std::uint64_t tiles =
+        fluid::advect_velocity(step.parallel, g, corrected, step.dt, flow, carries ? work.carried : flow,
+                               matter.specific_volume, fluid_volume, fluid, work);
     timer.visited(512 * tiles, 12 * sizeof(Real));
+  }
+  if (carries) {  // all arrays back
+    work.first.c[0].swap(pressure.q);
+    work.exchange_carried();
   }
   scratch.exchange_scratch(work.storage());
 }

@@ -5,15 +5,15 @@
 #include "fluid/advect.hpp"
 #include "frame/step_context.hpp"
 #include "nodes/node_fields.hpp"
-#include "sources/jets.hpp"
-#include "system/pressure_solve.hpp"
+#include "solve/pressure_equation.hpp"
 
 namespace efsi::sim {
 
 // Line 22: smoke, then the velocity, which the state gets back: fluid.velocity. The flow loses what would flow in with
-// a speed of its own; at slip nodes the specific volume becomes the fluid's. scratch: of the pressure system.
-void advect_fluid(const StepContext& step, grid::VectorField& flow, const system::SlipNodes& slip, const Jets& jets,
-                  Matter& matter, fluid::FluidState& fluid, fluid::AdvectWorkspace& work,
-                  system::PressureSystem& scratch);
+// a speed of its own; at slip nodes the specific volume becomes the fluid's. Of the pressure's system and of its q the
+// arrays are used.
+void advect_fluid(const StepContext& step, const SolidStates& states, grid::VectorField& flow,
+                  const system::SlipNodes& slip, PressureEquation& pressure, Matter& matter, fluid::FluidState& fluid,
+                  fluid::AdvectWorkspace& work);
 
 }  // namespace efsi::sim

@@ -29,6 +29,7 @@ void empty(solid::SolidState& state) {
   const std::size_t nodes = state.band.grid.node_count();
   state.u.assign(nodes);
   state.v.assign(nodes);
+  state.change = {};
   for (std::size_t n = 0; n < nodes; ++n) state.v.set(n, v);
   state.valid.assign(nodes, solid::kNoData);
   state.stiff.clear();

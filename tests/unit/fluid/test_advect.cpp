@@ -54,7 +54,7 @@ struct Box {
         if (fixed[m] & (1u << a)) v.c[a][m] = 0;
     pressure.solve(parallel, system::PressureSolver::kMultigridPcg, 1e-4, pressure.set_right_side(parallel, v, {}), q);
     pressure.project(parallel, q, v);
-    advect_velocity(parallel, g, corrected, dt, v, specific_volume, Real(1), state, work);
+    advect_velocity(parallel, g, corrected, dt, v, v, specific_volume, Real(1), state, work);
   }
   // Sum of the squares of the velocity.
   double energy() const {
@@ -146,7 +146,7 @@ TEST_CASE("A jet away from a no-slip wall takes in the fluid at rest there, howe
     const std::vector<Real> specific_volume(g.node_count(), Real(1));
     AdvectWorkspace work;
     for (const bool corrected : {false, true}) {
-      advect_velocity(Parallel(1), g, corrected, g.h, v, specific_volume, Real(1), state, work);
+      advect_velocity(Parallel(1), g, corrected, g.h, v, v, specific_volume, Real(1), state, work);
       // What was at rest at the wall lies between the first and the second node or beyond them.
       const double first = static_cast<double>(state.velocity.c[1][g.node(3, 1, 3)]);
       INFO(cells << " cells per step: " << first);
@@ -239,7 +239,7 @@ TEST_CASE("Solid cells hold no smoke, and what is at rest or empty is not visite
   VectorField rest = sampled(g, [](const Vec3d&) { return Vec3d(0, 0, 0); });
   const std::vector<Real> specific_volume(g.node_count(), 1);
   state.velocity = rest;
-  CHECK(advect_velocity(Parallel(1), g, true, 0.01, rest, specific_volume, Real(1), state, work) == 0);
+  CHECK(advect_velocity(Parallel(1), g, true, 0.01, rest, rest, specific_volume, Real(1), state, work) == 0);
   CHECK(carry_smoke(Parallel(1), g, true, 0.01, rest, {}, state, work) == 0);  // no smoke in the scene
   state.smoke.assign(g.cell_count(), 0);
   CHECK(carry_smoke(Parallel(1), g, true, 0.01, rest, {}, state, work) == 0);  // none anywhere
@@ -265,7 +265,7 @@ TEST_CASE("Transport gives the same bits for 1, 2, 3 and 8 threads", "[determini
     for (std::size_t c = 0; c < state.smoke.size(); ++c) state.smoke[c] = static_cast<Real>(c % 13) / 13;
     state.velocity = v;
     carry_smoke(Parallel(threads), g, true, 0.07, v, {}, state, work);
-    advect_velocity(Parallel(threads), g, true, 0.07, v, specific_volume, Real(1), state, work);
+    advect_velocity(Parallel(threads), g, true, 0.07, v, v, specific_volume, Real(1), state, work);
     if (threads == 1) first = state;
     CHECK(state.smoke == first.smoke);
     for (std::size_t a = 0; a < 3; ++a) CHECK(state.velocity.c[a] == first.velocity.c[a]);
@@ -295,7 +295,7 @@ TEST_CASE("Transport of eight points at once agrees with its readable twin, for 
     const std::vector<Real> smoke = reference::carried_scalar(g, v, step, state.smoke);
     const VectorField velocity = reference::carried_velocity(g, v, step, free);
     advect_smoke(Parallel(2), g, true, dt, v, {}, state, work);
-    advect_velocity(Parallel(2), g, true, dt, v, specific_volume, Real(1), state, work);
+    advect_velocity(Parallel(2), g, true, dt, v, v, specific_volume, Real(1), state, work);
     // Where a position lies on a cell's face by less than rounding, the limits may be those of the next cell.
     std::size_t apart = 0;
     for (std::size_t c = 0; c < smoke.size(); ++c) apart += std::abs(state.smoke[c] - smoke[c]) > Real(1e-4);

@@ -84,11 +84,11 @@ Measured measure(double ratio, double pace, Split split) {
   sim::add_external_forces(step, matter, state.fluid, velocity);
   sim::meet_walls(step, state.solids, solids, matter, velocity, elasticity.walls);
   sim::assemble_velocity_system(step, state.solids, solids, matter, velocity, elasticity);
-  sim::prepare_pressure(step, state.solids, solids, matter, state.fluid.pressure, elasticity, velocity, pressure);
+  sim::prepare_pressure(step, state.solids, solids, matter, state.fluid, elasticity, velocity, pressure);
   REQUIRE(velocity.slip.nodes().empty());
   const DirectStep direct(parallel, matter, velocity.field, elasticity);
   sim::solve_velocity(step, elasticity, velocity);
-  sim::solve_pressure(step, state.solids, solids, matter, state.fluid.pressure, elasticity, velocity, pressure);
+  sim::solve_pressure(step, state.solids, solids, matter, state.fluid, elasticity, velocity, pressure);
   sim::project_velocity(step, matter.common.grid, elasticity, pressure, velocity, state.fluid.pressure);
   REQUIRE(info.unconverged == 0);
   const Eigen::VectorXd after = DirectStep::of_field(velocity.field);

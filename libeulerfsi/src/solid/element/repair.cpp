@@ -113,6 +113,8 @@ void smooth_velocity(const std::set<std::size_t>& nodes, SolidState& state, cons
       smooth[l] = mass > 0.0 ? Vec3((sum / mass).cast<Real>()) : state.v.at(list[l]);
     }
     for (std::size_t l = 0; l < list.size(); ++l) state.v.set(list[l], smooth[l]);
+    if (state.change.size() > 0)
+      for (const std::size_t n : list) state.change.set(n, Vec3::Zero());
   }
 }
 

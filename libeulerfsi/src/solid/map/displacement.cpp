@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstring>
 
 #include "grid/extrapolate.hpp"
@@ -12,11 +13,14 @@ using grid::PackedField;
 using grid::PackedSampler;
 using grid::Quad;
 
-void take_velocity(const Parallel& parallel, const Grid& global, const VectorField& velocity, SolidState& state,
-                   SolidWork& work) {
+void take_velocity(const Parallel& parallel, const Grid& global, double dt, const VectorField& velocity,
+                   SolidState& state, SolidWork& work) {
   const Grid& g = state.band.grid;
   const Vec3i lo = grid::offset(g, global);
   work.layer.assign(g.node_count(), grid::kNoLayer);
+  const bool keeps = dt > 0.0, pushed = work.force_velocity.size() > 0;
+  if (keeps) state.change.assign(g.node_count());
+  state.change_time = dt;
   work.max_speed = parallel.max(g.cells[2] + 1, 0.0, [&](std::int64_t kk) {
     const int k = static_cast<int>(kk);
     Real top = 0;
@@ -26,6 +30,9 @@ void take_velocity(const Parallel& parallel, const Grid& global, const VectorFie
         if (!work.carries[row + i]) continue;
         work.layer[row + i] = 0;
         const Vec3 v = velocity.at(from + i);
+        if (keeps)
+          state.change.set(row + i,
+                           v - state.v.at(row + i) + (pushed ? work.force_velocity.at(row + i) : Vec3(Vec3::Zero())));
         state.v.set(row + i, v);
         top = std::max(top, v.cwiseAbs().maxCoeff());
       }
@@ -36,14 +43,17 @@ void take_velocity(const Parallel& parallel, const Grid& global, const VectorFie
 
 void extend(const Parallel& parallel, const SolidRest& rest, SolidState& state, SolidWork& work) {
   const Grid& g = state.band.grid;
-  std::array<Real*, 6> fields;
+  const bool changes = state.change.size() > 0;
+  std::array<Real*, 9> fields;
   for (std::size_t a = 0; a < 3; ++a) {
     fields[a] = state.u.c[a].data();
     fields[3 + a] = state.v.c[a].data();
+    if (changes) fields[6 + a] = state.change.c[a].data();
   }
   // Data that move little mass, at a thin tip or at the rim of cut elements, are noisy.
   const grid::DataWeights by_mass{work.mass, static_cast<Real>(rest.density * g.h * g.h * g.h)};
-  grid::extend_linear(parallel, g, kExtensionLayers, work.layer, fields,
+  grid::extend_linear(parallel, g, kExtensionLayers, work.layer,
+                      {fields.data(), changes ? std::size_t{9} : std::size_t{6}},
                       rest.stiff_by_part ? by_mass : grid::DataWeights{});
 }
 
@@ -156,13 +166,15 @@ EFSI_INLINE Quad place_after(const PackedSampler& sampler, const FrameMotion& fr
 // First sweep: f1(x) = f(x_d). reached: what the nodes hold, kNoData where not all around x_d there is data.
 EFSI_KERNEL void carry_row(const PackedSampler& nodes, const FrameMotion& motion, const Vec3i& points, const Row& row,
                            bool paper, Real step, const std::uint8_t* layer, AdvectWorkspace& packed,
-                           std::uint8_t* reached) {
+                           std::uint8_t* reached, VectorField& change) {
   const PackedSampler sampler = nodes;
   const FrameMotion frame = motion;
   const PackedField& v = packed.v;
+  const bool changes = change.size() > 0;
   for (int i = 0; i < row.count; ++i) {
     const std::size_t n = row.node + static_cast<std::size_t>(i);
     reached[n] = kNoData;
+    if (changes) change.set(n, Vec3::Zero());
     if (layer[n] == grid::kNoLayer) continue;
     const Quad x = position(row, i);
     const Quad from = paper ? sampler.keep_inside(sampler.trace_midpoint(v, x, grid::load_quad(v.at(n)), step))
@@ -177,6 +189,10 @@ EFSI_KERNEL void carry_row(const PackedSampler& nodes, const FrameMotion& motion
     if (around.any & 0x8080) continue;
     grid::store_quad(packed.from.at(n), from);
     grid::store_quad(packed.first_u.at(n), sampler.value(packed.u, at));
+    if (changes) {
+      const Quad moved = sampler.value(packed.change, at);
+      for (std::size_t a = 0; a < 3; ++a) change.c[a][n] = moved[a];
+    }
     grid::store_quad(packed.first_v.at(n),
                      paper ? grid::load_quad(v.at(n)) : sampler.value(v, at) + frame.velocity(from) / step);
     reached[n] = paper || around.any == 0 ? kKnown : around.has_zero ? kEdge : kExtrapolated;
@@ -258,13 +274,14 @@ void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const R
   const FrameMotion motion(g, paper ? RigidStep{} : frame, dt);
   packed.reserve(g.node_count());
   state.valid.resize(g.node_count());
+  const bool changes = state.change.size() > 0;
   const auto for_rows = [&](const auto& body) {
     parallel.for_each(g.cells[2] + 1, [&](std::int64_t k) {
       for (int j = 0; j <= g.cells[1]; ++j)
         body(Row{j, static_cast<int>(k), g.cells[0] + 1, g.node(0, j, static_cast<int>(k))});
     });
   };
-  // Pack u and v relative to the frame.
+  // Pack u, v relative to the frame, and the change of v.
   const Real lead = paper ? static_cast<Real>(dt) : Real(0);  // paper: u + dt v at the nodes (line 19)
   for_rows([&](const Row& row) {
     for (int i = 0; i < row.count; ++i) {
@@ -273,11 +290,15 @@ void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const R
       const Quad v = {state.v.c[0][n], state.v.c[1][n], state.v.c[2][n], 0};
       grid::store_quad(packed.u.at(n), u + lead * v);
       grid::store_quad(packed.v.at(n), v - motion.velocity(position(row, i)) / step);
+      if (changes)
+        grid::store_quad(packed.change.at(n),
+                         Quad{state.change.c[0][n], state.change.c[1][n], state.change.c[2][n], 0});
     }
   });
   // Semi-Lagrangian transport.
   for_rows([&](const Row& row) {
-    carry_row(sampler, motion, g.nodes(), row, paper, step, work.layer.data(), packed, state.valid.data());
+    carry_row(sampler, motion, g.nodes(), row, paper, step, work.layer.data(), packed, state.valid.data(),
+              state.change);
   });
   // Error by the forward trace, then the correction.
   if (!paper) {
@@ -336,6 +357,47 @@ double largest_strain_rate(const Parallel& parallel, const SolidState& state, co
       }
     return static_cast<double>(top) / g.h;
   });
+}
+
+CellMotion measure_motion(const Parallel& parallel, const SolidRest& rest, const SolidState& state) {
+  const Grid& g = state.band.grid;
+  const auto corner = grid::corner_offsets(g);
+  const double volume = g.h * g.h * g.h;
+  const auto own = [&](std::size_t n) {
+    return std::all_of(corner.begin(), corner.end(), [&](std::size_t offset) {
+      return state.valid[n + offset] == kKnown || state.valid[n + offset] == kEdge;
+    });
+  };
+  std::vector<CellMotion> slabs(static_cast<std::size_t>(g.cells[2]));
+  parallel.for_each(g.cells[2], [&](std::int64_t k) {
+    CellMotion& slab = slabs[static_cast<std::size_t>(k)];
+    for (int j = 0; j < g.cells[1]; ++j)
+      for (int i = 0; i < g.cells[0]; ++i) {
+        const std::size_t n = g.node(i, j, static_cast<int>(k));
+        if (!own(n)) continue;
+        Mat3d gradient = Mat3d::Zero();
+        Vec3d mean = Vec3d::Zero();
+        for (std::size_t a = 0; a < 8; ++a) {
+          const Vec3d v = state.v.at(n + corner[a]).cast<double>();
+          mean += 0.125 * v;
+          for (int b = 0; b < 3; ++b)
+            gradient.col(b) += (grid::kCorner[a][static_cast<std::size_t>(b)] ? 0.25 : -0.25) / g.h * v;
+        }
+        const Mat3d rate = 0.5 * (gradient + gradient.transpose());
+        const double dilation = rate.trace();
+        slab.volume += volume;
+        slab.half_square += 0.5 * volume * mean.squaredNorm();
+        slab.root +=
+            volume * std::sqrt(2.0 * rest.elastic.mu * rate.squaredNorm() + rest.elastic.lambda * dilation * dilation);
+      }
+  });
+  CellMotion all;
+  for (const CellMotion& slab : slabs) {
+    all.volume += slab.volume;
+    all.half_square += slab.half_square;
+    all.root += slab.root;
+  }
+  return all;
 }
 
 void follow_solid(const Grid& global, const SolidRest& rest, SolidState& state) {

@@ -19,19 +19,20 @@ namespace efsi::solid {
 enum class AdvectionScheme : std::int32_t { kMacCormack = 0, kPaper = 1 };
 
 // Line 13: takes the solid's velocity from the global field at the nodes that carry it: state.v, work.max_speed;
-// work.layer is 0 there and none elsewhere.
-void take_velocity(const Parallel& parallel, const Grid& global, const VectorField& velocity, SolidState& state,
-                   SolidWork& work);
-// Line 18: extends u and v from these nodes outwards; work.layer: by which layer.
+// work.layer is 0 there and none elsewhere. dt: length of the step, of which state.change keeps what the velocity
+// changed by; 0: nothing is kept.
+void take_velocity(const Parallel& parallel, const Grid& global, double dt, const VectorField& velocity,
+                   SolidState& state, SolidWork& work);
+// Line 18: extends u, v and the change of v from these nodes outwards; work.layer: by which layer.
 void extend(const Parallel& parallel, const SolidRest& rest, SolidState& state, SolidWork& work);
 
 // Packed fields of the band, shared by the solids: u, and v seen from the frame, before the advection; x_d; u and v
 // after its first sweep, and half the error of that. The fourth value of an error is 1 where it is known, 0 elsewhere.
 struct AdvectWorkspace {
-  grid::PackedField u, v, from, first_u, first_v, error_u, error_v;
+  grid::PackedField u, v, change, from, first_u, first_v, error_u, error_v;
   static constexpr std::array kFields = {
-      &AdvectWorkspace::u,       &AdvectWorkspace::v,       &AdvectWorkspace::from,   &AdvectWorkspace::first_u,
-      &AdvectWorkspace::first_v, &AdvectWorkspace::error_u, &AdvectWorkspace::error_v};
+      &AdvectWorkspace::u,       &AdvectWorkspace::v,       &AdvectWorkspace::change,  &AdvectWorkspace::from,
+      &AdvectWorkspace::first_u, &AdvectWorkspace::first_v, &AdvectWorkspace::error_u, &AdvectWorkspace::error_v};
   void reserve(std::size_t nodes) {
     for (const auto field : kFields) (this->*field).reserve(nodes);
   }
@@ -46,12 +47,11 @@ struct AdvectWorkspace {
   }
 };
 
-// Lines 19, 20 for u, and, but for kPaper, the transport of v by the same trace. Marks the nodes that hold data
-// afterwards.
-// frame: the velocity field keeps its shape for the step in a frame with this motion, against which its velocity is
-// seen; at rest: in that of the grid, as always in kPaper. Elastic waves ride on the solid: where the field stays on
-// the grid while the solid moves, a wave's displacement gets out of step with its velocity by half of what the solid
-// moves, and waves that run with it grow (docs/numerics/transport-frame.md).
+// Lines 19, 20 for u, and, but for kPaper, the transport of v and of its change by the same trace. Marks the nodes that
+// hold data afterwards. frame: the velocity field keeps its shape for the step in a frame with this motion, against
+// which its velocity is seen; at rest: in that of the grid, as always in kPaper. Elastic waves ride on the solid: where
+// the field stays on the grid while the solid moves, a wave's displacement gets out of step with its velocity by half
+// of what the solid moves, and waves that run with it grow (docs/numerics/transport-frame.md).
 void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const RigidStep& frame, const SolidWork& work,
             SolidState& state, AdvectWorkspace& packed);
 // Where the same motion takes the vertices of the embedded surface; packed: as the advection leaves it.
@@ -63,6 +63,14 @@ Vec3d material_in_cell(const SolidState& state, const Vec3i& cell);
 
 // Largest difference of a velocity component between neighbouring band nodes, both of them marked, over h [1/s].
 double largest_strain_rate(const Parallel& parallel, const SolidState& state, const std::vector<std::uint8_t>& marked);
+
+// Motion of a solid in the cells whose nodes hold data of its own, which may be noisy where a part of it is crushed:
+// volume [m^3], the integral of v^2/2 [m^5/s^2], and that of the root of 2 mu D:D + lambda (tr D)^2, D the rate of
+// strain, in which noise in few cells counts little [J^(1/2) m^(3/2)/s].
+struct CellMotion {
+  double volume = 0.0, half_square = 0.0, root = 0.0;
+};
+CellMotion measure_motion(const Parallel& parallel, const SolidRest& rest, const SolidState& state);
 
 // Re-centres the band around the nodes that hold data and are inside the solid.
 void follow_solid(const Grid& global, const SolidRest& rest, SolidState& state);

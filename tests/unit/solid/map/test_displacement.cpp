@@ -36,7 +36,7 @@ void move(TestSolid& s, const std::function<Vec3d(const Vec3d&)>& velocity, doub
       for (int i = 0; i <= g.cells[0]; ++i)
         v.set(g.node(i, j, k), Vec3(velocity(g.node_position(i, j, k)).cast<Real>()));
   solid::compute_mass(parallel, s.rest, s.state, s.work);
-  solid::take_velocity(parallel, g, v, s.state, s.work);
+  solid::take_velocity(parallel, g, dt, v, s.state, s.work);
   solid::extend(parallel, s.rest, s.state, s.work);
   solid::AdvectWorkspace packed;
   const solid::RigidStep step = solid::steady_step(frame, dt);
@@ -87,6 +87,32 @@ TEST_CASE("Rigid translation is exact over many steps, and the band follows", "[
       CHECK((s.state.surface[p] - s.rest.surface.points[p] - travelled).norm() < 1e-5);
     CHECK(s.work.total_mass == Approx(4.0 / 3.0 * kPi * 1e-3 * s.rest.density).epsilon(0.012));
   }
+}
+
+TEST_CASE("What the velocity has changed by in a step moves with the solid, and so does its length", "[law]") {
+  const Vec3d start(0.2, 0.2, 0.2), velocity(1.0, 0.37, 0.61);
+  TestSolid s = make_ball(cube_grid(40, 0.02), kSoft, start, 0.1);
+  add_surface(s, start, 0.1);
+  // At rest before, then half as fast with a shear on it: linear, so that interpolation and extension are exact.
+  const auto sheared = [&](const Vec3d& x) -> Vec3d { return velocity + Vec3d(0.0, 2.0 * (x[0] - start[0]), 0.0); };
+  const double dt = 0.03;
+  move(s, sheared, dt, solid::AdvectionScheme::kMacCormack, 1, {start, velocity, Vec3d::Zero()});
+  CHECK(s.state.change_time == dt);
+  REQUIRE(s.state.change.size() == s.state.band.grid.node_count());
+  solid::compute_mass(Parallel(1), s.rest, s.state, s.work);
+  const grid::Grid& g = s.state.band.grid;
+  double worst = 0.0;
+  for (std::size_t n = 0; n < g.node_count(); ++n) {
+    if (!s.work.carries[n]) continue;
+    const Vec3i at = g.node_place(n);
+    const Vec3d before = g.node_position(at[0], at[1], at[2]) - dt * velocity;  // the shear moves nothing along x
+    worst = std::max(worst, (s.state.change.at(n).cast<double>() - sheared(before)).norm());
+  }
+  CHECK(worst < 1e-4);
+  // Where the length is not wanted nothing is kept.
+  TestSolid other = make_ball(cube_grid(40, 0.02), kSoft, start, 0.1);
+  move(other, sheared, 0.0, solid::AdvectionScheme::kMacCormack);
+  CHECK(other.state.change.size() == 0);
 }
 
 TEST_CASE("A rigid turn brings the map back and keeps volumes", "[law]") {

@@ -28,7 +28,7 @@ TestSolid moving_ball(double h, double radius, const Velocity& velocity, int thr
   for (int k = 0; k <= g.cells[2]; ++k)
     for (int j = 0; j <= g.cells[1]; ++j)
       for (int i = 0; i <= g.cells[0]; ++i) v.set(g.node(i, j, k), velocity(g.node_position(i, j, k)).cast<Real>());
-  solid::take_velocity(parallel, g, v, s.state, s.work);
+  solid::take_velocity(parallel, g, 0.0, v, s.state, s.work);
   solid::extend(parallel, s.rest, s.state, s.work);
   return s;
 }

@@ -1,0 +1,71 @@
+// Purpose: the part of the pressure that is carried makes the fluid second order in time, and moves nothing by itself.
+#include "unit/sim/scene.hpp"
+
+using namespace efsi;
+using namespace efsi::test;
+
+namespace {
+
+// A row of Taylor-Green vortices in a box that is one cell thick, 1 m across: what is left of its energy after a
+// second.
+double kept_by_vortices(double step, bool carries) {
+  constexpr double kAcross = 1.0, kPi = 3.14159265358979;
+  sim::Params p = still({kAcross, kAcross, 1.0 / 32.0}, 1.0 / 32.0);
+  p.max_time_step = step;
+  p.cfl_fluid = 1e3;
+  p.numerics.carries_pressure = carries;
+  auto s = make_simulation(p);
+  const grid::Grid& g = s->grid();
+  std::vector<float> v(3 * g.node_count(), 0.0f);
+  for (int k = 0; k <= g.cells[2]; ++k)
+    for (int j = 0; j <= g.cells[1]; ++j)
+      for (int i = 0; i <= g.cells[0]; ++i) {
+        const Vec3d x = kPi / kAcross * g.node_position(i, j, k);
+        v[g.node(i, j, k)] = static_cast<float>(std::sin(x[0]) * std::cos(x[1]));
+        v[g.node_count() + g.node(i, j, k)] = static_cast<float>(-std::cos(x[0]) * std::sin(x[1]));
+      }
+  s->set_velocity(v.data());
+  const auto energy = [&] {
+    double sum = 0.0;
+    const grid::VectorField& now = s->fluid_velocity();
+    for (int j = 0; j <= g.cells[1]; ++j)
+      for (int i = 0; i <= g.cells[0]; ++i) {
+        const double part = (i % g.cells[0] ? 1.0 : 0.5) * (j % g.cells[1] ? 1.0 : 0.5);
+        sum += part * now.at(g.node(i, j, 0)).cast<double>().squaredNorm();
+      }
+    return sum;
+  };
+  const double first = energy();
+  advance_to(*s, 1.0);
+  return energy() / first;
+}
+
+// How far a ball as dense as the fluid has moved on in a closed box of it, after a tenth of a second.
+double moved(double step, bool carries) {
+  sim::Params p = still({0.8, 0.4, 0.4});
+  p.fluid.density = 1000.0;
+  p.max_time_step = step;
+  p.numerics.carries_pressure = carries;
+  sim::SolidDesc d = ball_desc({0.3, 0.2, 0.2}, 0.06);
+  d.velocity = {1.0, 0.0, 0.0};
+  auto s = make_simulation(p, {d});
+  advance_to(*s, 0.1);
+  return s->diagnose_solid(0).center[0] - 0.3;
+}
+
+}  // namespace
+
+TEST_CASE("Vortices keep their energy in long steps, and what they lose falls with the square of the step", "[law]") {
+  const double dt = 1.0 / 24.0;
+  const double before = 1.0 - kept_by_vortices(dt, false), lost = 1.0 - kept_by_vortices(dt, true);
+  INFO("energy lost " << lost << ", with all of the pressure after the transport " << before);
+  CHECK(std::abs(lost) < 0.03);
+  CHECK(before > 5.0 * std::abs(lost));
+}
+
+TEST_CASE("In short steps a solid moves through fluid alike, whether a part of the pressure is carried or not",
+          "[law]") {
+  const double all = moved(0.002, false), part = moved(0.002, true);
+  INFO("moved " << all << ", " << part << " m");
+  CHECK(part == Approx(all).epsilon(0.01));
+}
