@@ -31,7 +31,7 @@ def apart(run: Run, body: str, rider: str, frame: int) -> np.ndarray:
     return np.abs(now - then) / VOXEL
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_dandelion_bends_in_gusts_and_the_wind_takes_the_ladybird_to_the_twig(tmp_path: Path) -> None:
     """Inflow, wind with noise and switched off, a mesh that emits, a plane, a pin by vertices, curves, points, laws."""
     flower, bird, ground = "/World/Dandelion/Flower", "/World/Ladybird/Body", 0.04
