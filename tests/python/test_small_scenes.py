@@ -74,6 +74,7 @@ def test_dandelion_bends_in_gusts_and_the_wind_takes_the_ladybird_to_the_twig(tm
     assert 1000 < dots.sum() < 8000, "curves and points are not drawn"
 
 
+@pytest.mark.nightly
 def test_jellyfish_follows_the_hand_beads_meet_and_the_spring_lifts_the_pebble(tmp_path: Path) -> None:
     """A pin by vertices that is led, a radial and a constant force, one switched off, curves that ride along, a law.
     Volumes: docs/bars.md."""
