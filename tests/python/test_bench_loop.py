@@ -96,7 +96,6 @@ def survived(run: Experiment) -> measure.Result:
     return measure.Result(run, "", start, columns | energies)
 
 
-@pytest.mark.slow
 def test_survival_asks_for_whole_meshes_energy_and_a_ledger_that_closes() -> None:
     def missed(results: dict[Experiment, measure.Result]) -> list[str]:
         return [line.bar for line in survival.judge_survival(results, "quick") if line.verdict == "MISSED"]
