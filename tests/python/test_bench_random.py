@@ -184,7 +184,7 @@ def test_a_seeds_scenes_take_turns_and_those_with_one_solid_are_what_they_were()
     assert "8.9 cells of 0.0365 m, box 38x14x25, slip slip open slip noSlip slip, vacuum" in scene.words
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_scenes_with_contact_lie_within_their_ranges(library) -> None:
     made = contact_scenes(60)
     assert {len(scene.parts) for scene in made} == {2, 3} and {scene.pile for scene in made} == {False, True}
@@ -255,7 +255,7 @@ def everything_scenes(count: int) -> list[EverythingScene]:
     return made
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_scenes_with_everything_have_all_of_it_and_are_accepted_by_the_library(library) -> None:
     made = everything_scenes(25)
     kinds = {len(scene.parts) for scene in made}

@@ -59,7 +59,7 @@ def test_bad_options_are_refused_first(cli, tmp_path, arguments, code, message):
     assert done.returncode == code and message in done.stderr and not done.stdout
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_solves_of_solids_that_meet_stay_below_their_bars(tmp_path):
     """The party at a quarter of the paper's resolution, first impacts: iterations per step of the worst frame."""
     effort = bench_table.Effort.of(bench_table.run("party", 0.02, "production", "1-4", tmp_path / "cache"))

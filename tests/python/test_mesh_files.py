@@ -211,7 +211,7 @@ def test_missing_library_is_told_by_the_child_too(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     "suffix",
-    [suffix if suffix == "obj" else pytest.param(suffix, marks=pytest.mark.slow) for suffix in mesh_file.FORMATS],
+    [suffix if suffix == "obj" else pytest.param(suffix, marks=pytest.mark.nightly) for suffix in mesh_file.FORMATS],
 )
 def test_damaged_files_end_with_a_mesh_or_a_clear_error(tmp_path, suffix):
     files = mesh_samples.write_mutations(tmp_path, suffix)

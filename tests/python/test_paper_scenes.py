@@ -141,7 +141,7 @@ def test_discs_stick_without_response_and_part_with_it(preset: str, response: bo
         assert 0.9 < apart[-1] < 1.0 and abs(speeds[0]) < 0.05
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_light_bunny_is_lifted_to_the_ceiling(tmp_path: Path) -> None:
     """Fig. 6: it comes to lie at the ceiling, by the jet and not by its buoyancy."""
     voxel, ceiling = 0.015, 1.0

@@ -200,6 +200,7 @@ def test_clay_keeps_its_dent_and_rubber_does_not(tmp_path: Path) -> None:
             assert solid["volume_mesh"] == pytest.approx(solid["rest_volume"], rel=0.01)
 
 
+@pytest.mark.nightly
 def test_meeting_balls_part_by_repulsion_and_stick_without_it(cli, tmp_path: Path) -> None:
     """Through the command line: the distance of the centres over the diameter in frame 7, 0.25 s after the start."""
 

@@ -31,7 +31,7 @@ def apart(run: Run, body: str, rider: str, frame: int) -> np.ndarray:
     return np.abs(now - then) / VOXEL
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_dandelion_bends_in_gusts_and_the_wind_takes_the_ladybird_to_the_twig(tmp_path: Path) -> None:
     """Inflow, wind with noise and switched off, a mesh that emits, a plane, a pin by vertices, curves, points, laws."""
     flower, bird, ground = "/World/Dandelion/Flower", "/World/Ladybird/Body", 0.04
@@ -74,6 +74,7 @@ def test_dandelion_bends_in_gusts_and_the_wind_takes_the_ladybird_to_the_twig(tm
     assert 1000 < dots.sum() < 8000, "curves and points are not drawn"
 
 
+@pytest.mark.nightly
 def test_jellyfish_follows_the_hand_beads_meet_and_the_spring_lifts_the_pebble(tmp_path: Path) -> None:
     """A pin by vertices that is led, a radial and a constant force, one switched off, curves that ride along, a law.
     Volumes: docs/bars.md."""

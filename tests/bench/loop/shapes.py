@@ -5,6 +5,7 @@ Every shape is SIZE long on its longest side and centred at the origin of its bo
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 
 import numpy as np
@@ -35,14 +36,20 @@ def make_shape(name: str, across: int, turn: float = 0.0) -> Mesh:
         solid[6:14, 6:] = False
         points, triangles = blocks(solid, (0.01, 0.01, 0.01))
     elif name == "bunny":
-        loaded = load_mesh(BUNNY)
-        points, triangles = loaded.points.astype(float), loaded.triangles()
-        points *= SIZE / np.ptp(points, axis=0).max()
+        points, triangles = bunny()
     else:
         raise ValueError(f"shape {name!r}: must be one of {', '.join(SHAPES)}")
     points = points @ rotation(turn).T
     points = points - (points.min(axis=0) + points.max(axis=0)) / 2
     return Mesh(points, np.full(len(triangles), 3), triangles.ravel())
+
+
+@functools.cache
+def bunny() -> tuple[np.ndarray, np.ndarray]:
+    """Points and triangles of the file, which a process of its own reads: once."""
+    loaded = load_mesh(BUNNY)
+    points = loaded.points.astype(float)
+    return points * (SIZE / np.ptp(points, axis=0).max()), loaded.triangles()
 
 
 def available(name: str) -> bool:

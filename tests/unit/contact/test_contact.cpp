@@ -164,7 +164,7 @@ Effort effort(sim::Simulation& s, double end) {
 
 }  // namespace
 
-TEST_CASE("Two balls that meet leave each other and keep their momentum", "[law][slow]") {
+TEST_CASE("Two balls that meet leave each other and keep their momentum", "[law][nightly]") {
   const double fluid = GENERATE(0.0, 1.0, 769.0);  // vacuum, 1000 : 1, 1.3 : 1
   const bool compressible = GENERATE(false, true);
   auto s = scene(space(fluid), two_balls(0.0, 1.0, compressible));
@@ -215,7 +215,7 @@ TEST_CASE("What the pressure does in an impact presses no ball into the other, o
   CHECK(out.made < 0.02);
 }
 
-TEST_CASE("A block slides down a solid as Coulomb's law says, or stays", "[law][slow]") {
+TEST_CASE("A block slides down a solid as Coulomb's law says, or stays", "[law][nightly]") {
   const bool compressible = GENERATE(true, false);
   auto s = block_on_slab(0.3, compressible);
   advance_to(*s, 0.2);

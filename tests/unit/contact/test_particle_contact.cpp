@@ -70,7 +70,7 @@ Outcome collide(const sim::Params& p, const std::vector<sim::SolidDesc>& balls, 
 }  // namespace
 
 TEST_CASE("Balls that meet part again by repulsion from one cell on, in vacuum and in a fluid; without it they stick",
-          "[law]") {
+          "[law][nightly]") {
   for (const bool fluid : {false, true}) {
     const sim::Params p = paper_params(kBox, fluid);
     CHECK(p.numerics.contact_distance == 1.0);
@@ -89,7 +89,7 @@ TEST_CASE("Balls that meet part again by repulsion from one cell on, in vacuum a
 }
 
 TEST_CASE("The stiffness of Eq. 14 does nothing where a step's spring impulse is more than a particle's momentum",
-          "[slow]") {
+          "[nightly]") {
   // dt k h against m v: above k = rho h^2 v / (8 dt), some 10 N/m here, the second term of the minimum decides.
   const sim::Params p = paper_params(kBox, false);
   const Outcome hard = collide(p, two_balls(10000.0));

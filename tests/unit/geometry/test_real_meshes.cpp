@@ -136,7 +136,7 @@ void check_solid(const std::string& file, bool closed, std::uint64_t holes) {
 
 }  // namespace
 
-TEST_CASE("The Stanford bunny with its five holes has the closed bunny's volume", "[law]") {
+TEST_CASE("The Stanford bunny with its five holes has the closed bunny's volume", "[law][nightly]") {
   check_solid("stanford-bunny.obj", false, 5);
   if (const auto bunny = shapes::shared_mesh("stanford-bunny.obj")) {
     MeshReport report;

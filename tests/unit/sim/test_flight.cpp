@@ -46,7 +46,7 @@ std::vector<double> flips(const Vec3d& moments, Vec3d spin, double duration) {
 
 }  // namespace
 
-TEST_CASE("A body that falls is where Galilei says after every step, whatever the step", "[law]") {
+TEST_CASE("A body that falls is where Galilei says after every step, whatever the step", "[law][nightly]") {
   // In the fluid: buoyancy 1/1000 and added mass 1/2000.
   const bool fluid = GENERATE(false, true);
   const double dt = GENERATE(1.0 / 24.0, 1.0 / 96.0, 1.0 / 480.0), a = kGravity * (fluid ? 0.999 / 1.0005 : 1.0);

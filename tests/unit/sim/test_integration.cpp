@@ -100,7 +100,7 @@ TEST_CASE("At the step of Fig. 3 explicit integration of the bunny blows up in f
 }
 
 TEST_CASE("Explicit integration is stable where compression waves pass less than a cell in a step, and not beyond",
-          "[law][slow]") {
+          "[law][nightly]") {
   // sqrt((lambda + 2 mu) / rho) = 5 m/s passes a cell in 4 ms.
   const Outcome small = run(squashed_ball(), Integration::kExplicit, 0.0025, 0.8);
   CHECK_FALSE(small.blew_up);

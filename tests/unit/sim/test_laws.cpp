@@ -287,7 +287,7 @@ TEST_CASE("A ball squashed to half its height grows back in steps of a frame whe
   CHECK(end.volume_mesh == Approx(end.rest_volume).epsilon(0.01));
 }
 
-TEST_CASE("A ball that swings freely keeps its volume", "[law]") {
+TEST_CASE("A ball that swings freely keeps its volume", "[law][nightly]") {
   sim::Params p = still_vacuum(Vec3d::Ones());
   auto s = ball_in_cube(p, 2.0 * kRadius, 10);
   const double along = 1.3, across = 1.0 / std::sqrt(along);

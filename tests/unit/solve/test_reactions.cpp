@@ -34,7 +34,7 @@ double impulse_in_frame(sim::Simulation& s, std::size_t pin) {
 }  // namespace
 
 TEST_CASE("A collider holds the weight of a block that rests on it in every frame, also where it has risen",
-          "[law][slow]") {
+          "[law][nightly]") {
   for (const double fluid : {0.0, 100.0})
     for (const double speed : {0.0, 0.24}) {
       sim::Params p = box_params({0.6, 0.6, 0.6}, kCell);
@@ -72,7 +72,7 @@ TEST_CASE("What pins a body holds the weight of a block that rests on it, too", 
   }
 }
 
-TEST_CASE("The floor carries the weight of all that is stacked on it", "[law][slow]") {
+TEST_CASE("The floor carries the weight of all that is stacked on it", "[law][nightly]") {
   for (const double fluid : {0.0, 100.0})
     for (const bool stacked : {false, true}) {
       sim::Params p = box_params({0.4, 0.6, 0.4}, kCell);

@@ -99,7 +99,7 @@ TEST_CASE("Walls that move apart drag the fluid to a straight profile", "[viscos
 }
 
 // Ghia, Ghia and Shin (1982), Re = 100: v_x on the vertical line through the middle.
-TEST_CASE("The lid-driven cavity at Re = 100 is the one of the table", "[viscosity][law][slow]") {
+TEST_CASE("The lid-driven cavity at Re = 100 is the one of the table", "[viscosity][law][nightly]") {
   const int cells = GENERATE(48, 64);
   const double h = 1.0 / cells;
   sim::Params p = box_params({1, 1, h}, h);

@@ -175,7 +175,7 @@ struct FilmCase : OwnedCase {
 }  // namespace
 
 TEST_CASE("Where solids share nodes operator and projection are the assembled ones, and pressure as such moves nothing",
-          "[slow]") {
+          "[nightly]") {
   for (const double density : {0.1, 3.0, 1000.0}) {
     INFO("density ratio " << density);
     SharedCase c(density);
