@@ -204,6 +204,9 @@ def _scene_options(parser: argparse.ArgumentParser) -> None:
         metavar="A=B",
         help="look under B for files that the scene has under A; may be repeated; or a file of OpenJD's rules",
     )
+    parser.add_argument(
+        "--confine", action="store_true", help="refuse a scene that refers to anything outside its own folder"
+    )
 
 
 def _positive(text: str) -> int:
@@ -286,6 +289,7 @@ def _simulate(options: argparse.Namespace) -> int:
         preset=options.preset,
         settings=tuple(options.settings),
         path_map=tuple(options.path_map),
+        confine=options.confine,
         progress=options.progress,
         overwrite=options.overwrite,
         resume=options.resume,
@@ -331,6 +335,7 @@ def _validate(options: argparse.Namespace) -> int:
                 options.threads,
                 told,
                 options.path_map,
+                options.confine,
             )
         except EulerFsiError as error:
             if options.json:

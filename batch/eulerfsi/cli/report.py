@@ -66,11 +66,12 @@ def validate(
     threads: int | None,
     progress: Progress | None = None,
     path_map: Iterable[str] = (),
+    confine: bool = False,
 ) -> Report:
     """Raises SceneError with all faults, UsageError for options."""
     progress, threads = progress or Progress(), threads or available_threads()
     frames = parse_frames(frames_text) if frames_text else None
-    stage = open_stage(path, path_map)
+    stage = open_stage(path, path_map, confine)
     set_frames(stage, frames, start)
     expand_instancers(stage)
     apply_overrides(stage, settings)

@@ -75,14 +75,12 @@ def load(folder: Path) -> dict[str, Any]:
     """The manifest of a wedge. Raises CacheIOError."""
     path = folder / MANIFEST
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        what = "the manifest of a wedge that this version reads"
+        return files.read_tagged(path, what, format=_FORMAT, version=1)
     except OSError as error:
         raise CacheIOError(f"{path}: {error.strerror}") from error
     except ValueError as error:
-        raise CacheIOError(f"{path}: is damaged: {error}") from error
-    if not isinstance(data, dict) or data.get("format") != _FORMAT or data.get("version") != 1:
-        raise CacheIOError(f"{path}: is not the manifest of a wedge that this version reads")
-    return data
+        raise CacheIOError(f"{path}: {error}") from error
 
 
 def _check_same(folder: Path, before: dict[str, Any], now: dict[str, Any]) -> None:

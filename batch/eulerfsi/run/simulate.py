@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import math
 import os
 from pathlib import Path
 
@@ -39,11 +40,11 @@ class Options:
     """What `simulate` on the command line sets.
 
     start None: the scene's first frame; start_from: "CACHE" or "CACHE:FRAME", whose solids are taken over; threads
-    None: all that the cgroup allows; checkpoint_every, keep_checkpoints: as Checkpoints takes them; allow_restart: a
-    resumed run may drop finished frames where others are damaged; rebake_from: frames after this one of an existing
-    cache are made anew; written: what is written of the smoke; strict: a condition of docs/warnings.md stops the run;
-    max_wall_seconds, requeue_on_signal: as Stop takes them; wait: seconds for another run in the folder; command: for
-    the log; flipbook: a picture of every frame.
+    None: all that the cgroup allows; confine: nothing outside the scene's folder is read; checkpoint_every,
+    keep_checkpoints: as Checkpoints takes them; allow_restart: a resumed run may drop finished frames where others are
+    damaged; rebake_from: frames after this one of an existing cache are made anew; written: what is written of the
+    smoke; strict: a condition of docs/warnings.md stops the run; max_wall_seconds, requeue_on_signal: as Stop takes
+    them; wait: seconds for another run in the folder; command: for the log; flipbook: a picture of every frame.
     """
 
     output: Path | None = None
@@ -54,6 +55,7 @@ class Options:
     preset: str | None = None
     settings: tuple[str, ...] = ()
     path_map: tuple[str, ...] = ()
+    confine: bool = False
     progress: str = "auto"
     overwrite: bool = False
     resume: bool = False
@@ -77,7 +79,7 @@ def load_scene(
 
     Raises UsageError for options, SceneError with every fault of the scene.
     """
-    stage = open_stage(path, options.path_map)
+    stage = open_stage(path, options.path_map, options.confine)
     set_frames(stage, parse_frames(options.frames) if options.frames else None, options.start)
     expand_instancers(stage)
     overrides = apply_overrides(stage, options.settings)
@@ -104,8 +106,8 @@ def simulate(path: Path, options: Options, log: Log | None = None) -> Result:
 
 
 def _simulate(path: Path, options: Options, log: Log, progress: Progress, stop: Stop) -> Result:
-    if not options.wait >= 0:
-        raise UsageError(f"--wait {options.wait:g}: must be a number >= 0")
+    if not 0 <= options.wait < math.inf:
+        raise UsageError(f"--wait {options.wait:g}: must be a finite number >= 0")
     checkpoints = Checkpoints(options.checkpoint_every, options.keep_checkpoints)
     threads, memory_limit = options.threads or available_threads(), available_memory()
     folder = options.output or Path.cwd() / f"{path.stem}_cache"
