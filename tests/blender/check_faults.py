@@ -232,6 +232,11 @@ def check_damaged_cache() -> None:
     now = part("bake").status(scene)
     assert now.kind == "damaged" and "manifest.json" in now.text
     refused(bpy.ops.eulerfsi.load, "there is no frame to show")
+    assert "Resume goes on" in now.text
+    assert bpy.ops.eulerfsi.bake(mode="RESUME") == {"FINISHED"} and part("bake").status(scene).kind == "complete"
+    manifest.write_text("{")
+    manifest.with_name("manifest.backup.json").unlink()
+    assert "Free it" in part("bake").status(scene).text
     assert bpy.ops.eulerfsi.free() == {"FINISHED"} and not manifest.exists()
 
 

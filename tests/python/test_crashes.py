@@ -205,7 +205,8 @@ def test_a_second_run_is_refused_by_name_or_waits(simulate, tmp_path):
         process = subprocess.Popen(["sleep", "0"])
         process.wait()
     assert not folder.exists()  # it is as before
-    assert simulate(folder, "1-2", "--wait", "nan").code == 2
+    for never in ("nan", "inf"):
+        assert simulate(folder, "1-2", "--wait", never).code == 2
 
 
 def test_a_run_that_waits_begins_when_the_other_has_ended(tmp_path):

@@ -33,7 +33,7 @@ from .variations import Job
 
 MANIFEST = "wedge.json"
 _FORMAT = "eulerfsi-wedge"
-_PROCESS = 300 << 20  # bytes of a job beside its simulation: Python, USD, the picture; measured 250 MB
+_SPARE = 64 << 20  # bytes of a job beyond what it needs as measured
 _POLL = 0.05  # seconds between two looks at the jobs
 
 
@@ -118,7 +118,7 @@ def largest_need(scene: Path, options: Options, jobs: Sequence[Job], attributes:
                 needs[changed] = memory.need(read, 0)
             except EulerFsiError:
                 needs[changed] = 0
-    return max(needs.values()) + _PROCESS
+    return max(needs.values()) + memory.PROCESS + _SPARE
 
 
 def jobs_at_once(jobs: int, threads: int, need: int, limit: int) -> int:
