@@ -91,6 +91,7 @@ def build_parser() -> argparse.ArgumentParser:
     simulate.add_argument(
         "--wait", type=float, default=0.0, metavar="S", help="wait that long for another run in the folder; default: 0"
     )
+    simulate.add_argument("--force", action="store_true", help="begin also where there is too little disk")
     simulate.add_argument("--half", action="store_true", help="write smoke as 16-bit floats")
     simulate.add_argument(
         "--smoke-threshold", metavar="X", help="leave out voxels with at most this density; default: 0.001"
@@ -290,6 +291,7 @@ def _simulate(options: argparse.Namespace) -> int:
         settings=tuple(options.settings),
         path_map=tuple(options.path_map),
         confine=options.confine,
+        force=options.force,
         progress=options.progress,
         overwrite=options.overwrite,
         resume=options.resume,
