@@ -10,11 +10,12 @@ from pathlib import Path
 import pytest
 from conftest import make_scene
 from eulerfsi import child
-from eulerfsi.errors import EXIT_SCENE, SceneError
+from eulerfsi.errors import EXIT_SCENE, SceneError, UsageError
 from eulerfsi.farm import openjd, slurm, submission
 from eulerfsi.run.simulate import Options
 from eulerfsi.scene import confine, confine_child
 from eulerfsi.scene.path_map import parse_rules
+from eulerfsi.scene.read import open_stage, stage_frames
 
 HEAD = "#usda 1.0\n"
 
@@ -195,6 +196,15 @@ def test_references_that_multiply_are_refused_before_they_fill_the_memory(places
     monkeypatch.setattr(confine_child, "MOST_PRIMS", 1000)
     [finding] = confine_child._too_many_prims(inner / "scene.usda", [])
     assert "at most 1000 prims" in finding[-1]
+
+
+def test_frames_are_counted_before_they_are_read(places):
+    """A few bytes that say a billion frames."""
+    inner, _ = places
+    for last in ("1e9", "1e300"):
+        (inner / "scene.usda").write_text(f"{HEAD}(startTimeCode = 1\nendTimeCode = {last})\n")
+        with pytest.raises(UsageError, match="frames: must be at most 1000000"):
+            stage_frames(open_stage(inner / "scene.usda"))
 
 
 def test_a_layer_that_needs_too_much_memory_costs_one_line(places, monkeypatch):

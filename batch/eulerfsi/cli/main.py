@@ -121,7 +121,7 @@ def build_parser() -> argparse.ArgumentParser:
     info.add_argument("path", type=Path, nargs="?", metavar="SCENE_OR_CACHE")
     info.add_argument("--json", action="store_true", help="as one JSON object")
 
-    look = add("view", "Write a cache as one HTML page that plays in a browser, without a network.")
+    look = add("view", "Write a cache or a wedge as one HTML page that plays in a browser, without a network.")
     look.add_argument("cache", type=Path, metavar="CACHE")
     look.add_argument("-o", "--output", type=Path, metavar="FILE", help="default: ./<cache>.html")
     look.add_argument("--every", type=_positive, default=1, metavar="N", help="every N-th frame; default: 1")
@@ -365,9 +365,11 @@ def _info(options: argparse.Namespace) -> int:
 def _view(options: argparse.Namespace) -> int:
     from ..usd_messages import usd_messages
     from .view import view
+    from .view_wedge import is_wedge, view_wedge
 
     with usd_messages():
-        made = view(options.cache, options.output, options.every, options.max_mb)
+        make = view_wedge if is_wedge(options.cache) else view
+        made = make(options.cache, options.output, options.every, options.max_mb)
     for note in made.notes:
         say(f"note: {note}", sys.stderr)
     say(f"{made.path} ({made.bytes / 1e6:.1f} MB)", sys.stdout)
