@@ -34,16 +34,24 @@ function toggle() {
   if (running) requestAnimationFrame(tick);
 }
 
-// The panels of the pages would leave no room for the pictures.
-function opened(page) {
-  page.contentDocument.getElementById("side").click();
-  show(Number(time.value));
+// Whether a page has read its frames, or has said why it cannot.
+function isReady(page) {
+  const state = page.contentDocument?.documentElement?.dataset.state;
+  return state === "ready" || state === "failed";
 }
 
-for (const page of pages) {
-  if (page.contentDocument?.readyState === "complete" && page.contentDocument.getElementById("side")) opened(page);
-  else page.addEventListener("load", () => opened(page));
+// The panels of the pages would leave no room for the pictures.
+function begin() {
+  if (!pages.every(isReady)) {
+    setTimeout(begin, 100);
+    return;
+  }
+  for (const page of pages) page.contentDocument.getElementById("side").click();
+  show(0);
+  document.documentElement.dataset.state = "ready";
 }
+
+begin();
 time.addEventListener("input", () => {
   if (running) toggle();
   show(Number(time.value));
