@@ -30,7 +30,7 @@ sys.path[:0] = [str(ROOT / place) for place in ("tests/bench", "batch", "usd_plu
 
 MEMORY, WIDTH, ETA = 0.30, 4.0, 0.25
 TIMES_INSIDE, ETAS_INSIDE = 0.9, 0.8  # of the scenes
-_FINENESS = (1.0, 3.0)  # cells for each of the drawn scene's, along an edge
+_FINENESS = (0.8, 2.0)  # cells for each of the drawn scene's, along an edge
 _UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0}
 _LINE = re.compile(r"about (\S+ \w+) \((\S+ \w+) to (\S+ \w+)\)")
 _AS_PROCESSOR = "import sys, time; time.monotonic = time.process_time; sys.argv[0] = 'eulerfsi'; "
