@@ -190,6 +190,8 @@ class _Json(Progress):
     def frame_done(self, frame: int, **facts: Any) -> None:
         super().frame_done(frame)
         count = frame - self.frames.first
+        if not count:  # what comes before the first step is no pace
+            self._begun = time.monotonic()
         percent = 100 * (count + 1) // len(self.frames)
         self._tell("frame", frame=frame, percent=percent, **facts, eta=self._eta(count))
 

@@ -95,7 +95,7 @@ def test_what_was_tried_is_known():
     """A trial that has come to the end leaves only what is around it."""
     whole = Trial([0.2] * 30, PLAN.frames * PLAN.frame)
     low, likely, high = estimate.seconds(PLAN, whole, 5.0)
-    assert likely == pytest.approx(30 * 0.2 + PLAN.frames * 0.03 + 1.8) and high / low == pytest.approx(1.6)
+    assert likely == pytest.approx(30 * 0.2 + PLAN.frames * 0.03 + 2.2) and high / low == pytest.approx(2.0)
     half = estimate.steps(PLAN, PLAN.frames / 2)
     assert sum(estimate.steps(PLAN, 6.5)) == pytest.approx(
         sum(estimate.steps(PLAN, 7)) + sum(estimate.steps(PLAN, 6)) - sum(estimate.steps(PLAN, 6.5))
