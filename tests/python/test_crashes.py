@@ -163,7 +163,7 @@ def disk(tmp_path) -> Iterator[Callable[[str], Path]]:
 )
 def test_a_full_disk_is_named_and_the_run_goes_on_with_more(simulate, whole, disk, kilobytes):
     folder = disk(f"size={kilobytes}k") / "cache"
-    ended = simulate(folder)
+    ended = simulate(folder, SHORT, "--force")
     assert ended.code == 5 and "No space left on device" in ended.told and str(folder) in ended.told
     check_loss(folder)
     disk("size=8m")
