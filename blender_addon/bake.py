@@ -108,6 +108,8 @@ def status(scene: bpy.types.Scene) -> Status:
         "strict": f"Stopped by a warning, {done}",
         "damaged": "The cache's manifest.json cannot be read: Free it",
     }
+    if found.status == "damaged" and job.has_copy(folder):
+        texts["damaged"] = "The cache's manifest.json cannot be read: Resume goes on at the last checkpoint"
     if found.status in texts:
         return Status(found.status, texts[found.status], found, work, folder)
     return Status("ready", "Ready to bake", found, work, folder)
@@ -201,7 +203,7 @@ def _arguments(scene: bpy.types.Scene, folder: Path, mode: str, found: job.Cache
     words += ["--keep-checkpoints", "all" if settings.keep_checkpoints else "2"]
     words += _threads(scene)
     if mode == "RESUME":
-        return [*words, "--resume"]
+        return [*words, "--resume", *(["--allow-restart"] if found.status == "damaged" else [])]
     words += [*(["--half"] if settings.half else []), "--smoke-threshold", f"{settings.smoke_threshold:.7g}"]
     if mode == "NEW":
         return [*words, "--overwrite"]

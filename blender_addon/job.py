@@ -244,6 +244,11 @@ def _parse(path: Path) -> Cache:
         return Cache("damaged")
 
 
+def has_copy(folder: Path) -> bool:
+    """Whether a cache whose manifest is damaged can be taken up again, by the copy as of its last checkpoint."""
+    return (folder / "cache" / "manifest.backup.json").is_file()
+
+
 def free(folder: Path) -> None:
     """Deletes a bake: only what bakes write. Raises JobError, OSError."""
     if baking(folder) or lock_held(folder / "cache"):

@@ -85,7 +85,8 @@ class EULERFSI_PT_bake(_Panel, bpy.types.Panel):
         row.enabled = now.kind not in ("unsaved", "foreign")
         row.scale_y = 1.4
         row.operator("eulerfsi.bake", text="Bake Anew" if frames else "Bake", icon="RENDER_ANIMATION").mode = "NEW"
-        if frames and (now.kind != "complete" or scene.frame_end > frames[-1]):
+        recoverable = now.kind == "damaged" and job.has_copy(now.folder)
+        if recoverable or (frames and (now.kind != "complete" or scene.frame_end > frames[-1])):
             row.operator("eulerfsi.bake", text="Resume", icon="PLAY").mode = "RESUME"
         if frames and (frame := bake.rebake_frame(scene, now.cache)) is not None:
             again = layout.operator("eulerfsi.bake", text=f"Bake from Frame {frame + 1}", icon="RECOVER_LAST")

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from pxr import Sdf, Tf
 
@@ -41,6 +43,21 @@ def write_text(path: Path, text: str) -> None:
     """Replaces a text file."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def read_tagged(path: Path, what: str, may_be_empty: bool = False, **tag: Any) -> dict[str, Any]:
+    """The JSON object in a file, whose members `tag` say that it is `what`. may_be_empty: {} needs none.
+
+    Raises OSError for a file that cannot be read, ValueError that says what is wrong with one that is read.
+    """
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"is damaged: {error}") from error
+    known = isinstance(data, dict) and all(data.get(key) == value for key, value in tag.items())
+    if not known and not (may_be_empty and data == {}):
+        raise ValueError(f"is not {what}")
+    return data
 
 
 def export_layer(layer: Sdf.Layer, path: Path) -> None:

@@ -8,6 +8,8 @@ import fileseq
 
 from .errors import UsageError
 
+MOST_FRAMES = 1_000_000
+
 
 @dataclasses.dataclass(frozen=True)
 class FrameRange:
@@ -75,9 +77,11 @@ def demand_start(wanted: FrameRange, first: int, checkpoint: int | None) -> None
 
 
 def check_frames(frames: FrameRange, where: str) -> FrameRange:
-    """Limits of every range: forwards, two frames at least."""
+    """Limits of every range: forwards, two frames at least, not more than any film has."""
     if frames.last < frames.first:
         raise UsageError(f"{where}: the last frame {frames.last} comes before the first, {frames.first}")
+    if frames.last - frames.first >= MOST_FRAMES:  # len() of more than 2^63 fails
+        raise UsageError(f"{where}: {frames.last - frames.first + 1} frames: must be at most {MOST_FRAMES}")
     if len(frames) < 2:
         raise UsageError(f"{where}: {len(frames)} frame; a cache needs at least 2 (the first is the initial state)")
     return frames

@@ -5,6 +5,7 @@ from __future__ import annotations
 import abc
 import contextlib
 import json
+import math
 import os
 import re
 import sys
@@ -26,13 +27,15 @@ _APART = 1.0  # seconds between two events `step`, and between two lines of one 
 class Progress:
     """One command, from its start to its end; tells only what work takes longer than a second.
 
-    frames: those of the run, once it has started; last_frame: the last one on disk.
+    frames: those of the run, once it has started; last_frame: the last one on disk; costs: of the frames after the
+    first, in proportion to each other, as far as that is known.
     """
 
     def __init__(self, out: TextIO | None = None, err: TextIO | None = None) -> None:
         self.out, self.err = out or sys.stdout, err or sys.stderr
         self.frames = FrameRange(0, 0)
         self.last_frame: int | None = None
+        self.costs: list[float] = []
 
     @contextlib.contextmanager
     def told(self) -> Iterator[Progress]:
@@ -161,7 +164,7 @@ class _Json(Progress):
     """Events, an object a line, as docs/progress.schema.json has them."""
 
     _begun = _next = 0.0
-    _before = 0.0  # frames that were there already, as _eta counts them
+    _before = 0.0  # cost of the frames that were there already
 
     def waiting(self, what: str, prim: str, fraction: float) -> None:
         super().waiting(what, prim, fraction)
@@ -172,7 +175,7 @@ class _Json(Progress):
 
     def start(self, command: str, frames: FrameRange, done: int, **facts: Any) -> None:
         super().start(command, frames, done)
-        self._begun, self._before = time.monotonic(), max(done - 1, 0)
+        self._begun, self._before = time.monotonic(), self._cost(max(done - 1, 0))
         versions = {"version": EVENTS_VERSION, "program": __version__, "host": os.uname().nodename}
         numbers = {"first": frames.first, "last": frames.last, "done": done}
         self._tell("start", **versions, command=command, **numbers, **facts)
@@ -187,6 +190,8 @@ class _Json(Progress):
     def frame_done(self, frame: int, **facts: Any) -> None:
         super().frame_done(frame)
         count = frame - self.frames.first
+        if not count:  # what comes before the first step is no pace
+            self._begun = time.monotonic()
         percent = 100 * (count + 1) // len(self.frames)
         self._tell("frame", frame=frame, percent=percent, **facts, eta=self._eta(count))
 
@@ -200,8 +205,16 @@ class _Json(Progress):
     def _eta(self, done: float) -> float | None:
         """Seconds until the last frame at the pace so far, None before anything was simulated. done: frames, the first
         not counted."""
-        made, left = done - self._before, len(self.frames) - 1 - done
+        cost = self._cost(done)
+        made, left = cost - self._before, self._cost(len(self.frames) - 1) - cost
         return round((time.monotonic() - self._begun) * left / made, 1) if made > 0 else None
+
+    def _cost(self, done: float) -> float:
+        """Of the first frames after frames.first, the last of which need not be whole."""
+        if len(self.costs) < len(self.frames) - 1:
+            return done
+        whole = math.floor(done)
+        return math.fsum(self.costs[:whole]) + (done - whole) * (self.costs[whole] if done > whole else 0.0)
 
     def _tell(self, event: str, **facts: Any) -> None:
         say(json.dumps({"event": event, **facts}), self.out)

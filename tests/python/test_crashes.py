@@ -163,7 +163,7 @@ def disk(tmp_path) -> Iterator[Callable[[str], Path]]:
 )
 def test_a_full_disk_is_named_and_the_run_goes_on_with_more(simulate, whole, disk, kilobytes):
     folder = disk(f"size={kilobytes}k") / "cache"
-    ended = simulate(folder)
+    ended = simulate(folder, SHORT, "--force")
     assert ended.code == 5 and "No space left on device" in ended.told and str(folder) in ended.told
     check_loss(folder)
     disk("size=8m")
@@ -205,7 +205,8 @@ def test_a_second_run_is_refused_by_name_or_waits(simulate, tmp_path):
         process = subprocess.Popen(["sleep", "0"])
         process.wait()
     assert not folder.exists()  # it is as before
-    assert simulate(folder, "1-2", "--wait", "nan").code == 2
+    for never in ("nan", "inf"):
+        assert simulate(folder, "1-2", "--wait", never).code == 2
 
 
 def test_a_run_that_waits_begins_when_the_other_has_ended(tmp_path):

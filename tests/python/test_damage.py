@@ -146,6 +146,26 @@ def test_deep_finds_what_the_hashes_do_not(place, tmp_path):
     assert [file for file, _ in found] == [name, "vdb/small.0003.vdb"] and "no numbers" in found[0][1]
 
 
+def test_lines_and_files_that_no_run_has_written(place, tmp_path):
+    """Of a cache whose run has ended; one that was killed may have lines after its last checkpoint."""
+    for name in ("whole", "part"):
+        found = verify(place / name)
+        assert not found.damaged and not found.unknown
+    folder = tmp_path / "cache"
+    shutil.copytree(place / "part", folder)
+    for name in ("frames/other.usdc", "note.txt"):
+        (folder / name).write_text("x")
+    assert verify(folder).unknown == ["frames/other.usdc", "note.txt"] and not verify(folder).damaged
+    with open(folder / "stats.jsonl", "a", encoding="utf-8") as file:
+        file.write('{"event": "step"}\n')
+    [(name, fault)] = verify(folder).damaged
+    assert name == "stats.jsonl" and "more than the" in fault
+    manifest = Manifest.load(folder)
+    del manifest.data["stats"]
+    manifest.save()
+    assert not verify(folder).damaged
+
+
 def test_verify_on_the_command_line(place, tmp_path, cli):
     assert cli("verify", place / "whole", "--deep").returncode == 0
     assert cli("verify", tmp_path).returncode == 3

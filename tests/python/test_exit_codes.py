@@ -83,7 +83,7 @@ def small_disk(tmp_path) -> Iterator[Path]:
 
 def test_5_full_disk(cli, tmp_path, small_disk):
     make_scene(tmp_path / "long.usda", frames=(1, 100), voxel=0.06)
-    done = cli("simulate", "long.usda", "-o", small_disk / "cache", "--progress", "json")
+    done = cli("simulate", "long.usda", "-o", small_disk / "cache", "--progress", "json", "--force")
     ends_with(done, 5, "No space left on device")
     last = event(done.stdout.splitlines()[-1])["last_frame"]
     told = cli("info", small_disk / "cache")

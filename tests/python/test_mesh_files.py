@@ -15,6 +15,7 @@ import mesh_samples
 import numpy as np
 import pytest
 from conftest import ROOT, environment, write_obj
+from eulerfsi import child
 from eulerfsi.errors import EXIT_SCENE, LibraryError
 from eulerfsi.solver import binding, mesh_file
 from eulerfsi.solver import simulation as solver
@@ -156,7 +157,7 @@ def test_reader_that_is_killed_is_an_error(endless, number, status, text):
 
 
 def test_reader_that_does_not_end_is_ended(endless, monkeypatch):
-    monkeypatch.setattr(mesh_file, "SECONDS", 1.0)
+    monkeypatch.setattr(child, "SECONDS", 1.0)
     assert "not read within 1 s" in refusal(endless, binding.ERROR_MESH)
     assert not children(endless)
 

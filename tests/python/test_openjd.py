@@ -152,6 +152,7 @@ def test_a_program_of_several_words(cli, scene, tmp_path):
         (["--parameter", "Threads"], "must read NAME=VALUE"),
         (["--parameter", "Threads=0", "--threads", "1"], "must be a whole number >= 1"),
         (["--parameter", "Scene=a/b.usda"], "must be an absolute path"),
+        (["--parameter", "Scene=/a/b.usda"], "whose files and memory the bundle names"),
         (["--parameter", "Frames="], "is empty"),
         (["--parameter", "Frames=1-9x2"], "--frames '1-9x2': a step leaves frames out"),
         (["--parameter", "deadline:priority=high"], "must be a whole number >= 0"),

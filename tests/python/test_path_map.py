@@ -50,7 +50,7 @@ def test_refused(option, message):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("{", "is no JSON"),
+        ("{", "is damaged: "),
         ("[]", "pathmapping-1.0"),
         ('{"version": "pathmapping-1.0", "path_mapping_rules": [1]}', "rule 1"),
     ],

@@ -155,6 +155,7 @@ class Cache:
     def _go_back(self, checkpoint: dict[str, Any] | None) -> None:
         """Drops what came after a checkpoint, None: everything."""
         self.manifest.data["status"] = "running"
+        self.manifest.data.pop("stats", None)
         self.manifest.data.get("files", {}).pop(self.manifest.data["scene"], None)
         self.manifest.forget_after(checkpoint["frame"] if checkpoint else self.scene.frames.first - 1)
         self._sweep()
@@ -241,6 +242,8 @@ class Cache:
         if self.manifest.frames:
             data.setdefault("files", {})[data["scene"]] = files.record(self.write_root())
         data["status"] = status
+        if not self.complete:
+            data["stats"] = self._extent.facts()
         self.manifest.save()
         self.manifest.save_copy()
 
@@ -331,6 +334,11 @@ def check_ours(folder: Path) -> None:
         return
     if any(path.name != LOCK and not path.name.startswith(files.TEMPORARY_PREFIX) for path in folder.iterdir()):
         raise UsageError(f"{folder}: is not empty and contains no cache; choose another folder with -o")
+
+
+def size(folder: Path) -> int:
+    """Bytes of what `remove_old` removes, but for the few of single files."""
+    return sum(path.stat().st_size for name in _FOLDERS for path in (folder / name).rglob("*") if path.is_file())
 
 
 def remove_old(folder: Path) -> None:

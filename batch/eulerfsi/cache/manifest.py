@@ -29,6 +29,7 @@ class Manifest:
     of the frame so far; it goes with the next regular one.
     data["files"]: {relative path: {"bytes", "sha256"}} of the copied scene and the clips' manifest; once the run has
     ended also of the layer that opens the cache.
+    data["stats"]: the extent of stats.jsonl when the last run ended; absent while one goes on, or was killed.
     data["bodies"]: as Scene.bodies gives them; data["output"]: as cache.output.Output has it.
     data["stretches"]: of a cache that was made anew in part (cache.rebake).
     data["warnings"]: what run.watch.Watch has found in the run so far, up to the last frame; absent before 0.2.0.
@@ -77,15 +78,14 @@ class Manifest:
     @classmethod
     def _read(cls, folder: Path, path: Path) -> Manifest:
         try:
-            data = json.loads(path.read_text(encoding="utf-8"))
+            what = "the manifest of a cache that this version reads"
+            data = files.read_tagged(path, what, format=_FORMAT, version=_VERSION)
         except (FileNotFoundError, NotADirectoryError) as error:
             raise SceneError(f"{folder}: {_no_cache(folder)}") from error
         except OSError as error:
             raise CacheIOError(f"{path}: {error.strerror}") from error
         except ValueError as error:
-            raise CacheIOError(f"{path}: is damaged: {error}") from error
-        if not isinstance(data, dict) or data.get("format") != _FORMAT or data.get("version") != _VERSION:
-            raise CacheIOError(f"{path}: is not the manifest of a cache that this version reads")
+            raise CacheIOError(f"{path}: {error}") from error
         if data.pop(_CHECKSUM, None) != _checksum(data):
             raise CacheIOError(f"{path}: is damaged: its checksum is another one")
         return cls(folder, data)

@@ -53,8 +53,9 @@ class Pictures:
     """Draws frames while a run makes them."""
 
     def __init__(self, folder: Path, scene: Scene, flipbook: bool) -> None:
-        """flipbook: every frame gets a file."""
-        self._folder, self._scene, self._flipbook, self._on = folder, scene, flipbook, can_draw()
+        """flipbook: every frame gets a file; one that an earlier run has begun is continued."""
+        begun = any((folder / FOLDER).glob("*.png"))
+        self._folder, self._scene, self._flipbook, self._on = folder, scene, flipbook or begun, can_draw()
         self._wanted = set(spread(scene.frames, EARLIER + 1))
         self._last: tuple[int, Image.Image] | None = None
 

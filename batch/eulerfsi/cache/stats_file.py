@@ -68,10 +68,10 @@ def append(folder: Path, lines: Iterable[dict[str, Any]], extent: Extent) -> Non
         extent.add(line)
 
 
-def fault(folder: Path, part: dict[str, Any]) -> str:
+def fault(folder: Path, part: dict[str, Any], whole: bool = False) -> str:
     """What is wrong with the beginning of the file, whose extent `part` was; "" where it is as it was.
 
-    What comes later is that of a run that goes on, or was killed.
+    What comes later is that of a run that goes on, or was killed; whole: nothing may.
     """
     path = folder / NAME
     if not path.is_file():
@@ -82,6 +82,9 @@ def fault(folder: Path, part: dict[str, Any]) -> str:
         return str(error).removeprefix(f"{path}: ")
     if extent.lines < part["lines"]:
         return f"is truncated: {extent.lines} of {part['lines']} lines"
+    with open(path, "rb") as file:
+        if whole and next(itertools.islice(file, part["lines"], None), b""):
+            return f"has changed: it has more than the {part['lines']} lines that were written"
     return "" if extent.facts() == part else "has changed: its content is another one than was written"
 
 

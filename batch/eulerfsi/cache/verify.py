@@ -17,16 +17,19 @@ from ..solver import binding
 from ..solver.volume_file import VolumeFile
 from ..system import format_bytes
 from ..usd_messages import composition_faults
-from . import stats_file
-from .lock import is_held
-from .manifest import Manifest
+from . import pictures, stats_file
+from .lock import LOCK, is_held
+from .manifest import COPY, FILE_NAME, Manifest
 
+_OTHERS = {FILE_NAME, COPY, LOCK, stats_file.NAME, "log", pictures.PREVIEW}
+_PICTURES = (pictures.FOLDER, pictures.EARLIER_FOLDER)
 _SLAB = 1 << 24  # values of a grid that are in memory at a time
 
 
 @dataclasses.dataclass
 class Verified:
-    """What was found. damaged: (relative file, what is wrong); left_over: temporary files of runs that were killed."""
+    """What was found. damaged: (relative file, what is wrong); left_over: temporary files of runs that were killed;
+    unknown: files that no run has written."""
 
     manifest: Manifest
     status: str
@@ -35,6 +38,7 @@ class Verified:
     size: int
     damaged: list[tuple[str, str]]
     left_over: list[str]
+    unknown: list[str]
 
     @property
     def missing(self) -> list[int]:
@@ -51,6 +55,7 @@ class Verified:
         ]
         told += [f"{name}: {fault}" for name, fault in self.damaged]
         told += [f"{name}: left by a run that was killed; --resume removes it" for name in self.left_over]
+        told += [f"{name}: is no file of this cache" for name in self.unknown]
         if not self.damaged:
             how = "all files are as they were written"
             told.append(f"{how}, every grid and every mesh can be read" if self.deep else how)
@@ -70,6 +75,7 @@ class Verified:
             "bytes": self.size,
             "damaged": [{"file": name, "fault": fault} for name, fault in self.damaged],
             "left_over": self.left_over,
+            "unknown": self.unknown,
         }
 
 
@@ -94,6 +100,18 @@ def verify(folder: Path, deep: bool = False) -> Verified:
         sum(facts["bytes"] for facts in known.values()),
         damaged,
         [path.relative_to(folder).as_posix() for path in left],
+        [] if held else unknown_files(manifest),
+    )
+
+
+def unknown_files(manifest: Manifest) -> list[str]:
+    """Files in the folder that no run has written, temporary ones and those of the flip-book left out."""
+    known = {name for name, _ in manifest.recorded()} | _OTHERS | {manifest.data["scene"]}
+    found = (path.relative_to(manifest.folder) for path in manifest.folder.rglob("*") if not path.is_dir())
+    return sorted(
+        path.as_posix()
+        for path in found
+        if path.as_posix() not in known and path.parts[0] not in _PICTURES and files.TEMPORARY_PREFIX not in path.name
     )
 
 
@@ -106,9 +124,10 @@ def status(manifest: Manifest) -> str:
 def damage(manifest: Manifest) -> list[tuple[str, str]]:
     """(relative file, what is wrong) of every file that is not as it was written."""
     found = [(name, fault) for name, facts in manifest.recorded() if (fault := manifest.fault(name, facts))]
-    checkpoints = manifest.data["checkpoints"]
-    parts = [checkpoint["stats"] for checkpoint in checkpoints[-1:]]
-    return found + [(stats_file.NAME, fault) for part in parts if (fault := stats_file.fault(manifest.folder, part))]
+    whole = manifest.data.get("stats")
+    parts = [whole] if whole else [checkpoint["stats"] for checkpoint in manifest.data["checkpoints"][-1:]]
+    faults = [stats_file.fault(manifest.folder, part, whole is not None) for part in parts]
+    return found + [(stats_file.NAME, fault) for fault in faults if fault]
 
 
 def _read_all(manifest: Manifest) -> Iterator[tuple[str, str]]:

@@ -79,6 +79,7 @@ def _shared(options: argparse.Namespace) -> dict[str, Any]:
         "threads": options.threads,
         "settings": tuple(options.settings),
         "path_map": tuple(options.path_map),
+        "confine": options.confine,
     }
 
 
@@ -92,10 +93,11 @@ def _wedge(options: argparse.Namespace) -> int:
     axes = _axes(options)
     jobs = plan(axes, options.together)
     with usd_messages():
-        attributes = check(options.scene, axes, options.path_map)
+        attributes = check(options.scene, axes, options.path_map, options.confine)
     shared = Options(**_shared(options), overwrite=options.overwrite, resume=options.resume)
     arguments = [word for setting in options.settings for word in ("--set", setting)]
     arguments += [f"--path-map={rule}" for rule in options.path_map]
+    arguments += ["--confine"] if options.confine else []
     arguments += [f"--frames={options.frames}"] if options.frames else []
     arguments += [f"--start-frame={options.start_frame}"] if options.start_frame is not None else []
     folder = options.output or Path.cwd() / f"{options.scene.stem}_wedge"

@@ -91,6 +91,7 @@ def build_parser() -> argparse.ArgumentParser:
     simulate.add_argument(
         "--wait", type=float, default=0.0, metavar="S", help="wait that long for another run in the folder; default: 0"
     )
+    simulate.add_argument("--force", action="store_true", help="begin also where there is too little disk")
     simulate.add_argument("--half", action="store_true", help="write smoke as 16-bit floats")
     simulate.add_argument(
         "--smoke-threshold", metavar="X", help="leave out voxels with at most this density; default: 0.001"
@@ -120,7 +121,7 @@ def build_parser() -> argparse.ArgumentParser:
     info.add_argument("path", type=Path, nargs="?", metavar="SCENE_OR_CACHE")
     info.add_argument("--json", action="store_true", help="as one JSON object")
 
-    look = add("view", "Write a cache as one HTML page that plays in a browser, without a network.")
+    look = add("view", "Write a cache or a wedge as one HTML page that plays in a browser, without a network.")
     look.add_argument("cache", type=Path, metavar="CACHE")
     look.add_argument("-o", "--output", type=Path, metavar="FILE", help="default: ./<cache>.html")
     look.add_argument("--every", type=_positive, default=1, metavar="N", help="every N-th frame; default: 1")
@@ -204,6 +205,9 @@ def _scene_options(parser: argparse.ArgumentParser) -> None:
         metavar="A=B",
         help="look under B for files that the scene has under A; may be repeated; or a file of OpenJD's rules",
     )
+    parser.add_argument(
+        "--confine", action="store_true", help="refuse a scene that refers to anything outside its own folder"
+    )
 
 
 def _positive(text: str) -> int:
@@ -286,6 +290,8 @@ def _simulate(options: argparse.Namespace) -> int:
         preset=options.preset,
         settings=tuple(options.settings),
         path_map=tuple(options.path_map),
+        confine=options.confine,
+        force=options.force,
         progress=options.progress,
         overwrite=options.overwrite,
         resume=options.resume,
@@ -331,6 +337,7 @@ def _validate(options: argparse.Namespace) -> int:
                 options.threads,
                 told,
                 options.path_map,
+                options.confine,
             )
         except EulerFsiError as error:
             if options.json:
@@ -358,9 +365,11 @@ def _info(options: argparse.Namespace) -> int:
 def _view(options: argparse.Namespace) -> int:
     from ..usd_messages import usd_messages
     from .view import view
+    from .view_wedge import is_wedge, view_wedge
 
     with usd_messages():
-        made = view(options.cache, options.output, options.every, options.max_mb)
+        make = view_wedge if is_wedge(options.cache) else view
+        made = make(options.cache, options.output, options.every, options.max_mb)
     for note in made.notes:
         say(f"note: {note}", sys.stderr)
     say(f"{made.path} ({made.bytes / 1e6:.1f} MB)", sys.stdout)

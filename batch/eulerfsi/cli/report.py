@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
+import time
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..cache.output import Output
 from ..errors import LibraryError
 from ..frames import demand_start, parse_frames
 from ..progress import Progress, finding
-from ..run import estimate
+from ..run import disk, estimate
+from ..run.checkpoints import Checkpoints
 from ..scene import checks, memory
 from ..scene.checks import Issue
 from ..scene.instancers import expand_instancers
@@ -27,7 +30,8 @@ _MOST_LINES = 8  # of passengers of one body
 
 @dataclasses.dataclass
 class Report:
-    """A scene that can be simulated. memory, memory_limit: bytes that it needs and may take; time: a line."""
+    """A scene that can be simulated. memory, memory_limit: bytes that it needs and may take; time: a line; disk: bytes
+    of its cache."""
 
     scene: Scene
     warnings: list[Issue]
@@ -35,13 +39,16 @@ class Report:
     memory_limit: int
     threads: int
     time: str
+    disk: int
 
     def lines(self) -> list[str]:
         """For people."""
         return [
             *describe_scene(self.scene),
             *(f"warning: {issue.message}" for issue in self.warnings),
-            f"memory: about {format_bytes(self.memory)} of {format_bytes(self.memory_limit)} available",
+            f"memory: about {format_bytes(self.memory + memory.PROCESS)} of {format_bytes(self.memory_limit)} "
+            f"available ({format_bytes(self.memory)} for the simulation)",
+            f"disk: about {format_bytes(self.disk)}, more where smoke spreads",
             self.time,
             "the scene can be simulated",
         ]
@@ -52,6 +59,8 @@ class Report:
             **scene_facts(self.scene),
             "warnings": [finding(i.message, i.code, i.prim, i.field) for i in self.warnings],
             "memory": self.memory,
+            "process_memory": self.memory + memory.PROCESS,
+            "disk": self.disk,
             "memory_limit": self.memory_limit,
             "threads": self.threads,
             "time": self.time.removeprefix("time: "),
@@ -66,11 +75,12 @@ def validate(
     threads: int | None,
     progress: Progress | None = None,
     path_map: Iterable[str] = (),
+    confine: bool = False,
 ) -> Report:
     """Raises SceneError with all faults, UsageError for options."""
-    progress, threads = progress or Progress(), threads or available_threads()
+    progress, threads, begun = progress or Progress(), threads or available_threads(), time.monotonic()
     frames = parse_frames(frames_text) if frames_text else None
-    stage = open_stage(path, path_map)
+    stage = open_stage(path, path_map, confine)
     set_frames(stage, frames, start)
     expand_instancers(stage)
     apply_overrides(stage, settings)
@@ -96,7 +106,9 @@ def validate(
         memory_limit=limit,
         cells=scene.cells,
     )
-    return Report(scene, warnings, needed, limit, threads, time_estimate(scene, threads, limit))
+    reading = time.monotonic() - begun
+    room = disk.need(scene, Output(), len(scene.frames), Checkpoints("10", "2").most(len(scene.frames)))
+    return Report(scene, warnings, needed, limit, threads, time_estimate(scene, threads, limit, reading), room)
 
 
 def scene_facts(scene: Scene) -> dict[str, Any]:
@@ -180,16 +192,16 @@ def _describe_given(scene: Scene) -> list[str]:
     return lines
 
 
-def time_estimate(scene: Scene, threads: int, memory_limit: int) -> str:
-    """How long a run will take, by its first steps on this machine.
+def time_estimate(scene: Scene, threads: int, memory_limit: int, reading: float = 0.0) -> str:
+    """How long a run will take, by its first steps on this machine. reading: seconds that reading the scene took.
 
     Raises LibraryError where the library refuses the scene; where only its first steps fail, says that.
     """
     plan = estimate.plan_of(scene)
     try:
-        taken = estimate.try_steps(scene, threads, memory_limit)
+        trial = estimate.try_steps(scene, threads, memory_limit)
     except LibraryError as error:
         if error.status != binding.ERROR_DIVERGED:
             raise
         return f"time: not estimated, the first steps fail: {error}"
-    return estimate.describe(plan, taken, threads, scene.cells)
+    return estimate.describe(plan, trial, threads, scene.cells, reading)

@@ -50,15 +50,31 @@ def view(folder: Path, output: Path | None, every: int, max_mb: float) -> View:
     Raises SceneError where the folder is no cache, CacheIOError where it has no frame yet or a damaged file, UsageError
     for a page that cannot be as small as `max_mb`.
     """
-    output = output or Path(f"{folder.resolve().name}{_SUFFIX}")
-    if output.suffix.lower() not in (_SUFFIX, ".htm"):
-        raise UsageError(f"--output {output}: must end with {_SUFFIX}")
+    output = page_file(folder, output)
+    text, notes, _ = make_page(folder, every, max_mb)
+    return write(output, text, notes)
+
+
+def make_page(folder: Path, every: int, max_mb: float) -> tuple[str, list[str], float]:
+    """(the page of a cache, what of it is not shown as it is, seconds from its first frame to its last)."""
     source = _Source(folder)
-    most = max_mb * _MEGABYTE
-    text, notes = _fit(source, every, most)
+    text, notes = _fit(source, every, max_mb * _MEGABYTE)
+    return text, notes, (source.frames[-1] - source.frames[0]) / source.data["fps"]
+
+
+def write(output: Path, text: str, notes: list[str]) -> View:
+    """Writes a page."""
     with files.replacing(output) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return View(output, len(text.encode()), notes)
+
+
+def page_file(folder: Path, output: Path | None) -> Path:
+    """Where a page goes. Raises UsageError."""
+    output = output or Path(f"{folder.resolve().name}{_SUFFIX}")
+    if output.suffix.lower() not in (_SUFFIX, ".htm"):
+        raise UsageError(f"--output {output}: must end with {_SUFFIX}")
+    return output
 
 
 class _Source:

@@ -55,9 +55,8 @@ def make_template(job: Submission, program: Sequence[str], timeout: int | None) 
     """The job template. Raises UsageError for what the specification cannot hold."""
     space, folder, settings = _space(job.axes)
     cache = "{{Param.OutputFolder}}" + (f"/{folder}" if folder else "")
-    start = [f"--start-frame={job.options.start}"] if job.options.start is not None else []
     threads = ["--threads={{Param.Threads}}"] if job.options.threads else []
-    scene = ["{{Param.Scene}}", "--frames={{Param.Frames}}", *start, *threads]
+    scene = ["{{Param.Scene}}", "--frames={{Param.Frames}}", *job.fixed(), *threads]
     maps = [f"--path-map={_plain(rule)}" for rule in job.options.path_map]
     scene += ["--path-map={{Session.PathMappingRulesFile}}", *maps, *map(_plain, job.settings()), *settings]
     run = [*scene, "-o", cache, "--resume", "--allow-restart", "--progress", "openjd"]
@@ -97,6 +96,10 @@ def parameter_values(job: Submission, template: dict[str, Any], given: Iterable[
             raise UsageError(f"{where}: is empty")
         if known[name]["type"] == "PATH" and not Path(value).is_absolute():
             raise UsageError(f"{where}: must be an absolute path")
+        if name == "Scene" and Path(value).resolve() != job.scene:
+            raise UsageError(
+                f"{where}: must be {job.scene}, whose files and memory the bundle names: submit that scene in its place"
+            )
         if name == "Frames":
             value = str(parse_frames(value))
         values[name] = int(value) if known[name]["type"] == "INT" else value

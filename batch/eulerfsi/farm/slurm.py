@@ -76,9 +76,8 @@ def write_script(path: Path, job: Submission, program: Sequence[str], seconds: i
     options += [f"--array=1-{len(job.jobs)}"] if job.jobs else []
     options += [f"--cpus-per-task={job.options.threads or 1}", f"--mem={-(-job.memory // 2**20)}M"]
     options += [f"--signal=B:TERM@{SIGNAL_SECONDS}", *([f"--time={-(-seconds // 60)}"] if seconds else [])]
-    start = [f"--start-frame={job.options.start}"] if job.options.start is not None else []
     maps = [f"--path-map={rule}" for rule in job.options.path_map]
-    scene = shlex.join([str(job.scene), f"--frames={job.frames}", *start, *maps, *job.settings()])
+    scene = shlex.join([str(job.scene), f"--frames={job.frames}", *job.fixed(), *maps, *job.settings()])
     lines = ["#!/bin/bash", *(f"#SBATCH {option}" for option in options), _FUNCTIONS, *_tasks(job)]
     lines += [
         f"program=({shlex.join(program)})",

@@ -42,6 +42,11 @@ class Submission:
         """For the engine's list of jobs."""
         return re.sub(r"[^\w.+-]", "_", self.scene.stem)[:64]
 
+    def fixed(self) -> list[str]:
+        """Options that every run of the scene gets as they are."""
+        start = [f"--start-frame={self.options.start}"] if self.options.start is not None else []
+        return [*start, *(["--confine"] if self.options.confine else [])]
+
     def settings(self) -> list[str]:
         """What all tasks set, as options."""
         return [word for setting in self.options.settings for word in ("--set", setting)]
@@ -51,7 +56,7 @@ def prepare(scene: Path, folder: Path, options: Options, axes: Sequence[Axis], t
     """Reads the scene as a run would. Raises SceneError, UsageError: what cannot run is not submitted."""
     jobs = plan(axes, together) if axes else []
     joined = [_join(axes)] if axes and together else list(axes)
-    attributes = check(scene, axes, options.path_map)
+    attributes = check(scene, axes, options.path_map, options.confine)
     trial = dataclasses.replace(options, settings=(*options.settings, *(jobs[0].settings() if jobs else ())))
     read, _ = load_scene(scene, trial, Log(), 0)
     wanted = parse_frames(options.frames) if options.frames else read.frames

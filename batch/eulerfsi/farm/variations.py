@@ -120,12 +120,12 @@ def plan(axes: Sequence[Axis], together: bool) -> list[Job]:
     return [Job(folder, values) for folder, values in zip(folders, chosen, strict=True)]
 
 
-def check(scene: Path, axes: Sequence[Axis], path_map: Sequence[str] = ()) -> dict[str, str]:
+def check(scene: Path, axes: Sequence[Axis], path_map: Sequence[str] = (), confine: bool = False) -> dict[str, str]:
     """Opens the scene and tries every value. Returns {"Ball.youngsModulus": "/World/Ball.eulerfsi:youngsModulus"}.
 
     Raises SceneError for a scene that cannot be opened, UsageError that names the list and suggests the nearest names.
     """
-    stage: Usd.Stage = open_stage(scene, path_map)
+    stage: Usd.Stage = open_stage(scene, path_map, confine)
     expand_instancers(stage)
     attributes: dict[str, str] = {}
     for axis in axes:

@@ -33,7 +33,7 @@ from .variations import Job
 
 MANIFEST = "wedge.json"
 _FORMAT = "eulerfsi-wedge"
-_PROCESS = 300 << 20  # bytes of a job beside its simulation: Python, USD, the picture; measured 250 MB
+_SPARE = 64 << 20  # bytes of a job beyond what it needs as measured
 _POLL = 0.05  # seconds between two looks at the jobs
 
 
@@ -75,14 +75,12 @@ def load(folder: Path) -> dict[str, Any]:
     """The manifest of a wedge. Raises CacheIOError."""
     path = folder / MANIFEST
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        what = "the manifest of a wedge that this version reads"
+        return files.read_tagged(path, what, format=_FORMAT, version=1)
     except OSError as error:
         raise CacheIOError(f"{path}: {error.strerror}") from error
     except ValueError as error:
-        raise CacheIOError(f"{path}: is damaged: {error}") from error
-    if not isinstance(data, dict) or data.get("format") != _FORMAT or data.get("version") != 1:
-        raise CacheIOError(f"{path}: is not the manifest of a wedge that this version reads")
-    return data
+        raise CacheIOError(f"{path}: {error}") from error
 
 
 def _check_same(folder: Path, before: dict[str, Any], now: dict[str, Any]) -> None:
@@ -120,7 +118,7 @@ def largest_need(scene: Path, options: Options, jobs: Sequence[Job], attributes:
                 needs[changed] = memory.need(read, 0)
             except EulerFsiError:
                 needs[changed] = 0
-    return max(needs.values()) + _PROCESS
+    return max(needs.values()) + memory.PROCESS + _SPARE
 
 
 def jobs_at_once(jobs: int, threads: int, need: int, limit: int) -> int:

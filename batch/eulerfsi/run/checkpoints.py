@@ -26,6 +26,11 @@ class Checkpoints:
         self.keep = None if keep == "all" else int(keep)
         self._last = time.monotonic()
 
+    def most(self, frames: int) -> int:
+        """Checkpoints that lie on disk at once in a run of so many frames: those that are kept, and a new one."""
+        made = frames if self._seconds is not None else 2 + frames // self._frames
+        return made if self.keep is None else min(made, self.keep + 1)
+
     def due(self, count: int) -> bool:
         """Whether one is written after `count` frames since the first."""
         if self._seconds is None:

@@ -1,4 +1,4 @@
-"""How long a run takes: its steps from speeds, walls and stiffness, its seconds from a few real steps.
+"""How long a run takes: its steps from speeds, walls and stiffness, its seconds from real steps.
 
 The number of steps follows the limits of the time step, those of the scene and those of the library (`step_limits`): a
 step ends where a solid or the fluid has moved so many cells, and near a wall where elastic waves pass a cell. What a
@@ -36,10 +36,14 @@ _FLUID_PACE = 3.0
 # Wall-clock seconds per cell and step on two cores, production: what `new` plans with, before anything was tried.
 SECONDS_PER_CELL_STEP = 4e-7
 _SECONDS_PER_FRAME = 0.03  # written
-# Trying real steps: seconds in all, steps at most, and the step that is too long to begin with.
-_TRIAL_SECONDS, _TRIAL_STEPS, _LONG_STEP = 4.0, 8, 1.5
+# Before the scene is read, and for the picture at the end: of a small scene most of its time.
+_SECONDS_AROUND = 2.2
+# Trying real steps: seconds in all, and the step that is too long to begin with.
+_TRIAL_SECONDS, _LONG_STEP = 4.0, 1.5
 # A step later in the run against one of the first: pressure and contact take more, or less.
 _DRIFT = (0.8, 1.5)
+# The range that is told: the ends differ by this factor at most, and by that at least.
+_WIDEST, _NARROWEST = 4.0, 2.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,6 +78,14 @@ class Plan:
     fluid: bool = True
 
 
+@dataclasses.dataclass
+class Trial:
+    """Real steps from the start of a run: seconds of each, the first also sets things up; time: simulated [s]."""
+
+    seconds: list[float] = dataclasses.field(default_factory=list)
+    time: float = 0.0
+
+
 def seconds_to_meet(distance: float, speed: float, acceleration: float) -> float:
     """Seconds until `distance` metres are covered, inf where that never happens; speed and acceleration along it."""
     if distance <= 0:
@@ -84,14 +96,25 @@ def seconds_to_meet(distance: float, speed: float, acceleration: float) -> float
     return 2 * distance / (speed + math.sqrt(root)) if speed + math.sqrt(root) > 0 else math.inf
 
 
-def steps(plan: Plan) -> tuple[float, float]:
-    """(fewest, most) steps of the whole run."""
+def steps(plan: Plan, begin: float = 0.0) -> tuple[float, float]:
+    """(fewest, most) steps of the run from `begin` on, a number of frames."""
     fewest = most = 0.0
-    for number in range(plan.frames):
-        least, greatest = _longest_steps(plan, number * plan.frame, (number + 1) * plan.frame)
-        fewest += max(1.0, math.ceil(plan.frame / greatest - 1e-6))
-        most += max(1.0, math.ceil(plan.frame / least - 1e-6))
+    for number in range(math.floor(begin), plan.frames):
+        part = min(1.0, number + 1 - begin)
+        least, greatest = _steps_of(plan, number)
+        fewest, most = fewest + part * least, most + part * greatest
     return fewest, most
+
+
+def _steps_of(plan: Plan, number: int) -> tuple[float, float]:
+    """(fewest, most) steps of a frame, counted from 0."""
+    least, greatest = _longest_steps(plan, number * plan.frame, (number + 1) * plan.frame)
+    return max(1.0, math.ceil(plan.frame / greatest - 1e-6)), max(1.0, math.ceil(plan.frame / least - 1e-6))
+
+
+def frame_costs(plan: Plan) -> list[float]:
+    """How long the frames take in proportion to each other, by their steps."""
+    return [math.sqrt(math.prod(_steps_of(plan, number))) for number in range(plan.frames)]
 
 
 def _longest_steps(plan: Plan, begin: float, end: float) -> tuple[float, float]:
@@ -188,44 +211,61 @@ def _body(solid: Solid, domain: dict, reach: float, gravity: np.ndarray) -> Body
     return Body(speed, float(np.linalg.norm(fall)), meets, math.sqrt(shear / rho), size)
 
 
-def try_steps(scene: Scene, threads: int, memory_limit: int) -> list[float]:
-    """Wall-clock seconds of the first steps of the scene on this machine; none where one would take long.
+def try_steps(scene: Scene, threads: int, memory_limit: int) -> Trial:
+    """The first steps of the scene on this machine; none where one would take long.
 
     Takes at most five seconds in all once the solids are in place. Raises LibraryError where the scene cannot start
     or its first steps fail.
     """
+    trial, frame = Trial(), 1 / scene.fps
     cells = math.prod(edge / scene.domain["voxel_size"] for edge in scene.domain["domain_size"])
     if cells * SECONDS_PER_CELL_STEP * 2 / threads > _LONG_STEP:
-        return []
+        return trial
+    end = (len(scene.frames) - 1) * frame * (1 - 1e-6)
     begun = time.monotonic()
-    taken: list[float] = []
     simulation = build_simulation(scene, threads, memory_limit, Log(io.StringIO())).simulation
     with simulation:
-        while len(taken) < _TRIAL_STEPS and time.monotonic() - begun + max(taken, default=0) < _TRIAL_SECONDS:
+        while trial.time < end and time.monotonic() - begun + max(trial.seconds, default=0) < _TRIAL_SECONDS:
             step = time.monotonic()
-            frame = 1 / scene.fps
             simulation.step(frame - simulation.time % frame)
-            taken.append(time.monotonic() - step)
-    return taken
+            trial.seconds.append(time.monotonic() - step)
+            trial.time = simulation.time
+    return trial
 
 
-def seconds(plan: Plan, per_step: float) -> tuple[float, float]:
-    """(fewest, most) seconds of the whole run, per_step: of a step at its start."""
-    frames = plan.frames * _SECONDS_PER_FRAME
-    return tuple(count * per_step * drift + frames for count, drift in zip(steps(plan), _DRIFT, strict=True))
+def per_step(trial: Trial, threads: int, cells: float) -> float:
+    """Seconds of a step after those that were tried."""
+    usual = trial.seconds[1:] or trial.seconds
+    later = usual[len(usual) // 2 :]
+    return statistics.median(later) if later else cells * SECONDS_PER_CELL_STEP * 2 / threads
 
 
-def describe(plan: Plan, taken: Sequence[float], threads: int, cells: float) -> str:
-    """One line for users. taken: seconds of the steps that were tried; the first also sets things up."""
-    usual = taken[1:] or taken
-    per_step = statistics.median(usual) if usual else cells * SECONDS_PER_CELL_STEP * 2 / threads
-    low, high = seconds(plan, per_step)
-    fewest, most = steps(plan)
-    how = f"from {len(taken)} trial steps" if taken else "estimated from the number of cells"
+def seconds(plan: Plan, trial: Trial, each: float, reading: float = 0.0) -> tuple[float, float, float]:
+    """(fewest, likely, most) seconds of the whole run. each: of a step later on; reading: of the scene.
+
+    The likely one is the geometric mean of what the steps may come to, and the range around it is no wider than it
+    can be told honestly.
+    """
+    begin = trial.time / plan.frame if trial.seconds else 0.0
+    fixed = _SECONDS_AROUND + reading + plan.frames * _SECONDS_PER_FRAME + sum(trial.seconds)
+    low, high = (fixed + count * each * drift for count, drift in zip(steps(plan, begin), _DRIFT, strict=True))
+    likely = math.sqrt(low * high)
+    widest, narrowest = math.sqrt(_WIDEST), math.sqrt(_NARROWEST)
+    low = min(max(low, likely / widest), likely / narrowest)
+    return low, likely, max(min(high, likely * widest), likely * narrowest)
+
+
+def describe(plan: Plan, trial: Trial, threads: int, cells: float, reading: float = 0.0) -> str:
+    """One line for users. reading: seconds that it took to read the scene."""
+    each = per_step(trial, threads, cells)
+    low, likely, high = seconds(plan, trial, each, reading)
+    fewest, most = (len(trial.seconds) + n for n in steps(plan, trial.time / plan.frame if trial.seconds else 0.0))
+    tried = len(trial.seconds)
+    how = f"from {tried} trial steps" if tried else "estimated from the number of cells"
     count = f"{fewest:,.0f} to {most:,.0f}" if most > 1.1 * fewest else f"{most:,.0f}"
     return (
-        f"time: about {_duration(math.sqrt(low * high))} ({_duration(low)} to {_duration(high)}) for {plan.frames} "
-        f"frames on {threads} threads; {count} steps of about {per_step:.2g} s, {how}"
+        f"time: about {_duration(likely)} ({_duration(low)} to {_duration(high)}) for {plan.frames} "
+        f"frames on {threads} threads; {count} steps of about {each:.2g} s, {how}"
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import math
 import os
 from pathlib import Path
 
@@ -28,6 +29,7 @@ from ..scene.read import open_stage, read_scene, set_frames
 from ..solver import binding
 from ..system import available_memory, available_threads
 from ..usd_messages import usd_messages
+from . import disk
 from .build import build_simulation
 from .checkpoints import Checkpoints
 from .run import Result, Run
@@ -39,11 +41,12 @@ class Options:
     """What `simulate` on the command line sets.
 
     start None: the scene's first frame; start_from: "CACHE" or "CACHE:FRAME", whose solids are taken over; threads
-    None: all that the cgroup allows; checkpoint_every, keep_checkpoints: as Checkpoints takes them; allow_restart: a
-    resumed run may drop finished frames where others are damaged; rebake_from: frames after this one of an existing
-    cache are made anew; written: what is written of the smoke; strict: a condition of docs/warnings.md stops the run;
-    max_wall_seconds, requeue_on_signal: as Stop takes them; wait: seconds for another run in the folder; command: for
-    the log; flipbook: a picture of every frame.
+    None: all that the cgroup allows; confine: nothing outside the scene's folder is read; force: begin with too little
+    disk; checkpoint_every, keep_checkpoints: as Checkpoints takes them; allow_restart: a resumed run may drop finished
+    frames where others are damaged; rebake_from: frames after this one of an existing cache are made anew; written:
+    what is written of the smoke; strict: a condition of docs/warnings.md stops the run; max_wall_seconds,
+    requeue_on_signal: as Stop takes them; wait: seconds for another run in the folder; command: for the log; flipbook:
+    a picture of every frame.
     """
 
     output: Path | None = None
@@ -54,6 +57,8 @@ class Options:
     preset: str | None = None
     settings: tuple[str, ...] = ()
     path_map: tuple[str, ...] = ()
+    confine: bool = False
+    force: bool = False
     progress: str = "auto"
     overwrite: bool = False
     resume: bool = False
@@ -77,7 +82,7 @@ def load_scene(
 
     Raises UsageError for options, SceneError with every fault of the scene.
     """
-    stage = open_stage(path, options.path_map)
+    stage = open_stage(path, options.path_map, options.confine)
     set_frames(stage, parse_frames(options.frames) if options.frames else None, options.start)
     expand_instancers(stage)
     overrides = apply_overrides(stage, options.settings)
@@ -104,8 +109,8 @@ def simulate(path: Path, options: Options, log: Log | None = None) -> Result:
 
 
 def _simulate(path: Path, options: Options, log: Log, progress: Progress, stop: Stop) -> Result:
-    if not options.wait >= 0:
-        raise UsageError(f"--wait {options.wait:g}: must be a number >= 0")
+    if not 0 <= options.wait < math.inf:
+        raise UsageError(f"--wait {options.wait:g}: must be a finite number >= 0")
     checkpoints = Checkpoints(options.checkpoint_every, options.keep_checkpoints)
     threads, memory_limit = options.threads or available_threads(), available_memory()
     folder = options.output or Path.cwd() / f"{path.stem}_cache"
@@ -125,6 +130,8 @@ def _simulate(path: Path, options: Options, log: Log, progress: Progress, stop: 
         if wanted.first > scene.frames.first:
             demand_start(wanted, scene.frames.first, _last_checkpoint(folder, mode, options.allow_restart))
         checkpoint = find_checkpoint(Manifest.load(folder), options.rebake_from, scene) if mode == "rebake" else None
+        if not options.force:
+            _demand_disk(folder, mode, scene, options, checkpoints)
         build = build_simulation(scene, threads, memory_limit, log)
         with build.simulation, usd_messages(log.info):
             if start:
@@ -142,6 +149,22 @@ def _simulate(path: Path, options: Options, log: Log, progress: Progress, stop: 
             log.open(folder / "log", *_heading(scene, options))
             run = Run(scene, cache, build, log, progress, checkpoints, stop, options.strict, options.flipbook)
             return run.execute(mode != "new")
+
+
+def _demand_disk(folder: Path, mode: str, scene: Scene, options: Options, checkpoints: Checkpoints) -> None:
+    """Raises CacheIOError where there is too little room for the frames that are still to be made."""
+    there = set()
+    if mode != "new":
+        manifest = cache_module.open_manifest(folder, options.allow_restart)
+        before = options.rebake_from if mode == "rebake" else scene.frames.last
+        there = {frame for frame in map(int, manifest.frames) if frame <= before}
+    frames = sum(1 for frame in scene.frames if frame not in there)
+    if not frames:
+        return
+    output = Output.of(manifest.data.get("output")) if mode == "resume" else options.written
+    needed = disk.need(scene, output, frames, checkpoints.most(frames), frames if options.flipbook else 0)
+    replaced = cache_module.size(folder) if mode == "new" else 0
+    disk.demand(folder, needed, disk.free(folder) + replaced)
 
 
 def _heading(scene: Scene, options: Options) -> list[str]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Iterable
 from pathlib import Path
 
 from pxr import Sdf, Tf, UsdUtils
 
+from .. import files
 from ..errors import UsageError
 
 
@@ -61,16 +61,12 @@ def _rule(where: str, source: str, target: str, windows: bool = False) -> Rule:
 def _read(path: Path) -> list[Rule]:
     where = f"--path-map {path}"
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = files.read_tagged(path, "a file of Open Job Description's rules", True, version="pathmapping-1.0")
     except OSError as error:
         raise UsageError(f"{where}: must read A=B, or name a file of rules: {error.strerror}") from error
     except ValueError as error:
-        raise UsageError(f"{where}: is no JSON: {error}") from error
-    if data == {}:
-        return []  # a session without rules
-    if not isinstance(data, dict) or data.get("version") != "pathmapping-1.0":
-        raise UsageError(f'{where}: must hold "version": "pathmapping-1.0", as Open Job Description has it')
-    rules = []
+        raise UsageError(f'{where}: {error}; such a file holds "version": "pathmapping-1.0"') from error
+    rules = []  # a session without rules has an empty object
     for number, entry in enumerate(data.get("path_mapping_rules", []), 1):
         try:
             windows = entry["source_path_format"].upper() == "WINDOWS"

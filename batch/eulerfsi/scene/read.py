@@ -25,6 +25,7 @@ from ..solver.simulation import slab_axis
 from ..system import available_threads
 from . import memory
 from .bodies import examine, read_collider, read_density, read_pins, read_solid
+from .confine import demand_confined, demand_layers_within
 from .parts import Pin, Scene, Solid
 from .passengers import read_passenger, read_riders
 from .path_map import map_layers, parse_rules
@@ -38,18 +39,26 @@ EARTH_GRAVITY = 9.81  # m/s^2
 _VOXEL_SIZES = (1e-6, 1e6)  # m: what single precision and OpenVDB's transforms can hold, and a continuum is
 
 
-def open_stage(path: Path, path_map: Iterable[str] = ()) -> Usd.Stage:
-    """Opens a scene file with the schema registered. path_map: options `--path-map`. Raises SceneError, UsageError."""
+def open_stage(path: Path, path_map: Iterable[str] = (), confine: bool = False) -> Usd.Stage:
+    """Opens a scene file with the schema registered. Raises SceneError, UsageError.
+
+    path_map: options `--path-map`; confine: nothing outside the scene's folder is read.
+    """
     rules = parse_rules(path_map)
     if not path.is_file():
         raise SceneError(f"{path}: {'is a folder, not a scene file' if path.is_dir() else 'no such file'}")
     if not is_usd_file(path):
         raise SceneError(how_to_make_a_scene(path))
+    if confine:
+        demand_confined(path, rules)
     held = map_layers(path, rules)
     try:
-        return Usd.Stage.Open(held[0] if held else str(path))
+        stage = Usd.Stage.Open(held[0] if held else str(path))
     except (Tf.ErrorException, UnicodeDecodeError) as error:  # bytes that are no text reach Python as the latter
         raise SceneError(f"{path}: cannot be opened as USD: {usd_reason(error)}") from error
+    if confine:
+        demand_layers_within(stage, path, rules)
+    return stage
 
 
 def stage_frames(stage: Usd.Stage) -> FrameRange:

@@ -8,60 +8,33 @@ NumPy, which would take longer to import than most meshes to read.
 
 from __future__ import annotations
 
-import contextlib
 import ctypes
 import json
 import os
-import resource
-import signal
 import sys
 from collections.abc import Iterator
 from ctypes import byref, c_void_p
 from typing import Any, BinaryIO
 
+from .. import child
 from ..errors import EulerFsiError, LibraryError
 from . import binding, c_api
-
-_PR_SET_PDEATHSIG = 1  # linux/prctl.h
 
 
 def main(arguments: list[str]) -> None:
     """Reads the file and writes the answer."""
-    path, descriptor, memory, parent = arguments[0], *map(int, arguments[1:])
-    _end_with(parent)
-    with open(descriptor, "wb") as out:
+    out, memory = child.begin(arguments[1:])
+    with out:
         try:
             binding.library()
-            _limit(memory)
-            _read(path, out)
+            child.limit(memory)
+            _read(arguments[0], out)
         except LibraryError as error:
             _write_line(out, status=error.status, message=str(error))
         except EulerFsiError as error:
             _write_line(out, status=binding.ERROR_INTERNAL, message=str(error))
         except MemoryError:
             _write_line(out, status=binding.ERROR_MEMORY, message="not enough memory")
-
-
-def _end_with(parent: int) -> None:
-    """A parent that is killed cannot end its child: the kernel does."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:
-        sys.exit(1)
-
-
-def _limit(memory: int) -> None:
-    """At most `memory` bytes beyond what interpreter and library take already, no core file, first to be killed."""
-    with open("/proc/self/statm", encoding="ascii") as file:
-        base = int(file.read().split()[0]) * resource.getpagesize()
-    for kind, value in (
-        (resource.RLIMIT_AS, base + memory),
-        (resource.RLIMIT_FSIZE, memory),
-        (resource.RLIMIT_CORE, 0),
-    ):
-        least = min([value, *(limit for limit in resource.getrlimit(kind) if limit != resource.RLIM_INFINITY)])
-        resource.setrlimit(kind, (least, least))
-    with contextlib.suppress(OSError), open("/proc/self/oom_score_adj", "w", encoding="ascii") as file:
-        file.write("1000")
 
 
 def _read(path: str, out: BinaryIO) -> None:

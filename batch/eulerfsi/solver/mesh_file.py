@@ -9,21 +9,18 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 
-from .. import paths
+from .. import child
 from ..errors import EulerFsiError, LibraryError
 from ..system import available_memory, format_bytes
 from . import binding
 
 FORMATS = ("obj", "ply", "stl", "off", "gltf", "glb", "fbx", "dae", "3ds")
-SECONDS, SECONDS_PER_MEGABYTE = 10.0, 1.0
 
 Arrays = tuple[np.ndarray, np.ndarray, np.ndarray]
 
@@ -36,7 +33,7 @@ def read(path: str | Path, memory_limit: int | None = None) -> Arrays:
     """
     memory, seconds = memory_limit or available_memory(), time_limit(path)
     with tempfile.TemporaryFile() as answer, tempfile.TemporaryFile() as noise:
-        code = _run(path, memory, seconds, answer, noise)
+        code = child.run("eulerfsi.solver.mesh_child", [os.fspath(path)], memory, seconds, answer, noise)
         if code is None:
             message = f"{path}: not read within {seconds:.0f} s; the file is most likely damaged"
             raise LibraryError(binding.ERROR_MESH, message)
@@ -50,8 +47,7 @@ def read(path: str | Path, memory_limit: int | None = None) -> Arrays:
                 binding.ERROR_MESH, f"{path}: the process reading it crashed ({name}); the file is most likely damaged"
             )
         if code > 0:
-            noise.seek(0)
-            last = noise.read().decode("utf-8", "replace").strip().rpartition("\n")[2]
+            last = child.last_line(noise)
             raise EulerFsiError(f"{path}: the process reading it failed with code {code}: {last}")
         answer.seek(0)
         return _arrays(path, answer, memory)
@@ -65,34 +61,7 @@ def time_limit(path: str | Path) -> float:
         size = sum(file.stat().st_size for file in (path, *beside))
     except OSError:
         size = 0  # the reader tells what is wrong
-    return max(SECONDS, SECONDS_PER_MEGABYTE * size / 1e6)
-
-
-def _run(path: str | Path, memory: int, seconds: float, answer: BinaryIO, noise: BinaryIO) -> int | None:
-    """Exit code of the child, None when its time was up. It is gone when this returns or raises."""
-    if not sys.executable:
-        raise EulerFsiError(
-            f"{path}: a mesh file is read by a second Python process, and the interpreter of this one is unknown"
-        )
-    arguments = [os.fspath(path), str(answer.fileno()), str(memory), str(os.getpid())]
-    # The child shall find what this process found, whatever the environment says.
-    places = [str(paths.PACKAGE.parent), *(place for place in sys.path if os.path.isabs(place))]
-    child = subprocess.Popen(
-        [sys.executable, "-P", "-m", "eulerfsi.solver.mesh_child", *arguments],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=noise,
-        pass_fds=(answer.fileno(),),
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(places)},
-        start_new_session=True,  # Ctrl-C reaches this process alone, which ends the child
-    )
-    try:
-        return child.wait(seconds)
-    except subprocess.TimeoutExpired:
-        return None
-    finally:
-        child.kill()
-        child.wait()
+    return child.time_limit(size)
 
 
 def _arrays(path: str | Path, answer: BinaryIO, memory: int) -> Arrays:

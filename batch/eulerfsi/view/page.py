@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import dataclasses
 import hashlib
 import html
 import json
@@ -44,5 +45,47 @@ def write_page(title: str, subtitle: str, facts: dict[str, Any], blobs: Blobs) -
         "SCRIPT": script,
         "LICENSE": _part("three-LICENSE.txt").strip(),
     }
-    pieces = _part("page.html").split("@")  # names and what is between them; no value is looked at again
+    return _filled("page.html", values)
+
+
+def _filled(name: str, values: dict[str, str]) -> str:
+    pieces = _part(name).split("@")  # names and what is between them; no value is looked at again
     return "".join(values[piece] if number % 2 else piece for number, piece in enumerate(pieces))
+
+
+@dataclasses.dataclass
+class Beside:
+    """One of the pages that stand side by side. fault: why there is less of it than of others, "" for nothing;
+    text: the page, "" for none; seconds: from its first frame to its last."""
+
+    caption: str
+    fault: str
+    text: str
+    seconds: float
+
+
+def write_side_by_side(title: str, pages: list[Beside], notes: list[str]) -> str:
+    """The text of a page with pages inside, which it moves together."""
+    style, script = _part("side_by_side.css"), _part("side_by_side.js").strip()
+    inner_style, inner_script = _part("page.css"), _part("page.js").strip()
+    scripts, styles = f"{_hash(script)} {_hash(inner_script)}", f"{_hash(style)} {_hash(inner_style)}"
+    policy = f"default-src 'none'; script-src {scripts}; style-src {styles}; img-src data: blob:; frame-src 'self'"
+    values = {
+        "POLICY": policy,
+        "TITLE": html.escape(title),
+        "STYLE": style,
+        "PAGES": "\n".join(map(_figure, pages)),
+        "NOTES": "\n".join(f"<p>{html.escape(note)}</p>" for note in notes),
+        "SCRIPT": script,
+    }
+    return _filled("side_by_side.html", values)
+
+
+def _figure(page: Beside) -> str:
+    fault = f"<br><b>{html.escape(page.fault)}</b>" if page.fault else ""
+    shown = ""
+    if page.text:
+        title = html.escape(page.caption, quote=True)
+        inside = html.escape(page.text, quote=True)
+        shown = f'<iframe title="{title}" data-seconds="{page.seconds:.6g}" srcdoc="{inside}"></iframe>'
+    return f"<figure>{shown}<figcaption>{html.escape(page.caption)}{fault}</figcaption></figure>"

@@ -9,6 +9,7 @@
 
 #include "base/error.hpp"
 #include "sim/simulation.hpp"
+#include "sim/state_fits.hpp"
 
 namespace efsi::sim {
 namespace {
@@ -176,6 +177,11 @@ std::string body_difference(const Head& theirs, const Head& ours, const std::str
   return "";
 }
 
+// fault: of state_fits.hpp.
+void demand_fit(const std::string& fault, const std::string& path) {
+  if (!fault.empty()) throw Error(ErrorCode::kIo, path + ": is damaged: " + fault);
+}
+
 }  // namespace
 
 void Hash::add(const void* data, std::size_t bytes) {
@@ -233,7 +239,9 @@ void restore_checkpoint(Simulation& simulation, const std::string& path) {
   simulation.prepare();
   if (reader.head.scene != simulation.scene_hash() || reader.head.rests.size() != simulation.state().solids.size())
     throw Error(ErrorCode::kCheckpoint, path + ": belongs to another scene or other parameters");
-  simulation.set_state(reader.state());
+  State state = reader.state();
+  demand_fit(state_fault(state, simulation.state(), simulation.grid(), simulation.solids()), path);
+  simulation.set_state(std::move(state));
 }
 
 void restore_state(Simulation& simulation, const std::string& path) {
@@ -242,6 +250,10 @@ void restore_state(Simulation& simulation, const std::string& path) {
   std::string reason = box_difference(reader.head, ours);
   if (reason.empty())
     reason = body_difference(reader.head, ours, "solids and colliders", [](std::uint64_t) { return true; });
+  const auto demand_none = [&] {
+    if (!reason.empty()) throw Error(ErrorCode::kCheckpoint, path + ": " + reason);
+  };
+  demand_none();
   State state = reader.state();
   simulation.prepare();
   const fluid::FluidState &fluid = simulation.state().fluid, &other = state.fluid;
@@ -250,10 +262,11 @@ void restore_state(Simulation& simulation, const std::string& path) {
     reason = differs("ambient_fluid", has_fluid(fluid), has_fluid(other));
   if (reason.empty() && fluid.velocity.size() != other.velocity.size())
     reason = "walls: periodic axes must be those of the checkpoint";
-  if (!reason.empty()) throw Error(ErrorCode::kCheckpoint, path + ": " + reason);
+  demand_none();
   // What emitters give from now on had no place before.
   if (state.fluid.smoke.empty()) state.fluid.smoke.assign(fluid.smoke.size(), 0);
   if (state.fluid.temperature.empty()) state.fluid.temperature.assign(fluid.temperature.size(), 0);
+  demand_fit(state_fault(state, simulation.state(), simulation.grid(), simulation.solids()), path);
   simulation.set_state(std::move(state));
 }
 
@@ -269,6 +282,7 @@ void restore_solids(Simulation& simulation, const std::string& path) {
     if (!is_solid(ours.rests[l])) continue;
     while (!is_solid(reader.head.rests[k])) ++k;
     solids[l] = theirs.solids[k++];
+    demand_fit(body_fault(solids[l], simulation.grid(), simulation.solids()[l]), path);
     solids[l].presses.clear();
     solids[l].contacts.clear();
   }
