@@ -24,6 +24,9 @@ def _data() -> dict:
     return json.loads(Path(__file__).with_name("presets.json").read_text(encoding="utf-8"))
 
 
+DEFAULT_SIZE = float(_data()["size"])  # of the object that the moduli of the table are for, in metres
+
+
 @cache
 def presets() -> dict[str, Preset]:
     """{name: Preset}."""
