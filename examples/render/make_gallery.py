@@ -83,6 +83,7 @@ def make(picture: dict[str, Any], python: Path, threads: int | None, samples: in
     PICTURES.mkdir(parents=True, exist_ok=True)
     words = [python, HERE / "paint.py", cache / f"{name}.usda", PICTURES / f"{name}.webp"]
     words += ["--frames", *map(str, picture["frames"]), "--smoke", str(picture["smoke"]), "--samples", str(samples)]
+    words += ["--floor", str(picture["floor"])] if "floor" in picture else []
     words += ["--threads", str(threads)] if threads else []
     subprocess.run([str(word) for word in words], cwd=ROOT, check=True)
     print(f"{PICTURES / name}.webp: {(PICTURES / f'{name}.webp').stat().st_size:,} bytes", flush=True)

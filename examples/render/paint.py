@@ -1,6 +1,6 @@
 """Renders frames of a cache side by side with Cycles, into one WebP; make_gallery.py calls it in a Python with bpy.
 
-paint.py LAYER PICTURE --frames 1 8 24 [--smoke FACTOR] [--samples N] [--height PIXELS] [--threads N]
+paint.py LAYER PICTURE --frames 1 8 24 [--smoke FACTOR] [--floor Y] [--samples N] [--height PIXELS] [--threads N]
 """
 
 from __future__ import annotations
@@ -13,7 +13,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-BACKGROUND = (0.32, 0.38, 0.46)
+BACKGROUND, FLOOR = (0.55, 0.65, 0.8), (0.5, 0.5, 0.52)
+SUN, SKY = 4.0, 0.45  # strengths
+ZOOM = 1.5  # the scenes' cameras are for wide pictures, these are square
 
 
 def load(layer: str) -> None:
@@ -25,13 +27,24 @@ def load(layer: str) -> None:
     if not cameras:
         raise SystemExit(f"{layer}: has no camera")
     scene.camera = cameras[0]
+    scene.camera.data.lens *= ZOOM
     for light in [obj for obj in scene.objects if obj.type == "LIGHT"]:
-        light.data.energy = 3.0  # watts per square metre: the files' own are for other renderers
+        light.data.normalize = True  # else its strength depends on its angle
+        light.data.energy = SUN  # watts per square metre: the files' own are for other renderers
     world = bpy.data.worlds.new("Sky")
     world.use_nodes = True
     shade = world.node_tree.nodes["Background"].inputs
-    shade["Color"].default_value, shade["Strength"].default_value = (*BACKGROUND, 1.0), 0.7
+    shade["Color"].default_value, shade["Strength"].default_value = (*BACKGROUND, 1.0), SKY
     scene.world = world
+
+
+def add_floor(height: float) -> None:
+    """A plane at a height of the scene, which is y up in the file and z up here."""
+    bpy.ops.mesh.primitive_plane_add(size=20.0, location=(0.0, 0.0, height))
+    material = bpy.data.materials.new("Floor")
+    material.use_nodes = True
+    material.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (*FLOOR, 1.0)
+    bpy.context.object.data.materials.append(material)
 
 
 def add_smoke(factor: float) -> None:
@@ -88,12 +101,15 @@ def main() -> int:
     parser.add_argument("picture", type=Path)
     parser.add_argument("--frames", type=int, nargs="+", required=True)
     parser.add_argument("--smoke", type=float, default=20.0)
+    parser.add_argument("--floor", type=float, help="height of a floor; default: none")
     parser.add_argument("--samples", type=int, default=4)
     parser.add_argument("--height", type=int, default=240)
     parser.add_argument("--threads", type=int)
     given = parser.parse_args()
     load(given.layer)
     add_smoke(given.smoke)
+    if given.floor is not None:
+        add_floor(given.floor)
     set_up(given.height, given.samples, given.threads)
     with tempfile.TemporaryDirectory() as folder:
         strips = [render(frame, Path(folder)) for frame in given.frames]
