@@ -56,9 +56,7 @@ def page() -> str:
         name = picture["scene"]
         frames = ", ".join(map(str, picture["frames"][:-1])) + f" and {picture['frames'][-1]}"
         command = " ".join(["./eulerfsi simulate", f"examples/scenes/{name}.usda", *options(picture, "build/gallery/")])
-        text += f"## {picture['figure']}: `{name}`\n\n"
-        if (PICTURES / f"{name}.webp").is_file():
-            text += f"![{picture['says']}](images/gallery/{name}.webp)\n\n"
+        text += f"## {picture['figure']}: `{name}`\n\n![{picture['says']}](images/gallery/{name}.webp)\n\n"
         text += f"{picture['says']} Frames {frames} of\n\n    {command}\n\n"
     return text.rstrip("\n") + "\n"
 
@@ -98,7 +96,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--page", action="store_true", help="write the page alone")
     parser.add_argument("--bpy", type=Path, default=ROOT / ".eulerfsi/bpy/bin/python", metavar="PYTHON")
     parser.add_argument("--threads", type=int, help="of runs and pictures; default: all")
-    parser.add_argument("--samples", type=int, default=4, help="of Cycles; default: 4")
+    parser.add_argument("--samples", type=int, default=8, help="of Cycles; default: 8")
     given = parser.parse_args(arguments)
     if given.page:
         PAGE.write_text(page(), encoding="utf-8")
