@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Materials by name. Each sets rows of the table's solid; what it does not name has the table's default.
-
-Moduli are for an object of SIZE metres and grow with it: what counts is the stiffness against the object's own weight.
-"""
+"""Materials by name (presets.json, put in by `./eulerfsi package blender`), in the names of Blender's properties."""
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import NamedTuple
 
-SIZE = 0.2
+from . import table
 
 
 class Preset(NamedTuple):
@@ -19,51 +18,10 @@ class Preset(NamedTuple):
     values: dict[str, float | bool]
 
 
+_DATA = json.loads(Path(__file__).with_name("presets.json").read_text(encoding="utf-8"))
+SIZE = _DATA["size"]  # of the object that the moduli are for, in metres
+KEPT = {table.snake(name) for name in _DATA["kept"]}  # properties that no preset sets
 PRESETS = {
-    "RUBBER": Preset(
-        "Rubber",
-        "Bounces and keeps its shape; dents a little where it hits",
-        {"density": 1100.0, "youngs_modulus": 80000.0, "poissons_ratio": 0.45, "friction": 0.6},
-    ),
-    "JELLY": Preset(
-        "Jelly",
-        "Wobbles long after it has landed; sags under its own weight",
-        {"density": 1000.0, "youngs_modulus": 20000.0, "poissons_ratio": 0.45, "friction": 0.2},
-    ),
-    "FLESH": Preset(
-        "Flesh",
-        "Gives way like jelly, but stops wobbling soon",
-        {
-            "density": 1050.0,
-            "youngs_modulus": 30000.0,
-            "poissons_ratio": 0.45,
-            "friction": 0.4,
-            "rayleigh_alpha": 2.0,
-            "rayleigh_beta": 0.002,
-        },
-    ),
-    "FOAM": Preset(
-        "Foam",
-        "Light, is squeezed together without bulging, and springs back; needs an open wall or no ambient fluid",
-        {
-            "density": 60.0,
-            "youngs_modulus": 8000.0,
-            "poissons_ratio": 0.1,
-            "compressible": True,
-            "friction": 0.5,
-            "rayleigh_alpha": 1.0,
-        },
-    ),
-    "CLAY": Preset(
-        "Clay",
-        "Is dented for good: yields where it hits and does not bounce",
-        {
-            "density": 1600.0,
-            "youngs_modulus": 100000.0,
-            "poissons_ratio": 0.4,
-            "friction": 0.7,
-            "plastic_yield_stress": 5000.0,
-            "plastic_flow_rate": 1000.0,
-        },
-    ),
+    name.upper(): Preset(entry["label"], entry["behaves"], {table.snake(n): v for n, v in entry["values"].items()})
+    for name, entry in _DATA["presets"].items()
 }

@@ -68,9 +68,8 @@ def _take_preset(settings: EULERFSI_PG_object, _context: bpy.types.Context) -> N
         return
     obj = settings.id_data
     size = max(obj.dimensions) * bpy.context.scene.unit_settings.scale_length or presets.SIZE
-    kept = {"velocity", "angular_velocity", "stretch", "contact_stiffness"}
     for name, row in table.rows("solid").items():
-        if name not in kept:
+        if name not in presets.KEPT:
             value = preset.values.get(name, row["default"])
             factor = size / presets.SIZE if row.get("unit") == "Pa" else 1.0
             setattr(settings.solid, name, float(f"{value * factor:.3g}") if factor != 1.0 else value)

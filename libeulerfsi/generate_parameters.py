@@ -4,7 +4,7 @@
     python libeulerfsi/generate_parameters.py --check   # exit 1 and print a diff where a committed output differs
 
 Outputs (relative to the repository root), see `OUTPUTS`: the C++ table, the USD schema source, the table that the
-Python package eulerfsi_usd reads, the dialog of the Houdini asset, and docs/parameters.md.
+Python package eulerfsi_usd reads, dialog and help of the Houdini asset, and docs/parameters.md.
 Needs Python 3.11 and nothing else.
 """
 
@@ -283,20 +283,46 @@ def render_json(table: Table) -> str:
     return json.dumps(data, indent=1) + "\n"
 
 
+ASSET = "houdini_hda/otls/eulerfsi_solver.hda/eulerfsi_8_8Sop_1solver_8_81.0"
 DIALOG_TEMPLATE = ROOT / "houdini_hda" / "DialogScript.template"
+HELP_TEMPLATE = ROOT / "houdini_hda" / "Help.template"
+PRESETS = ROOT / "usd_plugin" / "eulerfsi_usd" / "presets.json"
 DIALOG_TYPES = {"double": "float", "bool": "toggle", "token": "string", "asset": "file"}
 
 
 def render_dialog(table: Table) -> str:
-    """DialogScript of the Houdini asset: the template with a line "@rows SCOPE PREFIX@" replaced by parameters."""
+    """DialogScript of the Houdini asset: the template with each line "@rows SCOPE PREFIX@" replaced by parameters and
+    the materials put into their menu."""
 
     def rows(match: re.Match[str]) -> str:
         indent, scope, prefix = match.groups()
         blocks = [dialog_parameter(scope, prefix or "", parameter) for parameter in table[scope]["parameter"]]
         return "\n".join(indent + line if line else "" for block in blocks for line in block)
 
+    presets = json.loads(PRESETS.read_text(encoding="utf-8"))["presets"]
+    menu = f"\n{' ' * 20}".join(f'"{name}" "{preset["label"]}"' for name, preset in presets.items())
+    behaves = " ".join(f"{preset['label']}: {preset['behaves']}." for preset in presets.values())
     template = DIALOG_TEMPLATE.read_text(encoding="utf-8").replace("@note@", NOTE)
+    template = template.replace("@presets@", menu).replace("@behaves@", behaves)
     return re.sub(r"^( *)@rows (\w+) ?([\w#]*)@$", rows, template, flags=re.MULTILINE)
+
+
+CARD = re.compile(
+    r' *(group|multiparm|parm) {\n *name +"(.*)"\n *label +"(.*)"\n(?:(?! *(?:group|multiparm|parm) {).*\n)*'
+)
+
+
+def render_help(table: Table) -> str:
+    """Help of the Houdini asset: the template with "@cards@" replaced by a card for every parameter of the dialog."""
+    cards = []
+    for match in CARD.finditer(render_dialog(table)):
+        kind, name, label = match.groups()
+        if kind == "group":
+            cards.append(f"== {label} ==\n")
+        elif kind == "parm":
+            text = json.loads(re.search(r'^ *help +(".*")$', match[0], re.MULTILINE)[1])
+            cards.append(f"{label}:\n    #id: {name}\n\n    {text}\n")
+    return HELP_TEMPLATE.read_text(encoding="utf-8").replace("@cards@\n", "\n".join(cards))
 
 
 def dialog_parameter(scope: str, prefix: str, parameter: Parameter) -> list[str]:
@@ -376,7 +402,8 @@ OUTPUTS: dict[str, Callable[[Table], str]] = {
     "libeulerfsi/src/frame/parameter_table.inc": render_cpp,
     "usd_plugin/eulerfsi_schema/schema.usda": render_schema,
     "usd_plugin/eulerfsi_usd/parameters.json": render_json,
-    "houdini_hda/otls/eulerfsi_bake.hda/eulerfsi_8_8Driver_1bake_8_81.0/DialogScript": render_dialog,
+    f"{ASSET}/DialogScript": render_dialog,
+    f"{ASSET}/Help": render_help,
     "docs/parameters.md": render_docs,
 }
 

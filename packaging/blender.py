@@ -1,8 +1,8 @@
 """The Blender extension: one zip per Python, with the solver inside (`./eulerfsi package blender`).
 
-A zip holds blender_addon/, the parameter table and, below solver/, the wheel of `package wheel` with what it needs, for
-one Python. Blender never has that folder on its path: usd-core would take the place of Blender's own `pxr`. The solver
-runs in a process of its own that has. Validating is Blender's own tool's business (tests/blender).
+A zip holds blender_addon/, the tables of parameters and materials and, below solver/, the wheel of `package wheel` with
+what it needs, for one Python. Blender never has that folder on its path: usd-core would take the place of Blender's own
+`pxr`. The solver runs in a process of its own that has. Validating is Blender's own tool's business (tests/blender).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from eulerfsi.errors import EulerFsiError, UsageError
 
 ROOT = Path(__file__).resolve().parents[1]
 ADDON = ROOT / "blender_addon"
-TABLE = ROOT / "usd_plugin" / "eulerfsi_usd" / "parameters.json"
+TABLES = [ROOT / "usd_plugin" / "eulerfsi_usd" / name for name in ("parameters.json", "presets.json")]
 # Python: the versions of Blender that have it, from the first to before the second.
 BLENDERS = {"3.11": ("4.2.0", "5.1.0"), "3.13": ("5.1.0", "6.0.0")}
 _PLATFORMS = ("manylinux_2_28_x86_64", "manylinux_2_17_x86_64", "manylinux2014_x86_64")
@@ -45,7 +45,8 @@ def _package(output: Path, wheel: Path, python: str) -> Path:
     with tempfile.TemporaryDirectory(prefix="eulerfsi-blender-") as folder:
         tree = Path(folder) / "eulerfsi"
         shutil.copytree(ADDON, tree, ignore=shutil.ignore_patterns("__pycache__"))
-        shutil.copy(TABLE, tree / "parameters.json")
+        for file in TABLES:
+            shutil.copy(file, tree)
         _install(tree / "solver", wheel, python)
         manifest = tree / "blender_manifest.toml"
         manifest.write_text(_manifest(manifest.read_text(), python), encoding="utf-8")

@@ -25,10 +25,11 @@ ADDON = ROOT / "blender_addon"
 
 @pytest.fixture
 def addon(tmp_path, monkeypatch):
-    """Imports a module of the extension as the zip has it: beside the parameter table."""
+    """Imports a module of the extension as the zip has it: beside the tables."""
     place = tmp_path / "addon" / "extension"
     shutil.copytree(ADDON, place)
-    shutil.copy(ROOT / "usd_plugin/eulerfsi_usd/parameters.json", place)
+    for name in ("parameters.json", "presets.json"):
+        shutil.copy(ROOT / "usd_plugin/eulerfsi_usd" / name, place)
     (place / "__init__.py").write_text("")  # the real one needs bpy
     monkeypatch.syspath_prepend(str(place.parent))
     for name in [name for name in sys.modules if name.split(".")[0] == "extension"]:
@@ -64,8 +65,9 @@ def test_every_row_has_a_property_and_presets_are_rows(addon):
     shown = {(scope, row["name"]) for scope in table.SCOPES for row in table.rows(scope).values()}
     assert shown == {(row["scope"], row["name"]) for row in data["parameters"]} - table.FROM_OBJECT
     rows = table.rows("solid")
+    assert len(presets.PRESETS) >= 5 and presets.KEPT & set(rows) == presets.KEPT - {"enabled", "surface_file"}
     for preset in presets.PRESETS.values():
-        assert preset.behaves and set(preset.values) <= set(rows)
+        assert preset.behaves and set(preset.values) <= set(rows) - presets.KEPT
         for name, value in preset.values.items():
             low, high = (rows[name].get("hard") or (None, None))[:2]
             assert (low is None or value >= low) and (high is None or value <= high), name

@@ -1,113 +1,34 @@
-"""The Houdini asset as text: files, dialog, callbacks; and its Python code against a substitute for `hou`."""
+"""The Houdini asset as text: files, dialog, callbacks, help. Its Python code: test_hda_code.py."""
 
 from __future__ import annotations
 
+import ast
+import email
 import json
 import math
-import os
 import re
-import sys
-import types
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
-import eulerfsi_usd  # noqa: F401  (registers the schema before the first stage)
 import pytest
-from eulerfsi_usd import checks
+from dialog_script import (
+    ASSET,
+    DIALOG,
+    FOLDER,
+    OPERATOR,
+    PARMS,
+    ROOT,
+    encode,
+    parse_dialog,
+    section,
+    sections_list,
+    walk,
+)
 from eulerfsi_usd.parameters import load
-from pxr import Gf, Usd, UsdGeom, UsdPhysics
+from eulerfsi_usd.presets import presets
 
-ROOT = Path(__file__).resolve().parents[2]
-FOLDER = ROOT / "houdini_hda"
-ASSET = FOLDER / "otls" / "eulerfsi_bake.hda"
-OPERATOR = "eulerfsi::Driver/bake::1.0"
 PYTHON_SECTIONS = ("PythonModule", "OnCreated")
-SCOPE_PREFIX = {"domain": "", "solid": "solid#_", "emitter": "emitter#_", "force": "force#_"}
-
-# ------------------------------------------------------------------------------------------------- dialog script parser
-
-TOKEN = re.compile(r'\s+|#[^\n]*|(?P<string>"(?:[^"\\]|\\.)*")|(?P<brace>[{}])|(?P<word>[^\s{}"]+)')
-BLOCKS = {"parm", "group", "multiparm"}
-
-
-def tokens_of(text: str) -> list[str]:
-    """Tokens of a dialog script; strings keep their quotes. Raises ValueError where the text is none."""
-    result, position = [], 0
-    while position < len(text):
-        match = TOKEN.match(text, position)
-        if match is None:
-            raise ValueError(f"dialog script: {text[position : position + 20]!r}")
-        position = match.end()
-        if match.lastgroup:
-            result.append(match.group())
-    return result
-
-
-def parse_block(tokens: list[str], at: int) -> tuple[dict, int]:
-    """A block from the token after "{" to its "}": {"children": [(kind, block)], "tags": {...}, key: [words]}."""
-    block: dict = {"children": [], "tags": {}}
-    while tokens[at] != "}":
-        key, at = tokens[at], at + 1
-        if key in BLOCKS:
-            assert tokens[at] == "{", key
-            child, at = parse_block(tokens, at + 1)
-            block["children"].append((key, child))
-            continue
-        values = []
-        if tokens[at] == "{":
-            end = tokens.index("}", at)
-            values, at = tokens[at + 1 : end], end + 1
-        elif key not in ("joinnext", "nolabel", "invisible", "baseparm"):
-            values, at = [tokens[at]], at + 1
-        words = [json.loads(word) if word.startswith('"') else word for word in values]
-        if key == "parmtag":
-            block["tags"][words[0]] = words[1]
-        else:
-            assert key not in block, f"{key} occurs twice"
-            block[key] = words
-    return block, at + 1
-
-
-def parse_dialog(text: str) -> dict:
-    tokens = tokens_of(text)
-    assert tokens[0] == "{"
-    block, end = parse_block(tokens, 1)
-    assert end == len(tokens)
-    return block
-
-
-def walk(block: dict, multiparm: str | None = None) -> list[tuple[str | None, dict]]:
-    """[(name of the multiparm around it or None, parm block)], multiparms included as parms."""
-    result = []
-    for kind, child in block["children"]:
-        if kind == "parm":
-            result.append((multiparm, child))
-        elif kind == "multiparm":
-            result += [(None, child | {"type": ["multiparm"]}), *walk(child, child["name"][0])]
-        else:
-            result += walk(child, multiparm)
-    return result
-
-
-def section(name: str) -> str:
-    return (ASSET / encode(OPERATOR) / name).read_text(encoding="utf-8")
-
-
-def encode(operator: str) -> str:
-    """Folder name of an operator in an expanded asset."""
-    return operator.replace("_", "__").replace("/", "_1").replace(":", "_8")
-
-
-def sections_list(path: Path) -> dict[str, str]:
-    first, *lines = path.read_text(encoding="utf-8").splitlines()
-    assert first == '""'
-    return dict(line.split("\t") for line in lines)
-
-
-DIALOG = parse_dialog(section("DialogScript"))
-PARMS = {parm["name"][0]: (multiparm, parm) for multiparm, parm in walk(DIALOG)}
-
-# ------------------------------------------------------------------------------------------------------ files and text
+SCOPE_PREFIX = {"domain": "", "solid": "solid#_", "emitter": "emitter#_", "force": "force#_", "collider": "collider#_"}
 
 
 def test_index_sections_and_folders_agree() -> None:
@@ -130,8 +51,27 @@ def test_index_sections_and_folders_agree() -> None:
 def test_every_listed_section_exists_and_no_other() -> None:
     folder = ASSET / encode(OPERATOR)
     listed = sections_list(folder / "Sections.list")
-    assert {path.name for path in folder.iterdir()} == {*listed, "Sections.list"}
+    disk = {name.replace("Contents.gz", "Contents.dir") for name in listed}  # a network is a folder of text
+    assert {path.name for path in folder.iterdir()} == {*disk, "Sections.list"}
     assert all(encode(name).replace("_", "") == disk.replace("_", "") for disk, name in listed.items())
+
+
+def test_network_is_text_and_passes_the_first_input_on() -> None:
+    folder = ASSET / encode(OPERATOR) / "Contents.dir"
+    assert {path.name for path in folder.iterdir()} == {*sections_list(folder / "Sections.list"), "Sections.list"}
+    message = email.message_from_string((folder / "Contents.mime").read_text("utf-8"))
+    parts = {part.get_filename(): part.get_payload() for part in message.walk() if part.get_filename()}
+    assert parts["node_type"].strip() == "Sop" and f"type = {DIALOG['name'][0]}" in parts["hdaroot.init"]
+    nodes = parts["hdaroot.order"].split()
+    assert nodes == ["1", "output0"] and {f"hdaroot/{nodes[1]}.{kind}" for kind in ("init", "def", "parm")} <= {*parts}
+    assert "type = output" in parts["hdaroot/output0.init"]
+    assert re.search(r'inputsNamed3\n{\n0 \t\(0\) "" 1 "input1"\n}', parts["hdaroot/output0.def"])
+    index = (ASSET / "INDEX__SECTION").read_text("utf-8")
+    inputs = int(re.search(r"^Inputs: +0 to (\d)$", index, re.MULTILINE)[1])
+    labels = [DIALOG[f"inputlabel{number}"] for number in range(1, inputs + 1)]
+    assert labels == [["Solids"], ["Pins"], ["Colliders"]] and int(parts["hdaroot.inp"].split()[0]) == inputs
+    for name in ("createtimes", "modtimes"):
+        assert json.loads((folder / f"Contents.{name}").read_text("utf-8"))
 
 
 def test_text_sections_are_well_formed() -> None:
@@ -159,9 +99,11 @@ def test_package_points_at_what_the_checkout_has() -> None:
     for entry in package["env"]:
         for name, value in entry.items():
             values[name] = value["value"] if isinstance(value, dict) else value
-            variables.setdefault(f"${name}", values[name])
+            if isinstance(values[name], str):
+                variables.setdefault(f"${name}", values[name])
     assert expand(package["hpath"]) == FOLDER and (FOLDER / "otls").is_dir()
-    assert (expand(values["PYTHONPATH"]) / "eulerfsi_usd" / "__init__.py").is_file()
+    for place, name in zip(values["PYTHONPATH"], ("eulerfsi_usd", "eulerfsi_houdini"), strict=True):
+        assert (expand(place) / name / "__init__.py").is_file()
     assert (expand(values["PXR_PLUGINPATH_NAME"]) / "plugInfo.json").is_file()
     assert expand(values["EULERFSI"]) == ROOT
     assert PARMS["command"][1]["default"] == ["$EULERFSI/eulerfsi"]
@@ -178,7 +120,7 @@ def test_parser_refuses_broken_scripts() -> None:
 
 
 def test_dialog_has_the_name_of_the_operator_and_unique_parameters() -> None:
-    assert DIALOG["name"] == ["eulerfsi::bake::1.0"] and DIALOG["script"] == ["eulerfsi::bake::1.0"]
+    assert DIALOG["name"] == ["eulerfsi::solver::1.0"] and DIALOG["script"] == ["eulerfsi::solver::1.0"]
     names = [parm["name"][0] for _, parm in walk(DIALOG)]
     assert len(names) == len(set(names))
     for multiparm, parm in walk(DIALOG):
@@ -196,12 +138,10 @@ def test_dialog_has_the_name_of_the_operator_and_unique_parameters() -> None:
 def test_defaults_and_limits_equal_the_table() -> None:
     seen = set()
     for scope, rows in load().items():
-        if scope not in SCOPE_PREFIX:
-            continue  # the asset makes no colliders
         for row in rows.values():
             multiparm, parm = PARMS[SCOPE_PREFIX[scope] + row.name]
             seen.add(SCOPE_PREFIX[scope] + row.name)
-            assert multiparm == {"domain": None, "solid": "solids", "emitter": "emitters", "force": "forces"}[scope]
+            assert multiparm == (f"{scope}s" if SCOPE_PREFIX[scope] else None)
             assert parm["tags"]["eulerfsi"] == f"{scope}.{row.name}" and parm["label"] == [row.label]
             default = parm["default"]
             if row.type == "token":
@@ -220,178 +160,37 @@ def test_defaults_and_limits_equal_the_table() -> None:
 
 
 def test_every_callback_exists() -> None:
-    functions = set(re.findall(r"^def (\w+)\(kwargs\)", section("PythonModule"), re.MULTILINE))
-    callbacks = [parm["tags"]["script_callback"] for _, parm in PARMS.values() if "script_callback" in parm["tags"]]
-    assert {re.fullmatch(r"hou\.phm\(\)\.(\w+)\(kwargs\)", text)[1] for text in callbacks} <= functions
-    buttons = [parm for _, parm in PARMS.values() if parm["type"] == ["button"]]
-    assert len(callbacks) == len(buttons) > 0
-    assert all(parm["tags"]["script_callback_language"] == "python" for parm in buttons)
+    package = FOLDER / "python" / "eulerfsi_houdini" / "callbacks.py"
+    functions = {node.name for node in ast.parse(package.read_text("utf-8")).body if isinstance(node, ast.FunctionDef)}
+    (offered,) = (node for node in ast.parse(section("PythonModule")).body if isinstance(node, ast.ImportFrom))
+    assert offered.module == "eulerfsi_houdini.callbacks"
+    called = [parm for _, parm in PARMS.values() if "script_callback" in parm["tags"]]
+    names = [re.fullmatch(r"hou\.phm\(\)\.(\w+)\(kwargs\)", parm["tags"]["script_callback"])[1] for parm in called]
+    assert sorted(names) == sorted(alias.name for alias in offered.names) and {*names} <= functions
+    assert all(parm["tags"]["script_callback_language"] == "python" for parm in called)
+    assert [parm for _, parm in PARMS.values() if parm["type"] == ["button"] and parm not in called] == []
 
 
-# -------------------------------------------------------------------------------------- the Python code of the asset
+def test_disablewhen_names_parameters_and_tokens_of_their_menus() -> None:
+    conditions = [(name, parm["disablewhen"][0]) for name, (_, parm) in PARMS.items() if "disablewhen" in parm]
+    assert len(conditions) > 1
+    for _, condition in conditions:
+        name, token = re.fullmatch(r"{ (\S+) != (\S+) }", condition).groups()
+        assert token in PARMS[name][1]["menu"][::2]
 
 
-class Parm:
-    """A parameter tuple of the substitute node."""
-
-    def __init__(self, values: list) -> None:
-        self.values = values
-
-    def eval(self) -> tuple:
-        return tuple(self.values)
-
-    def set(self, values: tuple) -> None:
-        self.values = list(values)
+def test_materials_are_those_of_the_table() -> None:
+    _, parm = PARMS["solid#_preset"]
+    menu = dict(zip(parm["menu"][::2], parm["menu"][1::2], strict=True))
+    assert menu == {"custom": "Custom"} | {name: preset.label for name, preset in presets().items()}
+    assert all(f"{preset.label}: {preset.behaves}." in parm["help"][0] for preset in presets().values())
 
 
-class Node:
-    """A node whose parameters and defaults are those of the dialog script."""
-
-    def __init__(self, nodes: dict[str, object], counts: dict[str, int]) -> None:
-        self.nodes, self.parms = nodes, {}
-        for name, (multiparm, parm) in PARMS.items():
-            kind = parm["type"][0]
-            convert = {"float": float, "vector": float, "integer": int, "toggle": int, "multiparm": int}.get(kind, str)
-            for number in range(1, counts[multiparm] + 1) if multiparm else (0,):
-                values = [convert(word) for word in parm["default"]]
-                self.parms[name.replace("#", str(number))] = Parm(values)
-        for name, count in counts.items():
-            self.parms[name].set((count,))
-
-    def evalParm(self, name: str):  # noqa: N802
-        (value,) = self.parms[name].values
-        return value
-
-    def parmTuple(self, name: str) -> Parm:  # noqa: N802
-        return self.parms[name]
-
-    def node(self, path: str):
-        return self.nodes.get(path)
-
-    def path(self) -> str:
-        return "/out/bake1"
+def test_every_parameter_has_a_card_of_help() -> None:
+    cards = dict(re.findall(r"^.+:\n    #id: (\S+)\n\n    (.+)$", section("Help"), re.MULTILINE))
+    assert cards == {name: parm["help"][0] for name, (_, parm) in PARMS.items() if parm["type"] != ["multiparm"]}
+    assert "#internal: eulerfsi::solver::1.0" in section("Help")
 
 
-class Matrix:
-    def asTuple(self) -> tuple:  # noqa: N802
-        return tuple(x for row in Gf.Matrix4d().SetTranslate(Gf.Vec3d(0, 0.1, 0)) for x in row)
-
-
-class Sop:
-    """A SOP that holds a tetrahedron whose faces turn clockwise, as Houdini's do."""
-
-    points = (0, 0, 0, 0.2, 0, 0, 0, 0.2, 0, 0, 0, 0.2)
-    faces = ((1, 2, 0), (3, 1, 0), (2, 3, 0), (3, 2, 1))
-
-    def geometryAtFrame(self, _frame: float):  # noqa: N802
-        def vertex(number: int):
-            return types.SimpleNamespace(point=lambda: types.SimpleNamespace(number=lambda: number))
-
-        prims = [types.SimpleNamespace(vertices=lambda face=face: tuple(map(vertex, face))) for face in self.faces]
-        return types.SimpleNamespace(prims=lambda: prims, pointFloatAttribValues=lambda _name: self.points)
-
-    def parent(self):
-        return types.SimpleNamespace(worldTransformAtTime=lambda _time: Matrix())
-
-
-class NodeError(Exception):
-    pass
-
-
-@pytest.fixture
-def module(monkeypatch) -> types.ModuleType:
-    """PythonModule with a substitute for `hou` that has no user interface."""
-    hou = types.ModuleType("hou")
-    hou.fps = lambda: 24.0
-    hou.frameToTime = lambda frame: (frame - 1) / 24.0
-    hou.isUIAvailable = lambda: False
-    hou.NodeError = NodeError
-    monkeypatch.setitem(sys.modules, "hou", hou)
-    code = types.ModuleType("PythonModule")
-    exec(compile(section("PythonModule"), "PythonModule", "exec"), code.__dict__)
-    return code
-
-
-@pytest.fixture
-def node(tmp_path: Path) -> Node:
-    """A new node with one solid, one emitter and one force, after OnCreated."""
-    result = Node({"/obj/geo1/OUT": Sop()}, {"solids": 1, "emitters": 1, "forces": 1})
-    exec(compile(section("OnCreated"), "OnCreated", "exec"), {"kwargs": {"node": result}})
-    result.parms["solid1_path"].set(("/obj/geo1/OUT",))
-    result.parms["scene"].set((str(tmp_path / "sub" / "scene.usda"),))
-    result.parms["output"].set((str(tmp_path / "cache"),))
-    return result
-
-
-def test_a_new_node_makes_a_valid_scene_with_every_parameter(module, node: Node) -> None:
-    node.parms["solid1_velocity"].set((1.0, -2.0, 3.0))
-    node.parms["solid1_density"].set((700.0,))
-    stage = Usd.Stage.Open(module.save_scene({"node": node}))
-    assert checks.check_stage(stage) == []
-    names = ("Domain", "Solid1", "Emitter1", "Force1")
-    domain, solid, emitter, force = (stage.GetPrimAtPath(f"/World/{name}") for name in names)
-    for scope, prim in (("domain", domain), ("solid", solid), ("emitter", emitter), ("force", force)):
-        for row in load()[scope].values():
-            assert prim.GetAttribute(row.attribute).HasAuthoredValue() == (row.type != "asset"), row.name
-    assert solid.GetAttribute("eulerfsi:velocity").Get() == Gf.Vec3d(1, -2, 3)
-    assert solid.GetAttribute("physics:density").Get() == 700.0
-    assert domain.GetAttribute("eulerfsi:voxelSize").Get() == load()["domain"]["voxelSize"].default
-    gravity = UsdPhysics.Scene(stage.GetPrimAtPath("/World/PhysicsScene")).GetGravityMagnitudeAttr().Get()
-    assert gravity == pytest.approx(9.81, rel=1e-6)
-    assert (stage.GetStartTimeCode(), stage.GetEndTimeCode(), stage.GetTimeCodesPerSecond()) == (1, 48, 24)
-
-
-def test_mesh_turns_outwards_and_lies_where_the_object_is(module, node: Node) -> None:
-    stage = module.make_scene(node)
-    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/World/Solid1"))
-    points = [Gf.Vec3d(p) for p in mesh.GetPointsAttr().Get()]
-    indices = list(mesh.GetFaceVertexIndicesAttr().Get())
-    faces = [[points[i] for i in indices[k : k + 3]] for k in range(0, len(indices), 3)]
-    volume = sum(Gf.Dot(a, Gf.Cross(b, c)) for a, b, c in faces) / 6.0
-    assert volume == pytest.approx(0.2**3 / 6.0, rel=1e-6)
-    assert mesh.ComputeLocalToWorldTransform(Usd.TimeCode.Default()).ExtractTranslation() == Gf.Vec3d(0, 0.1, 0)
-
-
-def test_surface_file_and_sphere_emitter(module, node: Node) -> None:
-    node.parms["solid1_surfaceFile"].set((__file__,))
-    node.parms["emitter1_shape"].set(("Sphere",))
-    stage = Usd.Stage.Open(module.save_scene({"node": node}))
-    assert stage.GetPrimAtPath("/World/Solid1").GetTypeName() == "Xform"
-    assert stage.GetPrimAtPath("/World/Emitter1").GetTypeName() == "Sphere"
-    assert checks.check_stage(stage) == []
-
-
-@pytest.mark.parametrize(
-    ("parm", "value", "message"),
-    [
-        ("size", (0.0, 1.0, 1.0), "/World/Domain.eulerfsi:size = (0, 1, 1): must be > 0 in every component"),
-        ("solid1_youngsModulus", (-1.0,), "/World/Solid1.eulerfsi:youngsModulus = -1: must be > 0"),
-        ("solid1_path", ("/obj/nothing",), "/World/Solid1.points = empty: must be the points and faces"),
-    ],
-)
-def test_faulty_scene_is_reported_and_not_written(module, node: Node, parm: str, value: tuple, message: str) -> None:
-    node.parms[parm].set(value)
-    with pytest.raises(NodeError, match=re.escape(message)):
-        module.save_scene({"node": node})
-    assert not os.path.exists(node.evalParm("scene"))
-
-
-def test_simulate_starts_the_command_with_its_arguments(module, node: Node, tmp_path: Path, monkeypatch) -> None:
-    tool = tmp_path / "tool"
-    tool.write_text('#!/bin/sh\nprintf "%s\\n" "$@" "python=$PYTHONPATH"\n', encoding="utf-8")
-    tool.chmod(0o755)
-    monkeypatch.setenv("PYTHONPATH", "/houdini/python")
-    node.parms["command"].set((str(tool),))
-    node.parms["threads"].set((3,))
-    node.parms["overwrite"].set((1,))
-    assert module.simulate({"node": node}).wait(timeout=30) == 0
-    scene, output = node.evalParm("scene"), node.evalParm("output")
-    printed = Path(scene).with_suffix(".log").read_text(encoding="utf-8").splitlines()
-    expected = ["simulate", scene, "-o", output, "--frames", "1-48", "--progress", "plain", "--threads", "3"]
-    assert printed == [*expected, "--overwrite", "python="]
-
-
-def test_a_missing_command_is_named(module, node: Node) -> None:
-    node.parms["command"].set(("/nowhere/eulerfsi",))
-    with pytest.raises(NodeError, match=r"/out/bake1\.command = /nowhere/eulerfsi: No such file"):
-        module.simulate({"node": node})
+def test_readme_says_that_it_was_never_loaded() -> None:
+    assert "never been loaded in Houdini" in (FOLDER / "README.md").read_text("utf-8")
