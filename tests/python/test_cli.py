@@ -84,6 +84,18 @@ def test_frames_threads_preset_and_set_reach_the_run(cli, scene, tmp_path):
     assert "1 threads" in (tmp_path / "out/log").read_text()
 
 
+def test_names_of_a_tolerance_and_the_fast_preset_reach_the_run(cli, scene, tmp_path):
+    options = ["--frames", "1-2", "--preset", "fast", "--set", "Domain.voxelSize=0.06"]
+    done = cli("simulate", scene, *options, "--set", "Domain.stepTolerance=fine", "-o", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    domain = json.loads((tmp_path / "out/manifest.json").read_text())["parameters"]["/World/Domain"]
+    assert domain["preset"] == 2 and domain["step_tolerance"] == 0.05
+    wrong = cli("simulate", scene, *options, "--set", "Domain.stepTolerance=slow", "-o", tmp_path / "wrong")
+    assert wrong.returncode == 2 and "'slow' is not" in wrong.stderr
+    assert all(name in wrong.stderr for name in ("loose", "normal", "fine"))
+    assert not (tmp_path / "wrong").exists()
+
+
 def test_content_does_not_depend_on_the_number_of_threads(cli, scene, tmp_path):
     for threads in (1, 2, 3, 8):
         assert cli("simulate", scene, "--threads", threads, "-o", tmp_path / str(threads)).returncode == 0

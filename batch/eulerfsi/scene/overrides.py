@@ -94,7 +94,8 @@ def _set(prim: Usd.Prim, name: str, text: str, where: str) -> str:
     try:
         value = parameter.names[text] if text in parameter.names else _parse(parameter.type, text)
     except ValueError as error:
-        raise UsageError(f"{where}: {text!r} is not a value of type {parameter.type}{error}") from None
+        names = f" nor one of {', '.join(parameter.names)}" if parameter.names else ""
+        raise UsageError(f"{where}: {text!r} is not a value of type {parameter.type}{names}{error}") from None
     if parameter.type == "token" and text not in parameter.tokens:
         raise UsageError(f"{where}: {text!r} is not one of {', '.join(parameter.tokens)}")
     if not applied_scopes(prim):

@@ -53,6 +53,8 @@ std::string fluid_fault(const State& state, const State& ours, const grid::Grid&
   };
   carried("fluid: smoke", fluid.smoke, ours.fluid.smoke);
   carried("fluid: temperature", fluid.temperature, ours.fluid.temperature);
+  if (fault.empty() && !(std::isfinite(fluid.carried_time) && fluid.carried_time >= 0.0))
+    fault = "fluid: carried_time: must be a finite number >= 0";
   for (const auto* values : {&fluid.pressure, &fluid.smoke, &fluid.temperature})
     if (fault.empty()) fault = finite_fault("fluid", *values);
   return fault;
@@ -67,6 +69,11 @@ std::string body_fault(const solid::SolidState& state, const grid::Grid& box, co
     return "band: must lie on the nodes of the box";
   std::string fault = field_fault("u", state.u, band.node_count());
   if (fault.empty()) fault = field_fault("v", state.v, band.node_count());
+  const bool changes =
+      std::any_of(state.change.c.begin(), state.change.c.end(), [](const auto& c) { return !c.empty(); });
+  if (fault.empty() && changes) fault = field_fault("change", state.change, band.node_count());
+  if (fault.empty() && changes && !(std::isfinite(state.change_time) && state.change_time > 0.0))
+    fault = "change_time: must be a finite number > 0";
   if (fault.empty()) fault = count_fault("valid", state.valid.size(), band.node_count());
   if (fault.empty()) fault = optional_fault("stiff", state.stiff.size(), band.cell_count());
   const std::size_t lattice = rest.plastic.yields() ? rest.plastic_lattice.node_count() : 0;

@@ -248,7 +248,8 @@ void mix_velocities(const StepContext& step, State& state, Workspace& work, Ener
 // Lines 8 to 11.
 void solve(const StepContext& step, State& state, Workspace& work, EnergyLedger& ledger) {
   SolidStates& states = state.solids;
-  std::vector<Real>& last = state.fluid.pressure;  // line 11 puts that of the step in its place
+  fluid::FluidState& fluid = state.fluid;
+  std::vector<Real>& last = fluid.pressure;  // line 11 puts that of the step in its place
   VelocityEquation& elasticity = work.elasticity;
   PressureEquation& pressure = work.pressure;
   NodeVelocity& velocity = work.velocity;
@@ -257,9 +258,8 @@ void solve(const StepContext& step, State& state, Workspace& work, EnergyLedger&
   ledger.book_nodes(EnergyStage::kPressure, velocity);
   solve_velocity(step, elasticity, velocity);  // Alg. 1 line 9
   ledger.book_nodes(EnergyStage::kVelocity, velocity);
-  solve_pressure(step, states, work.solids, work.matter, state.fluid, elasticity, velocity,
-                 pressure);                                                               // Alg. 1 line 10
-  project_velocity(step, work.matter.common.grid, elasticity, pressure, velocity, last);  // Alg. 1 line 11
+  solve_pressure(step, states, work.solids, work.matter, fluid, elasticity, velocity, pressure);  // Alg. 1 line 10
+  project_velocity(step, work.matter.common.grid, elasticity, pressure, velocity, last);          // Alg. 1 line 11
   ledger.book_nodes(EnergyStage::kPressure, velocity);
   ledger.book_source(last, pressure.source);
 }
@@ -289,9 +289,8 @@ void transport(const StepContext& step, State& state, Workspace& work, EnergyLed
                     ledger);
   work.pressure.system.exchange_scratch(work.solid_advect.storage());
   still_fluid(work.elasticity.walls, velocity.field);
-  advect_fluid(step, state.solids, velocity.field, velocity.slip, work.pressure, work.matter,
-               state.fluid,  // Alg. 1 line 22
-               work.advect);
+  advect_fluid(step, state.solids, velocity.field, velocity.slip, work.pressure,  // Alg. 1 line 22
+               work.matter, state.fluid, work.advect);
   if (const int slab = grid::slab_axis(step.scene.grid, step.scene.params.walls);
       slab >= 0 && step.scene.params.fluid.present)
     flatten(step.parallel, common, slab, state.fluid.velocity);

@@ -37,6 +37,10 @@ TEST_CASE("A state of the simulation itself fits, and each array of another leng
   CHECK(fault([](sim::State&) {}) == "");
   CHECK_THAT(body([](auto& b) { b.u.c[1].pop_back(); }), Contains("solid 1: u: "));
   CHECK_THAT(body([](auto& b) { b.v.c[2].push_back(0); }), Contains("solid 1: v: "));
+  CHECK_THAT(body([](auto& b) { b.change.c[0].pop_back(); }), Contains("solid 1: change: "));
+  CHECK_THAT(body([](auto& b) { b.change.c[2].clear(); }), Contains("solid 1: change: 0 values"));
+  CHECK_THAT(body([](auto& b) { b.change_time = 0.0; }), Contains("solid 1: change_time: must be"));
+  CHECK_THAT(fault([](sim::State& state) { state.fluid.carried_time = -1.0; }), Contains("carried_time: must be"));
   CHECK_THAT(body([](auto& b) { b.valid.clear(); }), Contains("solid 1: valid: 0 values: must be "));
   CHECK_THAT(body([](auto& b) { b.stiff.resize(1); }), Contains("solid 1: stiff: 1 values"));
   CHECK_THAT(body([](auto& b) { b.plastic.pop_back(); }), Contains("solid 1: plastic: "));
