@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "base/parallel.hpp"
-#include "frame/state.hpp"
+#include "frame/scene.hpp"
 #include "frame/window.hpp"
 
 namespace efsi::sim {

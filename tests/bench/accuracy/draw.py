@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 COLUMNS, PANEL, DPI = 3, (3.4, 2.7), 80  # inches
 MARKS = {"resolution": ("o", "resolution"), "step": ("^", "step"), "tolerance": ("s", "tolerance")}
-COLORS = {"production": "tab:blue", "paper2016": "tab:orange"}
+COLORS = {"production": "tab:blue", "paper2016": "tab:orange", "fast": "tab:green"}
 PEERS = ("tab:green", "tab:red", "tab:purple", "tab:brown", "tab:pink", "tab:olive", "tab:cyan")
 
 

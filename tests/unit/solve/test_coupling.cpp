@@ -95,7 +95,7 @@ struct SqueezedBall : StagedScene {
     solid::compute_material(parallel, rest[0], state.solids[0], 1, solids[0]);
     sim::combine_velocities(step, state.solids, solids, matter, state.fluid.velocity, velocity);
     sim::assemble_velocity_system(step, state.solids, solids, matter, velocity, elasticity);
-    sim::prepare_pressure(step, state.solids, solids, matter, state.fluid, elasticity, velocity, pressure);
+    sim::prepare_pressure(step, state.solids, solids, matter, state.fluid.pressure, elasticity, velocity, pressure);
     sim::solve_velocity(step, elasticity, velocity);
     before = unknowns(velocity.field);
     sim::solve_pressure(step, state.solids, solids, matter, state.fluid, elasticity, velocity, pressure);

@@ -84,7 +84,7 @@ Measured measure(double ratio, double pace, Split split) {
   sim::add_external_forces(step, matter, state.fluid, velocity);
   sim::meet_walls(step, state.solids, solids, matter, velocity, elasticity.walls);
   sim::assemble_velocity_system(step, state.solids, solids, matter, velocity, elasticity);
-  sim::prepare_pressure(step, state.solids, solids, matter, state.fluid, elasticity, velocity, pressure);
+  sim::prepare_pressure(step, state.solids, solids, matter, state.fluid.pressure, elasticity, velocity, pressure);
   REQUIRE(velocity.slip.nodes().empty());
   const DirectStep direct(parallel, matter, velocity.field, elasticity);
   sim::solve_velocity(step, elasticity, velocity);
