@@ -46,8 +46,13 @@ std::string mended(const std::string& path, std::uint64_t size) {
   return target;
 }
 
-// As a simulation uses what it was given: bands move, and the pressure goes to the next window.
+volatile std::int32_t seen = 0;
+
+// As a simulation uses what it was given: presses say on which face they are, bands move, and the pressure goes to the
+// next window.
 void use(State& state, const grid::Grid& grid) {
+  for (const solid::SolidState& solid : state.solids)
+    for (const solid::WallImpulse& press : solid.presses) seen = press.node[press.axis];
   for (solid::SolidState& solid : state.solids) solid::move_band(solid, solid::make_band(grid, {0, 1, 0}, {2, 3, 4}));
   if (state.fluid.velocity.size() == 0) move_cells(state.fluid.pressure, state.window, {{0, 0, 0}, grid.cells});
 }

@@ -176,6 +176,8 @@ def test_129_130_143_signals(tmp_path, number, requeue):
     pipes = {"text": True, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     process = subprocess.Popen(command, cwd=tmp_path, env=environment(), **pipes)
     first = process.stdout.readline()
+    while '"waiting"' in first.splitlines()[-1]:  # on a busy machine the scene is still being read
+        first += process.stdout.readline()
     process.send_signal(number)
     out, err = process.communicate(timeout=120)
     code = 75 if requeue and number == signal.SIGTERM else 128 + number

@@ -2,6 +2,7 @@
 #include "io/mesh_header.hpp"
 
 #include <algorithm>
+#include <cctype>
 #include <cstdint>
 #include <cstdlib>
 #include <filesystem>
@@ -36,7 +37,9 @@ void refuse(const std::string& path, const std::string& announced, std::uintmax_
 void check_ply(const std::string& path, std::uintmax_t bytes) {
   std::istringstream text = beginning_of(path);
   std::string line, word, announced;
-  if (!std::getline(text, line) || line != "ply") return;
+  if (!std::getline(text, line)) return;
+  for (char& c : line) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  if (!line.starts_with("ply")) return;  // assimp reads on behind these letters, whatever follows
   double count = 0.0, least = 0.0;
   while (word != "end_header" && std::getline(text, line)) {
     std::istringstream words(line);
