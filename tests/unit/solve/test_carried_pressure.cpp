@@ -12,7 +12,6 @@ double kept_by_vortices(double step, bool carries) {
   constexpr double kAcross = 1.0, kPi = 3.14159265358979;
   sim::Params p = still({kAcross, kAcross, 1.0 / 32.0}, 1.0 / 32.0);
   p.max_time_step = step;
-  p.cfl_fluid = 1e3;
   p.numerics.carries_pressure = carries;
   auto s = make_simulation(p);
   const grid::Grid& g = s->grid();

@@ -190,7 +190,7 @@ EFSI_KERNEL void carry_row(const PackedSampler& nodes, const FrameMotion& motion
     grid::store_quad(packed.from.at(n), from);
     grid::store_quad(packed.first_u.at(n), sampler.value(packed.u, at));
     if (changes) {
-      const Quad moved = sampler.value(packed.change, at);
+      const Quad moved = sampler.value(packed.change(), at);
       for (std::size_t a = 0; a < 3; ++a) change.c[a][n] = moved[a];
     }
     grid::store_quad(packed.first_v.at(n),
@@ -291,7 +291,7 @@ void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const R
       grid::store_quad(packed.u.at(n), u + lead * v);
       grid::store_quad(packed.v.at(n), v - motion.velocity(position(row, i)) / step);
       if (changes)
-        grid::store_quad(packed.change.at(n),
+        grid::store_quad(packed.change().at(n),
                          Quad{state.change.c[0][n], state.change.c[1][n], state.change.c[2][n], 0});
     }
   });

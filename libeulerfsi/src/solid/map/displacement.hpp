@@ -29,10 +29,11 @@ void extend(const Parallel& parallel, const SolidRest& rest, SolidState& state, 
 // Packed fields of the band, shared by the solids: u, and v seen from the frame, before the advection; x_d; u and v
 // after its first sweep, and half the error of that. The fourth value of an error is 1 where it is known, 0 elsewhere.
 struct AdvectWorkspace {
-  grid::PackedField u, v, change, from, first_u, first_v, error_u, error_v;
+  grid::PackedField u, v, from, first_u, first_v, error_u, error_v;
   static constexpr std::array kFields = {
-      &AdvectWorkspace::u,       &AdvectWorkspace::v,       &AdvectWorkspace::change,  &AdvectWorkspace::from,
-      &AdvectWorkspace::first_u, &AdvectWorkspace::first_v, &AdvectWorkspace::error_u, &AdvectWorkspace::error_v};
+      &AdvectWorkspace::u,       &AdvectWorkspace::v,       &AdvectWorkspace::from,   &AdvectWorkspace::first_u,
+      &AdvectWorkspace::first_v, &AdvectWorkspace::error_u, &AdvectWorkspace::error_v};
+  grid::PackedField& change() { return error_u; }  // of v, until the errors are measured
   void reserve(std::size_t nodes) {
     for (const auto field : kFields) (this->*field).reserve(nodes);
   }
