@@ -110,7 +110,7 @@ def test_every_case_has_a_measure_and_three_resolutions() -> None:
 def test_one_thing_at_a_time_differs_from_the_default() -> None:
     _, cases = sweep.load()
     runs = sweep.runs(cases["taylor_green_box"])
-    assert len({run.row().identity for run in runs}) == len(runs) == 3 + 2 + 4 + 4 + 3
+    assert len({run.row().identity for run in runs}) == len(runs) == 3 + 2 + 4 + 4 + 2 * 3
     for run in runs:
         changed = (run.preset != "production") + (run.step != "default") + (run.tolerance is not None)
         assert changed + (run.cells != 128) <= 1 or run.sweep == "preset"

@@ -152,7 +152,7 @@ def test_a_solid_torn_to_shreds_ends_with_4_and_keeps_the_good_frames(cli, scene
         (["simulate", "{scene}", "--frames", "1-3,7-9"], "frame 4 is missing"),
         (["simulate", "{scene}", "--threads", "0"], "0: must be a whole number >= 1"),
         (["simulate", "{scene}", "--threads", "many"], "many: must be a whole number >= 1"),
-        (["simulate", "{scene}", "--preset", "fast"], "must be one of production, paper2016"),
+        (["simulate", "{scene}", "--preset", "quick"], "must be one of production, paper2016, fast"),
         (["simulate", "{scene}", "--set", "Domain.voxelsize=1"], "did you mean voxelSize"),
         (["simulate", "{scene}", "--resume", "--overwrite"], "not allowed with"),
         (["simulate"], "SCENE"),
