@@ -95,7 +95,7 @@ TEST_CASE("Values outside their limits are refused with field, value and limit")
       {[](auto& d) { d.domain_size.y = 0.0; }, "EfsiSimulationDef.domain_size.y = 0: must be > 0"},
       {[](auto& d) { d.domain_min.x = kNan; }, "EfsiSimulationDef.domain_min.x"},
       {[](auto& d) { d.gravity.z = kNan; }, "EfsiSimulationDef.gravity.z"},
-      {[](auto& d) { d.preset = 2; }, "EfsiSimulationDef.preset = 2: must be between 0 and 1"},
+      {[](auto& d) { d.preset = 3; }, "EfsiSimulationDef.preset = 3: must be between 0 and 2"},
       {[](auto& d) { d.wall[3] = 4; }, "EfsiSimulationDef.wall[3] = 4: must be between 0 and 3"},
       {[](auto& d) { d.wall[0] = -1; }, "EfsiSimulationDef.wall[0] = -1"},
       {[](auto& d) { d.wall[0] = EFSI_WALL_PERIODIC; }, "periodic on both faces"},
@@ -104,6 +104,7 @@ TEST_CASE("Values outside their limits are refused with field, value and limit")
       {[](auto& d) { d.cfl_solid = 5000.0; }, "EfsiSimulationDef.cfl_solid = 5000: must be > 0 and at most 1000"},
       {[](auto& d) { d.max_time_step = -0.1; }, "EfsiSimulationDef.max_time_step = -0.1: must be >= 0"},
       {[](auto& d) { d.pressure_tolerance = 0.6; }, "EfsiSimulationDef.pressure_tolerance = 0.6"},
+      {[](auto& d) { d.step_tolerance = -1.0; }, "EfsiSimulationDef.step_tolerance = -1: must be between 0 and 10"},
       {[](auto& d) { d.threads = -1; }, "EfsiSimulationDef.threads = -1"},
   };
   for (const auto& refusal : domain) {
