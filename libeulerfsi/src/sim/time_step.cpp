@@ -19,7 +19,8 @@ constexpr double kContactDistance = 1.0;      // cells: 2 less what a step in co
 constexpr double kContactPace = 0.7;          // cells that a shear wave passes in a step in contact, or
 constexpr double kContactShare = 1.0 / 24.0;  // this part of the solid, the cubic root of its volume, if that is more
 constexpr double kNormal = 0.15;              // the tolerance for which these two are meant
-constexpr double kContactStrain = 0.15;       // the energy of which is none to be kept
+constexpr double kContactFall = 3.0;          // cells: the energy of a fall that need not be kept
+constexpr double kContactStrain = 0.1;        // in a step, below which it loses little whatever moves
 constexpr double kPaperCfl = 0.6;             // cells per step of solids less than kContactReach apart (Sec. 5.2)
 constexpr double kPairReach = 6.0;            // cells between solids, from which on they do not limit each other
 constexpr double kUnseen = 1.2;               // cells that solids near each other may move before they see each other
@@ -49,8 +50,8 @@ double flight_cells(const Params& params, double density) {
 
 // A step by what it loses: in contact the stiffness is implicit, which takes up to dt^2 v.K v of a solid's energy in a
 // step. Where shear waves pass a small part of the solid in it that is little of what an impact stores while nothing
-// moves fast. Beyond that it may be step_tolerance of the kinetic energy and of that of a strain of kContactStrain,
-// while a wave passes the solid.
+// moves fast. Beyond that it may be step_tolerance of the kinetic energy and of that of a fall by kContactFall, while a
+// wave passes the solid; or what a step loses in which no two neighbouring nodes are strained by kContactStrain.
 void limit_by_waves(const Parallel& parallel, const Scene& scene, std::size_t l, const solid::SolidState& solid,
                     StepRule rule, StepLimit& limit) {
   const solid::SolidRest& rest = scene.solids[l];
@@ -59,10 +60,13 @@ void limit_by_waves(const Parallel& parallel, const Scene& scene, std::size_t l,
   const double wave = tolerance / kNormal * pass * std::max(kContactPace * scene.grid.h / size, kContactShare);
   if (limit.dt <= wave) return;
   const solid::CellMotion motion = solid::measure_motion(parallel, rest, solid);
-  const double energy =
-      rest.density * motion.half_square + rest.elastic.mu * kContactStrain * kContactStrain * motion.volume;
+  const double fall = kContactFall * scene.params.gravity.norm() * scene.grid.h;
+  const double energy = rest.density * (motion.half_square + fall * motion.volume);
   const double loss = motion.volume > 0.0 ? motion.root * motion.root / motion.volume : 0.0;  // v.K v
-  if (loss > 0.0) limit.lower(std::max(wave, tolerance * energy / (pass * loss)), rule, l + 1);
+  if (!(loss > 0.0)) return;
+  const double rate = solid::largest_strain_rate(parallel, solid, solid.valid);
+  const double small = std::max(tolerance * energy / (pass * loss), tolerance / kNormal * kContactStrain / rate);
+  limit.lower(std::max(wave, small), rule, l + 1);
 }
 
 // What is between a solid and the faces that are walls: -x +x -y +y -z +z.
