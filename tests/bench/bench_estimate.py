@@ -35,6 +35,13 @@ _UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0}
 _LINE = re.compile(r"about (\S+ \w+) \((\S+ \w+) to (\S+ \w+)\)")
 _AS_PROCESSOR = "import sys, time; time.monotonic = time.process_time; sys.argv[0] = 'eulerfsi'; "
 _MAIN = "from eulerfsi.cli.main import main; sys.exit(main())"
+# Of the program alone [KiB]: what the kernel keeps of a child contains the process that it was made from.
+_TELLS_PEAK = """import atexit, os
+def tell():
+    status = dict(line.split(":", 1) for line in open("/proc/self/status"))
+    open(os.environ["PEAK"], "w").write(status["VmHWM"].split()[0])
+atexit.register(tell)
+"""
 
 
 @dataclasses.dataclass
@@ -90,19 +97,26 @@ def read_time(text: str) -> tuple[float, float, float]:
 
 def run(words: Sequence[str], processor: bool) -> tuple[int, str, str, int, float]:
     """One command of the program: (exit code, output, errors, bytes at the peak, seconds)."""
-    code = (_AS_PROCESSOR if processor else "import sys; ") + _MAIN
+    code = (_AS_PROCESSOR if processor else "import sys; ") + "\n" + _TELLS_PEAK + _MAIN
     path = os.pathsep.join([str(ROOT / "batch"), str(ROOT / "usd_plugin")])
-    with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
+    with (
+        tempfile.TemporaryFile("w+") as out,
+        tempfile.TemporaryFile("w+") as err,
+        tempfile.NamedTemporaryFile("r") as top,
+    ):
         begun = time.monotonic()
         child = subprocess.Popen(
-            [sys.executable, "-c", code, *words], stdout=out, stderr=err, env={**os.environ, "PYTHONPATH": path}
+            [sys.executable, "-c", code, *words],
+            stdout=out,
+            stderr=err,
+            env={**os.environ, "PYTHONPATH": path, "PEAK": top.name},
         )
         _, status, usage = os.wait4(child.pid, 0)
         child.returncode = os.waitstatus_to_exitcode(status)
         seconds = usage.ru_utime + usage.ru_stime if processor else time.monotonic() - begun
         out.seek(0)
         err.seek(0)
-        return child.returncode, out.read(), err.read(), usage.ru_maxrss * 1024, seconds
+        return child.returncode, out.read(), err.read(), int(top.read() or 0) * 1024, seconds
 
 
 def at_half_way(output: str) -> tuple[float, float]:
