@@ -52,22 +52,39 @@ double flight_cells(const Params& params, double density) {
 // step. Where shear waves pass a small part of the solid in it that is little of what an impact stores while nothing
 // moves fast. Beyond that it may be step_tolerance of the kinetic energy and of that of a fall by kContactFall, while a
 // wave passes the solid; or what a step loses in which no two neighbouring nodes are strained by kContactStrain.
-void limit_by_waves(const Parallel& parallel, const Scene& scene, std::size_t l, const solid::SolidState& solid,
-                    StepRule rule, StepLimit& limit) {
-  const solid::SolidRest& rest = scene.solids[l];
-  const double size = std::cbrt(rest.volume), pass = size / std::sqrt(rest.elastic.mu / rest.density);
-  const double tolerance = scene.params.numerics.step_tolerance;
-  const double wave = tolerance / kNormal * pass * std::max(kContactPace * scene.grid.h / size, kContactShare);
-  if (limit.dt <= wave) return;
-  const solid::CellMotion motion = solid::measure_motion(parallel, rest, solid);
-  const double fall = kContactFall * scene.params.gravity.norm() * scene.grid.h;
-  const double energy = rest.density * (motion.half_square + fall * motion.volume);
-  const double loss = motion.volume > 0.0 ? motion.root * motion.root / motion.volume : 0.0;  // v.K v
-  if (!(loss > 0.0)) return;
-  const double rate = solid::largest_strain_rate(parallel, solid, solid.valid);
-  const double small = std::max(tolerance * energy / (pass * loss), tolerance / kNormal * kContactStrain / rate);
-  limit.lower(std::max(wave, small), rule, l + 1);
-}
+class WaveLimits {
+ public:
+  WaveLimits(const Parallel& parallel, const Scene& scene, const SolidStates& states)
+      : parallel_(parallel), scene_(scene), states_(states), longer_(states.size(), -1.0) {}
+
+  void lower(std::size_t l, StepRule rule, StepLimit& limit) {
+    const solid::SolidRest& rest = scene_.solids[l];
+    const double size = std::cbrt(rest.volume), pass = size / std::sqrt(rest.elastic.mu / rest.density);
+    const double wave = scene_.params.numerics.step_tolerance / kNormal * pass *
+                        std::max(kContactPace * scene_.grid.h / size, kContactShare);
+    if (limit.dt <= wave) return;
+    if (longer_[l] < 0.0) longer_[l] = measure(rest, states_[l], pass);  // once, however much it touches
+    limit.lower(std::max(wave, longer_[l]), rule, l + 1);
+  }
+
+ private:
+  // pass: time in which a wave passes the solid [s].
+  double measure(const solid::SolidRest& rest, const solid::SolidState& solid, double pass) const {
+    const double tolerance = scene_.params.numerics.step_tolerance;
+    const solid::CellMotion motion = solid::measure_motion(parallel_, rest, solid);
+    const double fall = kContactFall * scene_.params.gravity.norm() * scene_.grid.h;
+    const double energy = rest.density * (motion.half_square + fall * motion.volume);
+    const double loss = motion.volume > 0.0 ? motion.root * motion.root / motion.volume : 0.0;  // v.K v
+    if (!(loss > 0.0)) return std::numeric_limits<double>::infinity();
+    const double rate = solid::largest_strain_rate(parallel_, solid, solid.valid);
+    return std::max(tolerance * energy / (pass * loss), tolerance / kNormal * kContactStrain / rate);
+  }
+
+  const Parallel& parallel_;
+  const Scene& scene_;
+  const SolidStates& states_;
+  std::vector<double> longer_;  // per solid, where its waves are not resolved [s]; below 0: not measured yet
+};
 
 // What is between a solid and the faces that are walls: -x +x -y +y -z +z.
 struct Gaps {
@@ -100,8 +117,7 @@ Gaps measure_gaps(const Scene& scene, const solid::SolidState& solid) {
 
 // What walls near a solid allow: its surface may reach them, or move by contact_travel in contact (Sec. 5.2 uses 0.6
 // for solids less than 2 cells apart). Sliding along a wall is free.
-void limit_by_walls(const Parallel& parallel, const Scene& scene, std::size_t l, const solid::SolidState& solid,
-                    const Gaps& gaps, StepLimit& limit) {
+void limit_by_walls(const Scene& scene, std::size_t l, const Gaps& gaps, WaveLimits& waves, StepLimit& limit) {
   const Params& params = scene.params;
   const grid::Grid& g = scene.grid;
   for (std::size_t face = 0; face < 6; ++face) {
@@ -109,8 +125,7 @@ void limit_by_walls(const Parallel& parallel, const Scene& scene, std::size_t l,
     if (cells < params.cfl_solid)
       limit.lower(time_to_move(gaps.closing[face], params.gravity.norm(), cells * g.h), StepRule::kWall, l + 1);
   }
-  if (params.numerics.resolve_impacts && gaps.least() < kContactReach)
-    limit_by_waves(parallel, scene, l, solid, StepRule::kWallWave, limit);
+  if (params.numerics.resolve_impacts && gaps.least() < kContactReach) waves.lower(l, StepRule::kWallWave, limit);
 }
 
 // Empty, and far from all, for what has left the box.
@@ -127,8 +142,8 @@ std::vector<Box> surface_boxes(const SolidStates& states) {
 // What two solids near each other allow: as walls do, every vertex by its own gap, which rows of contact see. What is
 // between solids of which neither reaches the other's map is taken to be kUnseen, and to close at their largest
 // relative speed.
-void limit_by_pair(const Parallel& parallel, const Scene& scene, const SolidStates& states,
-                   const std::vector<Box>& boxes, std::size_t one, std::size_t other, StepLimit& limit) {
+void limit_by_pair(const Scene& scene, const SolidStates& states, const std::vector<Box>& boxes, std::size_t one,
+                   std::size_t other, WaveLimits& waves, StepLimit& limit) {
   const Params& params = scene.params;
   const double h = scene.grid.h, apart = boxes[one].exteriorDistance(boxes[other]) / h;
   if (apart > kPairReach) return;
@@ -153,12 +168,12 @@ void limit_by_pair(const Parallel& parallel, const Scene& scene, const SolidStat
   limit.lower(meeting, StepRule::kSolid, one + 1, other + 1);
   if (params.numerics.resolve_impacts && least < kContactReach * h)
     for (const std::size_t l : {one, other})
-      if (!is_collider(scene.pins, l)) limit_by_waves(parallel, scene, l, states[l], StepRule::kSolidWave, limit);
+      if (!is_collider(scene.pins, l)) waves.lower(l, StepRule::kSolidWave, limit);
 }
 
 // What the folds of a solid allow: as two solids do. Not where the caller has taken the limit of its speed away.
-void limit_by_folds(const Parallel& parallel, const Scene& scene, std::size_t l, const solid::SolidState& solid,
-                    const solid::SolidWork& work, StepLimit& limit) {
+void limit_by_folds(const Scene& scene, std::size_t l, const solid::SolidState& solid, const solid::SolidWork& work,
+                    WaveLimits& waves, StepLimit& limit) {
   if (scene.params.cfl_solid > kRetryTravel) return;
   const double h = scene.grid.h, travel = scene.params.numerics.contact_travel;
   double least = std::numeric_limits<double>::infinity();
@@ -166,7 +181,7 @@ void limit_by_folds(const Parallel& parallel, const Scene& scene, std::size_t l,
     least = std::min(least, gap);
     limit.lower(time_to_move(closing, 0.0, std::max(travel, gap / h - kContactDistance) * h), StepRule::kFold, l + 1);
   });
-  if (least < kContactReach * h) limit_by_waves(parallel, scene, l, solid, StepRule::kFoldWave, limit);
+  if (least < kContactReach * h) waves.lower(l, StepRule::kFoldWave, limit);
 }
 
 // How many cells a solid may move in a step: cfl_solid, or more in flight, away from walls and from other solids, which
@@ -213,18 +228,19 @@ StepLimit compute_time_step(const Parallel& parallel, const Scene& scene, const 
   StepLimit limit{remaining, StepRule::kEnd};
   if (params.max_time_step > 0.0) limit.lower(params.max_time_step, StepRule::kMaximum);
   const std::vector<Box> boxes = surface_boxes(states);
+  WaveLimits waves(parallel, scene, states);
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     if (solid::has_left(states[l])) continue;
     const bool given = is_collider(scene.pins, l);
     for (std::size_t other = 0; other < l; ++other)
-      if (!given || !is_collider(scene.pins, other)) limit_by_pair(parallel, scene, states, boxes, other, l, limit);
+      if (!given || !is_collider(scene.pins, other)) limit_by_pair(scene, states, boxes, other, l, waves, limit);
     if (given) {  // walls do not stop it, nor does anything drive it
       limit.lower(time_to_move(states[l].speed, 0.0, params.cfl_solid * g.h), StepRule::kCollider, l + 1);
       continue;
     }
-    limit_by_folds(parallel, scene, l, states[l], solids[l], limit);
+    limit_by_folds(scene, l, states[l], solids[l], waves, limit);
     const Gaps gaps = measure_gaps(scene, states[l]);
-    limit_by_walls(parallel, scene, l, states[l], gaps, limit);
+    limit_by_walls(scene, l, gaps, waves, limit);
     limit_by_speed(parallel, scene, l, states[l], free_cells(scene, boxes, l, gaps), limit);
     if (steps == 0 && params.numerics.resolve_impacts && is_dense(params.fluid, scene.solids[l].density))
       limit.lower(time_to_move(states[l].speed, 0.0, kStart * g.h), StepRule::kStart, l + 1);
