@@ -5,6 +5,7 @@ function(efsi_add_test_program target)
   cmake_parse_arguments(PARSE_ARGV 1 arg "" "LABEL" "SOURCES")
   add_executable(${target} ${arg_SOURCES})
   efsi_compile_options(${target})
+  efsi_unity(${target})
   target_link_libraries(${target} PRIVATE efsi_tests_common)
   target_precompile_headers(${target} REUSE_FROM efsi_tests_common)
 

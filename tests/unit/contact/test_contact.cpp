@@ -14,7 +14,7 @@ using namespace efsi::test;
 
 namespace {
 
-constexpr double kAcross = 10.0, kCell = 0.2 / kAcross;  // a ball is kAcross cells wide
+constexpr double kAcross = 2.0 * kBallRadius / kCell;  // cells: a ball
 
 // A box without weight, large enough that nothing meets a wall; of a fluid of so many kg/m^3, or without.
 sim::Params space(double fluid, double h = kCell) {

@@ -12,8 +12,6 @@ using namespace efsi::test;
 
 namespace {
 
-constexpr double kCell = 0.02, kFrame = 1.0 / 24.0;
-
 // A block on a slab that is pinned, both turned off the axes of the grid: by tilt downhill, and by yaw about the
 // vertical.
 struct Slope {

@@ -19,8 +19,6 @@ using namespace efsi::test;
 
 namespace {
 
-constexpr double kCell = 0.02;
-
 enum class Around { kVacuum, kAir, kLiquid };
 
 // A U in the middle of a box without weight; its legs, seven cells from each other, are thrown at each other.

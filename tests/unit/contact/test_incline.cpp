@@ -9,8 +9,6 @@ using namespace efsi::test;
 
 namespace {
 
-constexpr double kCell = 0.02, kFrame = 1.0 / 24.0, kGravity = 9.8;
-
 struct TiltedBlock {
   Vec3d downhill;
   double tilt;  // rad

@@ -12,8 +12,6 @@ using namespace efsi::test;
 
 namespace {
 
-constexpr double kCell = 0.02;
-
 sim::Params paper_params(const Vec3d& size, bool fluid, int threads = 1) {
   sim::Params p = still(size, kCell, fluid);
   p.threads = threads;
@@ -22,7 +20,7 @@ sim::Params paper_params(const Vec3d& size, bool fluid, int threads = 1) {
 }
 
 // Two balls of ten cells across that fly into each other at 2 m/s.
-std::vector<sim::SolidDesc> two_balls(double stiffness = 10000.0, double off = 0.0, double friction = 0.0) {
+std::vector<sim::SolidDesc> colliding_balls(double stiffness = 10000.0, double off = 0.0, double friction = 0.0) {
   std::vector<sim::SolidDesc> balls = {ball_desc({0.36, 0.25 - 0.5 * off, 0.21}),
                                        ball_desc({0.64, 0.25 + 0.5 * off, 0.21})};
   balls[0].velocity = {1.0, 0.0, 0.0};
@@ -36,7 +34,7 @@ std::vector<sim::SolidDesc> two_balls(double stiffness = 10000.0, double off = 0
 
 const Vec3d kBox(1.0, 0.5, 0.42);
 
-struct Outcome {
+struct Collision {
   double distance = 0.0;        // of the centres at the end [m]
   Vec3d speed = Vec3d::Zero();  // of the first at the end [m/s]
   double gained = 0.0;          // change of the sum of the momenta over that of one [kg m/s]
@@ -45,12 +43,12 @@ struct Outcome {
   std::uint64_t pushed = 0, stuck = 0;
 };
 
-Outcome collide(const sim::Params& p, const std::vector<sim::SolidDesc>& balls, double end = 0.3) {
+Collision collide(const sim::Params& p, const std::vector<sim::SolidDesc>& balls, double end = 0.3) {
   auto s = make_simulation(p, balls);
   const auto sum = [&] { return Vec3d(s->diagnose_solid(0).momentum + s->diagnose_solid(1).momentum); };
   const Vec3d first = sum();
   const double one = s->diagnose_solid(0).momentum.norm();
-  Outcome out;
+  Collision out;
   while (s->state().time < end - 1e-9) {
     s->step(std::min(0.01, end - s->state().time));
     for (const sim::ContactPair& pair : s->contacts()) {
@@ -74,14 +72,14 @@ TEST_CASE("Balls that meet part again by repulsion from one cell on, in vacuum a
   for (const bool fluid : {false, true}) {
     const sim::Params p = paper_params(kBox, fluid);
     CHECK(p.numerics.contact_distance == 1.0);
-    const Outcome apart = collide(p, two_balls());
+    const Collision apart = collide(p, colliding_balls());
     CHECK(apart.pushed > 500);
     CHECK(apart.speed[0] < -0.4);  // of 1 m/s
     CHECK(apart.speed[0] > -0.8);  // and no energy is made
     CHECK(apart.distance > 0.2 + 2.0 * kCell);
     CHECK(apart.deepest < 0.5);
     CHECK(apart.gained < 0.01);  // they weigh the same
-    const Outcome stuck = collide(p, two_balls(0.0));
+    const Collision stuck = collide(p, colliding_balls(0.0));
     CHECK(stuck.pushed == 0);
     CHECK(stuck.distance < 0.2 + 0.5 * kCell);
     CHECK(std::abs(stuck.speed[0]) < 0.2);
@@ -92,26 +90,26 @@ TEST_CASE("The stiffness of Eq. 14 does nothing where a step's spring impulse is
           "[nightly]") {
   // dt k h against m v: above k = rho h^2 v / (8 dt), some 10 N/m here, the second term of the minimum decides.
   const sim::Params p = paper_params(kBox, false);
-  const Outcome hard = collide(p, two_balls(10000.0));
+  const Collision hard = collide(p, colliding_balls(10000.0));
   for (const double k : {100.0, 1000.0, 100000.0})
-    CHECK(collide(p, two_balls(k)).speed[0] == Approx(hard.speed[0]).epsilon(0.01));
-  CHECK(std::abs(collide(p, two_balls(1.0)).speed[0] - hard.speed[0]) > 0.005);
+    CHECK(collide(p, colliding_balls(k)).speed[0] == Approx(hard.speed[0]).epsilon(0.01));
+  CHECK(std::abs(collide(p, colliding_balls(1.0)).speed[0] - hard.speed[0]) > 0.005);
 }
 
 TEST_CASE("The constraint helps collisions: with it fewer particles are pushed, and less deep", "[law][nightly]") {
   // Sec. 4.6 and 5.1. Off: foam in vacuum, as without the constraint nothing keeps a fluid; on: solids that keep their
   // volume, in a fluid of nearly their density.
-  std::vector<sim::SolidDesc> foam = two_balls();
+  std::vector<sim::SolidDesc> foam = colliding_balls();
   for (auto& ball : foam) ball.compressible = true;
-  const Outcome off = collide(paper_params(kBox, false), foam);
+  const Collision off = collide(paper_params(kBox, false), foam);
   sim::Params p = paper_params(kBox, true);
   p.fluid.density = 770.0;
-  const Outcome on = collide(p, two_balls());
+  const Collision on = collide(p, colliding_balls());
   CHECK(off.pushed > 1000);
   CHECK(on.pushed < 0.85 * static_cast<double>(off.pushed));
   CHECK(on.deepest < off.deepest - 0.2);
   // Without repulsion they stick, with the constraint and without.
-  CHECK(collide(p, two_balls(0.0)).distance < 0.2 + kCell);
+  CHECK(collide(p, colliding_balls(0.0)).distance < 0.2 + kCell);
   for (auto& ball : foam) ball.contact_stiffness = 0.0;
   CHECK(collide(paper_params(kBox, false), foam).distance < 0.2 + kCell);
 }
@@ -121,9 +119,9 @@ TEST_CASE("The constraint of the solids alone changes a collision little: what h
   for (const double fluid : {0.0, 770.0}) {
     sim::Params p = paper_params(kBox, fluid > 0.0);
     if (fluid > 0.0) p.fluid.density = fluid;
-    std::vector<sim::SolidDesc> foam = two_balls();
+    std::vector<sim::SolidDesc> foam = colliding_balls();
     for (auto& ball : foam) ball.compressible = true;
-    const Outcome off = collide(p, foam), on = collide(p, two_balls());
+    const Collision off = collide(p, foam), on = collide(p, colliding_balls());
     INFO("fluid " << fluid << " kg/m^3: off: " << off.pushed << " pushed, deepest " << off.deepest << ", "
                   << off.speed[0] << " m/s; on: " << on.pushed << ", " << on.deepest << ", " << on.speed[0] << " m/s");
     CHECK(static_cast<double>(on.pushed) == Approx(static_cast<double>(off.pushed)).epsilon(0.05));
@@ -135,7 +133,8 @@ TEST_CASE("The constraint of the solids alone changes a collision little: what h
 
 TEST_CASE("Friction turns balls that meet off centre") {
   const sim::Params p = paper_params(kBox, false);
-  const Outcome smooth = collide(p, two_balls(10000.0, 0.06)), rough = collide(p, two_balls(10000.0, 0.06, 0.5));
+  const Collision smooth = collide(p, colliding_balls(10000.0, 0.06)),
+                  rough = collide(p, colliding_balls(10000.0, 0.06, 0.5));
   CHECK(smooth.stuck == 0);
   CHECK(rough.stuck > 0);
   // The first passes below the second, which drags its upper side back: it turns like a wheel on the other's underside.
@@ -226,7 +225,7 @@ TEST_CASE("A collider pushes the particles of a solid, and has none") {
 TEST_CASE("Without the preset there are no particles and no tree of triangles") {
   sim::Params p = paper_params(kBox, false);
   p.numerics = sim::numerics_of(sim::Preset::kProduction);
-  auto s = make_simulation(p, two_balls());
+  auto s = make_simulation(p, colliding_balls());
   s->step(0.01);
   CHECK(s->workspace().particles.empty());
   CHECK(s->solids()[0].nearest.bytes() == 0);

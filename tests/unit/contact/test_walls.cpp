@@ -9,8 +9,6 @@ using namespace efsi::test;
 
 namespace {
 
-constexpr double kGravity = 9.8;
-
 double lowest_vertex(const sim::Simulation& s) {
   double low = 1e30;
   for (const Vec3d& x : s.state().solids[0].surface) low = std::min(low, x[1]);
@@ -39,7 +37,7 @@ sim::Params slope(double degrees, bool fluid = false) {
   return p;
 }
 
-Vec3d speed(sim::Simulation& s) {
+Vec3d mean_velocity(sim::Simulation& s) {
   const auto now = s.diagnose_solid(0);
   return now.momentum / now.mass;
 }
@@ -95,8 +93,8 @@ TEST_CASE("A ball that flies into a corner of two walls stays out of both", "[la
   }
   INFO("deepest vertex " << deepest / p.voxel_size << " cells");
   CHECK(deepest > -0.5 * p.voxel_size);
-  CHECK(speed(*s)[0] < 0.0);
-  CHECK(speed(*s)[1] > 0.0);
+  CHECK(mean_velocity(*s)[0] < 0.0);
+  CHECK(mean_velocity(*s)[1] > 0.0);
 }
 
 TEST_CASE("A ball that turns just above a floor is not disturbed by it", "[law]") {
@@ -168,9 +166,9 @@ namespace {
 // cell carries up to a quarter of its weight until 0.3 s.
 double sliding_acceleration(sim::Simulation& s) {
   advance_to(s, 0.35);
-  const double early = speed(s)[0];
+  const double early = mean_velocity(s)[0];
   advance_to(s, 0.5);
-  return (speed(s)[0] - early) / 0.15;
+  return (mean_velocity(s)[0] - early) / 0.15;
 }
 
 double by_coulomb(double degrees, double friction) {
@@ -225,9 +223,9 @@ TEST_CASE("A block slides down a slope or stays as its friction is a hundredth b
   const double threshold = std::tan(degrees * M_PI / 180.0);
   const auto slides = make_simulation(slope(degrees), {block_desc(threshold - 0.01, compressible)});
   advance_to(*slides, 0.5);
-  const double early = speed(*slides)[0];
+  const double early = mean_velocity(*slides)[0];
   advance_to(*slides, 1.0);
-  const double gains = (speed(*slides)[0] - early) / 0.5, exact = by_coulomb(degrees, threshold - 0.01);
+  const double gains = (mean_velocity(*slides)[0] - early) / 0.5, exact = by_coulomb(degrees, threshold - 0.01);
   INFO(degrees << " degrees" << (compressible ? ", compressible" : "") << ": gains " << gains << " for " << exact
                << " m/s^2");
   CHECK(gains == Approx(exact).margin(0.005 * kGravity));
@@ -253,11 +251,11 @@ TEST_CASE("A block that slides on flat ground stops where Coulomb's law says", "
   d.velocity = {friction > 0.3 ? 1.5 : 1.0, 0.0, 0.0};
   const auto s = make_simulation(slope(0.0, fluid), {d});
   advance_to(*s, 0.1);  // it has settled under its weight
-  const double from = s->diagnose_solid(0).center[0], fast = speed(*s)[0];
+  const double from = s->diagnose_solid(0).center[0], fast = mean_velocity(*s)[0];
   advance_to(*s, 0.2 + fast / (friction * kGravity));
   const double way = s->diagnose_solid(0).center[0] - from, exact = fast * fast / (2.0 * friction * kGravity);
   INFO((compressible ? "compressible, " : "")
        << (fluid ? "1000:1" : "vacuum") << ", friction " << friction << ": slides " << way << " m for " << exact);
   CHECK(way == Approx(exact).epsilon(0.01));
-  CHECK(speed(*s).norm() < 0.01);
+  CHECK(mean_velocity(*s).norm() < 0.01);
 }

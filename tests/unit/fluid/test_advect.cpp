@@ -7,25 +7,16 @@
 #include "grid/boundary.hpp"
 #include "reference/plain_advection.hpp"
 #include "system/pressure_solve.hpp"
+#include "unit/fluid/fields.hpp"
 
 using namespace efsi;
 using namespace efsi::fluid;
 
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-
-Grid box(const Vec3i& cells, bool periodic = false) {
-  Grid g;
-  g.cells = cells;
-  g.h = 1.0 / cells[0];
-  g.periodic = {periodic, periodic, periodic};
-  return g;
-}
-
 // A row of vortices in the unit square, the same in every layer: a steady flow of an inviscid fluid.
 Vec3d vortex(const Vec3d& x) {
-  return {std::sin(kPi * x[0]) * std::cos(kPi * x[1]), -std::cos(kPi * x[0]) * std::sin(kPi * x[1]), 0.0};
+  return {std::sin(M_PI * x[0]) * std::cos(M_PI * x[1]), -std::cos(M_PI * x[0]) * std::sin(M_PI * x[1]), 0.0};
 }
 
 template <class F>
@@ -96,12 +87,6 @@ std::uint64_t carry_smoke(const Parallel& parallel, const Grid& g, bool correcte
   const std::uint64_t tiles = advect_smoke(parallel, g, corrected, dt, v, fraction, state, work);
   settle_smoke(parallel, g, Walls{}, fraction, state, work);
   return tiles;
-}
-
-double total(const std::vector<Real>& field) {
-  double sum = 0.0;
-  for (Real v : field) sum += static_cast<double>(v);
-  return sum;
 }
 
 }  // namespace
@@ -214,7 +199,7 @@ TEST_CASE("Corrected transport keeps a smooth blob sharper than plain transport"
           state.smoke[g.cell(i, j, k)] = static_cast<Real>(
               std::exp(-(g.cell_center(i, j, k) - Vec3d(0.5, 0.7, g.cell_center(0, 0, k)[2])).squaredNorm() / 0.008));
     AdvectWorkspace work;
-    for (int n = 0; n < 32; ++n) carry_smoke(Parallel(1), g, corrected, 2.0 * kPi / 32, v, {}, state, work);
+    for (int n = 0; n < 32; ++n) carry_smoke(Parallel(1), g, corrected, 2.0 * M_PI / 32, v, {}, state, work);
     // One turn: the top is back at its place.
     Real best = 0;
     int at = 0;
@@ -278,7 +263,7 @@ TEST_CASE("Transport of eight points at once agrees with its readable twin, for 
     INFO(cells << " cells per step" << (periodic ? ", periodic" : ""));
     const Grid g = box({21, 18, 17}, periodic);
     const VectorField v = sampled(g, [](const Vec3d& x) {
-      return Vec3d(std::sin(2 * kPi * x[1]), std::cos(2 * kPi * x[2]) - 0.3, std::cos(4 * kPi * x[0]));
+      return Vec3d(std::sin(2 * M_PI * x[1]), std::cos(2 * M_PI * x[2]) - 0.3, std::cos(4 * M_PI * x[0]));
     });
     const double dt = cells * g.h;
     const Real step = static_cast<Real>(cells);

@@ -4,21 +4,12 @@
 
 #include "fluid/advect.hpp"
 #include "reference/plain_budget.hpp"
+#include "unit/fluid/fields.hpp"
 
 using namespace efsi;
 using namespace efsi::fluid;
 
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
-
-Grid box(const Vec3i& cells, bool periodic = false) {
-  Grid g;
-  g.cells = cells;
-  g.h = 1.0 / cells[0];
-  g.periodic = {periodic, periodic, periodic};
-  return g;
-}
 
 // Closed: it turns in the x, y plane and shears along z; at rest beyond x = reach.
 VectorField vortex(const Grid& g, double reach = 1.0) {
@@ -29,19 +20,13 @@ VectorField vortex(const Grid& g, double reach = 1.0) {
     for (int j = 0; j <= g.cells[1]; ++j)
       for (int i = 0; i <= g.cells[0]; ++i) {
         const Vec3d p = g.node_position(i, j, k).cwiseQuotient(size);
-        const double x = p[0] / reach, fade = std::cos(kPi * p[2]);
+        const double x = p[0] / reach, fade = std::cos(M_PI * p[2]);
         if (x >= 1.0) continue;
-        v.set(g.node(i, j, k), Vec3(Vec3d(reach * size[0] * std::sin(kPi * x) * std::cos(kPi * p[1]) * fade,
-                                          -size[1] * std::cos(kPi * x) * std::sin(kPi * p[1]) * fade, 0.0)
+        v.set(g.node(i, j, k), Vec3(Vec3d(reach * size[0] * std::sin(M_PI * x) * std::cos(M_PI * p[1]) * fade,
+                                          -size[1] * std::cos(M_PI * x) * std::sin(M_PI * p[1]) * fade, 0.0)
                                         .cast<Real>()));
       }
   return v;
-}
-
-double total(const std::vector<Real>& field) {
-  double sum = 0.0;
-  for (Real v : field) sum += static_cast<double>(v);
-  return sum;
 }
 
 // Smoke of density 1 in a box of cells.
@@ -113,7 +98,7 @@ TEST_CASE("A disc of smoke that has turned once is no further from where it shou
     for (int j = 0; j <= 48; ++j)
       for (int i = 0; i <= 48; ++i) {
         const Vec3d x = g.node_position(i, j, k);
-        v.set(g.node(i, j, k), Vec3(Vec3d(2 * kPi * (0.5 - x[1]), 2 * kPi * (x[0] - 0.5), 0.0).cast<Real>()));
+        v.set(g.node(i, j, k), Vec3(Vec3d(2 * M_PI * (0.5 - x[1]), 2 * M_PI * (x[0] - 0.5), 0.0).cast<Real>()));
       }
   const auto error = [&](bool keep) {
     Carried s;

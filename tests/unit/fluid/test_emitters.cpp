@@ -10,12 +10,12 @@ using namespace efsi::fluid;
 
 namespace {
 
-struct Scene {
+struct EmptyBox {
   Grid g;
   FluidState state;
   VectorField velocity;
   std::vector<Real> fraction, specific_volume;
-  Scene() {
+  EmptyBox() {
     g.cells = {20, 20, 20};
     g.h = 0.05;
     clear();
@@ -60,7 +60,7 @@ Emitter jet(Emitter e, const Vec3d& velocity) {
   return e;
 }
 
-std::shared_ptr<const geometry::Surface> surface(const Scene& s, const geometry::TriangleMesh& mesh) {
+std::shared_ptr<const geometry::Surface> surface(const EmptyBox& s, const geometry::TriangleMesh& mesh) {
   return geometry::examine(mesh, 0.5 * s.g.h);
 }
 
@@ -75,7 +75,7 @@ Mat3d turned() {
 }  // namespace
 
 TEST_CASE("Emitters fill the cells whose middles they contain") {
-  Scene s;
+  EmptyBox s;
   Emitter box = emitter(Emitter::Shape::kBox, {0.3, 0.5, 0.5}, {0.4, 0.2, 0.6});
   Emitter ball = emitter(Emitter::Shape::kSphere, {0.7, 0.5, 0.5}, {0.4, 0.4, 0.4});
   box.density = 0.5;
@@ -104,7 +104,7 @@ TEST_CASE("Emitters fill the cells whose middles they contain") {
 }
 
 TEST_CASE("A closed mesh is a region like any other") {
-  Scene s;
+  EmptyBox s;
   const Vec3d center(0.52, 0.49, 0.5);
   Emitter ball = jet(emitter(Emitter::Shape::kSphere, center, Vec3d::Constant(0.5)), {0, 1, 0});
   Emitter mesh = jet(emitter(Emitter::Shape::kBox, {9, 9, 9}, Vec3d::Constant(1.0)), {0, 1, 0});  // does not count
@@ -112,7 +112,7 @@ TEST_CASE("A closed mesh is a region like any other") {
   place_emitter(s.g, nullptr, ball);
   place_emitter(s.g, examined.get(), mesh);
   s.apply(ball, 0.0);
-  Scene other;
+  EmptyBox other;
   other.apply(mesh, 0.0);
   int different = 0, held = 0;
   for (std::size_t c = 0; c < s.state.smoke.size(); ++c) {
@@ -126,7 +126,7 @@ TEST_CASE("A closed mesh is a region like any other") {
 }
 
 TEST_CASE("Emitters act when they are on: initial ones once, others in their interval and by their keys") {
-  Scene s;
+  EmptyBox s;
   Emitter once = emitter(Emitter::Shape::kBox, {0.5, 0.5, 0.5}, {0.2, 0.2, 0.2});
   once.mode = Emitter::Mode::kInitial;
   Emitter blown = jet(emitter(Emitter::Shape::kBox, {0.5, 0.5, 0.5}, {0.2, 0.2, 0.2}), {1, 2, 3});
@@ -193,7 +193,7 @@ TEST_CASE("Steps of any length add up to the same emission", "[law]") {
 }
 
 TEST_CASE("Solids and walls are left as they are") {
-  Scene s;
+  EmptyBox s;
   Emitter e = jet(emitter(Emitter::Shape::kBox, {0.5, 0.5, 0.5}, {0.4, 0.4, 0.4}), {0, 2, 0});
   place_emitter(s.g, nullptr, e);
   s.fraction.assign(s.g.cell_count(), 0);
@@ -210,7 +210,7 @@ TEST_CASE("Solids and walls are left as they are") {
 }
 
 TEST_CASE("A jet brings its speed times the area of its region across it", "[law]") {
-  Scene s;
+  EmptyBox s;
   const Vec3d center(0.49, 0.52, 0.47);
   for (const Vec3d& v : {Vec3d(2, 0, 0), Vec3d(0, -1, 0), Vec3d(1.0, 0.5, -2.0)}) {
     for (const Mat3d& turn : {Mat3d(Mat3d::Identity()), turned()}) {
@@ -231,7 +231,7 @@ TEST_CASE("A jet brings its speed times the area of its region across it", "[law
 }
 
 TEST_CASE("A jet brings its volume on the side that it comes from, at a wall and off a solid, too") {
-  Scene s;
+  EmptyBox s;
   std::vector<SourceCell> cells;
   Emitter e = jet(emitter(Emitter::Shape::kBox, {0.5, 0.5, 0.5}, {0.5, 0.25, 0.25}), {2, 0, 0});
   place_emitter(s.g, nullptr, e);
@@ -259,7 +259,7 @@ TEST_CASE("A jet brings its volume on the side that it comes from, at a wall and
 }
 
 TEST_CASE("A jet beside walls, or as wide as a slab of one cell, brings all of its flux") {
-  Scene s;
+  EmptyBox s;
   Emitter corner = jet(emitter(Emitter::Shape::kBox, {0.5, 0.1, 0.1}, {0.3, 0.2, 0.2}), {2, 0, 0});
   place_emitter(s.g, nullptr, corner);
   CHECK(s.flux(corner).first == Approx(2.0 * 0.04).epsilon(1e-5));
@@ -273,7 +273,7 @@ TEST_CASE("A jet beside walls, or as wide as a slab of one cell, brings all of i
 }
 
 TEST_CASE("A jet goes round periodic faces") {
-  Scene s;
+  EmptyBox s;
   s.g.periodic = {true, false, false};
   Emitter e = jet(emitter(Emitter::Shape::kBox, {0.0, 0.5, 0.5}, {0.3, 0.25, 0.25}), {0, 2, 0});
   place_emitter(s.g, nullptr, e);
@@ -285,7 +285,7 @@ TEST_CASE("A jet goes round periodic faces") {
 }
 
 TEST_CASE("Emitters that hold nothing of the box are refused") {
-  Scene s;
+  EmptyBox s;
   const auto message = [&](Emitter e, const geometry::Surface* volume = nullptr) -> std::string {
     try {
       place_emitter(s.g, volume, e);

@@ -69,6 +69,15 @@ inline TriangleMesh sphere(double r, int cuts, const Vec3d& centre = Vec3d::Zero
   return mesh;
 }
 
+// The part of a sphere of radius 0.4 that is less than half of that above its centre.
+inline TriangleMesh bowl(int cuts, const Vec3d& centre) {
+  TriangleMesh mesh = sphere(0.4, cuts, centre);
+  std::erase_if(mesh.triangles, [&](const Triangle& t) {
+    return (mesh.points[t[0]] + mesh.points[t[1]] + mesh.points[t[2]]).z() / 3 - centre.z() > 0.2;
+  });
+  return mesh;
+}
+
 // Torus around the z axis: ring radius, tube radius.
 inline TriangleMesh torus(double ring, double tube, int around, int across) {
   std::vector<Vec3d> points;

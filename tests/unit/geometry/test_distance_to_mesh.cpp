@@ -6,36 +6,19 @@
 #include "geometry/distance_to_mesh.hpp"
 #include "geometry/solid_boundary.hpp"
 #include "reference/plain_distance.hpp"
-#include "shapes.hpp"
+#include "unit/geometry/grids.hpp"
+#include "unit/geometry/shapes.hpp"
 
 using namespace efsi;
 using namespace efsi::geometry;
 
 namespace {
 
-SignedDistance grid_over(const TriangleMesh& mesh, double spacing) {
-  const Extents box = extents(mesh);
-  SignedDistance grid;
-  grid.spacing = spacing;
-  grid.origin = box.min - Vec3d::Constant(4.0 * spacing);
-  for (int axis = 0; axis < 3; ++axis)
-    grid.size[axis] = static_cast<int>(std::ceil((box.max[axis] - box.min[axis]) / spacing)) + 9;
-  return grid;
-}
-
-TriangleMesh bowl(const Vec3d& centre) {
-  TriangleMesh mesh = shapes::sphere(0.4, 16, centre);
-  std::erase_if(mesh.triangles, [&](const Triangle& t) {
-    return (mesh.points[t[0]] + mesh.points[t[1]] + mesh.points[t[2]]).z() / 3 - centre.z() > 0.2;
-  });
-  return mesh;
-}
-
-std::vector<TriangleMesh> meshes() {
+std::vector<TriangleMesh> overlapping_meshes() {
   const TriangleMesh ball = shapes::sphere(0.4, 6);
   return {shapes::together(ball, shapes::sphere(0.3, 10, {0.35, 0.1, 0})),
-          shapes::together(ball, shapes::box({0.1, -0.2, -0.2}, {0.9, 0.3, 0.3})), bowl({0, 0, 0}),
-          shapes::together(bowl({0, 0, 0}), bowl({0.3, 0.1, 0}))};
+          shapes::together(ball, shapes::box({0.1, -0.2, -0.2}, {0.9, 0.3, 0.3})), shapes::bowl(16, {0, 0, 0}),
+          shapes::together(shapes::bowl(16, {0, 0, 0}), shapes::bowl(16, {0.3, 0.1, 0}))};
 }
 
 // Distance to the boundary of the solid, as build_signed_distance() makes it.
@@ -52,17 +35,10 @@ SolidBoundary measure_solid(const TriangleMesh& mesh, SignedDistance& grid, cons
   return boundary;
 }
 
-template <class Visit>
-void for_each_node(const SignedDistance& grid, const Visit& visit) {
-  for (int k = 0; k < grid.size[2]; ++k)
-    for (int j = 0; j < grid.size[1]; ++j)
-      for (int i = 0; i < grid.size[0]; ++i) visit(grid.node(i, j, k), grid.values[grid.index(i, j, k)]);
-}
-
 }  // namespace
 
 TEST_CASE("Distances to kept pieces and caps are those of a plain search, far away nearly", "[law][nightly]") {
-  for (const TriangleMesh& mesh : meshes()) {
+  for (const TriangleMesh& mesh : overlapping_meshes()) {
     SignedDistance grid = grid_over(mesh, 0.04);
     const SolidBoundary boundary = measure_solid(mesh, grid);
     REQUIRE(boundary.differs);
@@ -121,7 +97,7 @@ TEST_CASE("A point of a triangle lies on the triangle of the boundary that it is
 }
 
 TEST_CASE("Distances to the boundary do not depend on the number of threads", "[law]") {
-  for (const TriangleMesh& mesh : meshes()) {
+  for (const TriangleMesh& mesh : overlapping_meshes()) {
     SignedDistance alone = grid_over(mesh, 0.03);
     measure_solid(mesh, alone);
     for (const int threads : {2, 3, 4, 8}) {

@@ -11,7 +11,8 @@
 #include "base/error.hpp"
 #include "geometry/mesh_sdf.hpp"
 #include "reference/plain_distance.hpp"
-#include "shapes.hpp"
+#include "unit/geometry/grids.hpp"
+#include "unit/geometry/shapes.hpp"
 
 using namespace efsi;
 using namespace efsi::geometry;
@@ -31,13 +32,6 @@ Built build(const TriangleMesh& mesh, double spacing, int threads = 2) {
   built.phi = build_signed_distance(mesh, spacing, built.report, Parallel(threads));
   built.warnings = built.report.repairs;
   return built;
-}
-
-template <class Visit>
-void for_each_node(const SignedDistance& phi, const Visit& visit) {
-  for (int k = 0; k < phi.size[2]; ++k)
-    for (int j = 0; j < phi.size[1]; ++j)
-      for (int i = 0; i < phi.size[0]; ++i) visit(phi.node(i, j, k), phi.values[phi.index(i, j, k)]);
 }
 
 double box_distance(const Vec3d& X, const Vec3d& low, const Vec3d& high) {

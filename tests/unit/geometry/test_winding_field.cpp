@@ -9,30 +9,18 @@
 #include "geometry/mesh_topology.hpp"
 #include "geometry/winding_field.hpp"
 #include "reference/plain_winding.hpp"
-#include "shapes.hpp"
+#include "unit/geometry/grids.hpp"
+#include "unit/geometry/shapes.hpp"
 
 using namespace efsi;
 using namespace efsi::geometry;
 
 namespace {
 
-SignedDistance grid_over(const TriangleMesh& mesh, double spacing) {
-  const Extents box = extents(mesh);
-  SignedDistance grid;
-  grid.spacing = spacing;
-  grid.origin = box.min - Vec3d::Constant(4.0 * spacing);
-  for (int axis = 0; axis < 3; ++axis)
-    grid.size[axis] = static_cast<int>(std::ceil((box.max[axis] - box.min[axis]) / spacing)) + 9;
+SignedDistance distances_over(const TriangleMesh& mesh, double spacing) {
+  SignedDistance grid = grid_over(mesh, spacing);
   DistanceToMesh(mesh, grid).measure(grid);
   return grid;
-}
-
-TriangleMesh bowl(const Vec3d& centre) {
-  TriangleMesh mesh = shapes::sphere(0.4, 8, centre);
-  std::erase_if(mesh.triangles, [&](const Triangle& t) {
-    return (mesh.points[t[0]] + mesh.points[t[1]] + mesh.points[t[2]]).z() / 3 - centre.z() > 0.2;
-  });
-  return mesh;
 }
 
 TriangleMesh leaves(int count) {
@@ -47,14 +35,14 @@ TriangleMesh leaves(int count) {
   return mesh;
 }
 
-std::vector<TriangleMesh> meshes() {
+std::vector<TriangleMesh> meshes_of_every_kind() {
   const TriangleMesh ball = shapes::sphere(0.4, 8), box = shapes::box({0, 0, 0}, {1, 0.5, 0.5});
   return {ball,
           box,
           shapes::box({0, 0, 0}, {1, 0.5, 0.5}, true),
           shapes::together(ball, shapes::inside_out(shapes::sphere(0.2, 6))),
           shapes::together(ball, shapes::box({0.1, -0.2, -0.2}, {0.9, 0.3, 0.3})),
-          shapes::together(bowl({0, 0, 0}), bowl({0.3, 0.1, 0})),
+          shapes::together(shapes::bowl(8, {0, 0, 0}), shapes::bowl(8, {0.3, 0.1, 0})),
           shapes::together(ball, leaves(40)),
           leaves(60)};
 }
@@ -62,8 +50,8 @@ std::vector<TriangleMesh> meshes() {
 }  // namespace
 
 TEST_CASE("Winding numbers at nodes are those of a plain sum", "[law]") {
-  for (const TriangleMesh& mesh : meshes()) {
-    const SignedDistance distance = grid_over(mesh, 0.05);
+  for (const TriangleMesh& mesh : meshes_of_every_kind()) {
+    const SignedDistance distance = distances_over(mesh, 0.05);
     const TriangleTree tree(mesh);
     const WindingField field(mesh, tree, distance);
     CHECK(field.balanced() == (analyse_topology(mesh).unbalanced_edges == 0));
@@ -84,8 +72,8 @@ TEST_CASE("Winding numbers at nodes are those of a plain sum", "[law]") {
 }
 
 TEST_CASE("Winding numbers on both sides of every triangle are those of a plain sum", "[law]") {
-  for (const TriangleMesh& mesh : meshes()) {
-    const SignedDistance distance = grid_over(mesh, 0.05);
+  for (const TriangleMesh& mesh : meshes_of_every_kind()) {
+    const SignedDistance distance = distances_over(mesh, 0.05);
     const TriangleTree tree(mesh);
     const WindingField field(mesh, tree, distance);
     std::vector<Vec3d> points;
@@ -107,8 +95,8 @@ TEST_CASE("Winding numbers on both sides of every triangle are those of a plain 
 }
 
 TEST_CASE("Winding numbers close behind a triangle are those in front of it and the jump", "[law]") {
-  for (const TriangleMesh& mesh : meshes()) {
-    const SignedDistance distance = grid_over(mesh, 0.05);
+  for (const TriangleMesh& mesh : meshes_of_every_kind()) {
+    const SignedDistance distance = distances_over(mesh, 0.05);
     const TriangleTree tree(mesh);
     const WindingField field(mesh, tree, distance);
     double worst = 0.0;
@@ -127,11 +115,11 @@ TEST_CASE("Winding numbers close behind a triangle are those in front of it and 
 
 TEST_CASE("Winding numbers do not depend on the number of threads", "[law]") {
   const TriangleMesh mesh = shapes::together(shapes::sphere(0.4, 8), leaves(40));
-  const SignedDistance distance = grid_over(mesh, 0.05);
+  const SignedDistance distance = distances_over(mesh, 0.05);
   const TriangleTree tree(mesh);
   const WindingField alone(mesh, tree, distance);
   for (const int threads : {2, 3, 8}) {
-    SignedDistance again = grid_over(mesh, 0.05);
+    SignedDistance again = distances_over(mesh, 0.05);
     DistanceToMesh(mesh, again, Parallel(threads)).measure(again, Parallel(threads));
     CHECK(again.values == distance.values);
     CHECK(WindingField(mesh, tree, distance, Parallel(threads)).at_nodes() == alone.at_nodes());

@@ -11,8 +11,6 @@ using namespace efsi::test;
 
 namespace {
 
-constexpr double kCell = 0.02, kFrame = 1.0 / 24.0;
-
 sim::Pose pose_about(const Vec3d& center, const Vec3d& turn, const Vec3d& shift) {
   return {solid::rotation(turn), center + shift - solid::rotation(turn) * center};
 }
@@ -240,7 +238,7 @@ TEST_CASE("A plate that bulges under a block lifts it, and counts what it gives 
 
 namespace {
 
-constexpr double kFriction = 0.3, kGravity = 9.8;
+constexpr double kFriction = 0.3;
 constexpr double kShort = 1.0 / 96.0;  // what a motion that speeds up is given for at a time [s]
 constexpr int kStart = 40;             // of these the block has come to rest, and the motion begins
 

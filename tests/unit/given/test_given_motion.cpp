@@ -10,8 +10,6 @@ using namespace efsi::test;
 
 namespace {
 
-constexpr double kCell = 0.02, kFrame = 1.0 / 24.0;
-
 // Counter-clockwise seen from outside.
 geometry::TriangleMesh box_mesh(const Vec3d& low, const Vec3d& high) {
   geometry::TriangleMesh mesh;

@@ -10,7 +10,7 @@ using namespace efsi::grid;
 
 namespace {
 
-constexpr double kTolerance = sizeof(Real) == 8 ? 1e-12 : 2e-5;
+constexpr double kInterpolated = sizeof(Real) == 8 ? 1e-12 : 2e-5;
 
 Grid box(int n) {
   Grid g;
@@ -58,20 +58,20 @@ TEST_CASE("Interpolation reproduces linear fields exactly") {
   for (int trial = 0; trial < 200; ++trial) {
     const Vec3d x(5 * unit(random), 7 * unit(random), 4 * unit(random));
     const Vec3d value = sampler.vector(field, x.cast<Real>()).cast<double>();
-    CHECK((value - (a * x + b)).norm() < 10 * kTolerance);
+    CHECK((value - (a * x + b)).norm() < 10 * kInterpolated);
     const Trilinear t = sampler.stencil(x.cast<Real>());
-    CHECK(static_cast<double>(sampler.value(t, field.c[1].data())) == Approx(value[1]).margin(10 * kTolerance));
+    CHECK(static_cast<double>(sampler.value(t, field.c[1].data())) == Approx(value[1]).margin(10 * kInterpolated));
     double sum = 0.0;
     for (Real w : t.w) {
       CHECK(w >= 0);
       sum += static_cast<double>(w);
     }
-    CHECK(sum == Approx(1.0).margin(kTolerance));
+    CHECK(sum == Approx(1.0).margin(kInterpolated));
   }
   // On the far corner and beyond: the value of the corner.
   const Vec3d corner = a * Vec3d(5, 7, 4) + b;
-  CHECK((sampler.vector(field, Vec3(5, 7, 4)).cast<double>() - corner).norm() < 10 * kTolerance);
-  CHECK((sampler.vector(field, Vec3(8, 9, 4.5)).cast<double>() - corner).norm() < 10 * kTolerance);
+  CHECK((sampler.vector(field, Vec3(5, 7, 4)).cast<double>() - corner).norm() < 10 * kInterpolated);
+  CHECK((sampler.vector(field, Vec3(8, 9, 4.5)).cast<double>() - corner).norm() < 10 * kInterpolated);
 }
 
 TEST_CASE("Positions on periodic axes wrap") {
@@ -84,7 +84,7 @@ TEST_CASE("Positions on periodic axes wrap") {
   for (double shift : {-24.0, -8.0, 8.0, 16.0}) {
     const Vec3 x(Real(1.3), Real(2.5), Real(6.75));
     const Vec3 y(x[0] + static_cast<Real>(shift), x[1], x[2] - static_cast<Real>(shift));
-    CHECK((sampler.vector(field, x) - sampler.vector(field, y)).norm() < 10 * kTolerance);
+    CHECK((sampler.vector(field, x) - sampler.vector(field, y)).norm() < 10 * kInterpolated);
   }
   CHECK(static_cast<double>(wrap(Real(-0.25), Real(8))) == Approx(7.75));
   CHECK(static_cast<double>(wrap(Real(17), Real(8))) == Approx(1.0));

@@ -32,7 +32,7 @@ struct Fields {
 Quad quad(const Vec3& x) { return Quad{x[0], x[1], x[2], 0}; }
 Vec3 vec(const Quad& q) { return {q[0], q[1], q[2]}; }
 
-constexpr Real kTolerance = sizeof(Real) == 8 ? Real(1e-13) : Real(2e-6);
+constexpr Real kPacked = sizeof(Real) == 8 ? Real(1e-13) : Real(2e-6);
 
 }  // namespace
 
@@ -47,7 +47,7 @@ TEST_CASE("Packed interpolation, limits and traces agree with the plain ones, in
       const Vec3 x(static_cast<Real>(range(random)), static_cast<Real>(range(random)),
                    static_cast<Real>(range(random)));
       const Vec3 v = plain.vector(f.plain, x);
-      REQUIRE((vec(packed.value(f.packed, quad(x))) - v).norm() < 20 * kTolerance);
+      REQUIRE((vec(packed.value(f.packed, quad(x))) - v).norm() < 20 * kPacked);
       const auto place = packed.place(quad(x));
       const Trilinear t = plain.stencil(x);
       REQUIRE(place.node == t.base);
@@ -63,9 +63,9 @@ TEST_CASE("Packed interpolation, limits and traces agree with the plain ones, in
       for (const Real step : {Real(0.8), Real(-1.3)}) {
         const Quad q = quad(x), w = quad(v);
         REQUIRE((vec(packed.trace_midpoint(f.packed, q, w, step)) - trace_midpoint(plain, f.plain, x, v, step)).norm() <
-                100 * kTolerance);
+                100 * kPacked);
         REQUIRE((vec(packed.trace_rk3(f.packed, q, w, step)) - trace_rk3(plain, f.plain, x, v, step)).norm() <
-                100 * kTolerance);
+                100 * kPacked);
       }
     }
   }
@@ -100,7 +100,7 @@ TEST_CASE("Packed interpolation gives the nodes' values at the nodes") {
       for (int i = 0; i <= 6; ++i)
         REQUIRE(
             (vec(sampler.value(f.packed, quad(Vec3d(i, j, k).cast<Real>()))) - f.plain.at(f.g.node(i, j, k))).norm() <
-            2 * kTolerance);
+            2 * kPacked);
   // A position that is not a number samples inside the box.
   const Real nan = std::numeric_limits<Real>::quiet_NaN();
   CHECK(sampler.place(Quad{nan, nan, nan, 0}).node == 0);

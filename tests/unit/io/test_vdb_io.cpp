@@ -25,11 +25,11 @@ using Catch::Matchers::Contains;
 namespace {
 
 // A puff of smoke that moves, on 20 x 17 x 11 cells; the vectors lie interleaved in memory.
-struct Fields {
+struct Puff {
   Vec3i size = {20, 17, 11};
   std::vector<float> density, velocity;
 
-  Fields() {
+  Puff() {
     for (int k = 0; k < size[2]; ++k) {
       for (int j = 0; j < size[1]; ++j) {
         for (int i = 0; i < size[0]; ++i) {
@@ -53,7 +53,7 @@ struct Fields {
 
 TEST_CASE("Values, active voxels, classes and names survive the file") {
   const Scratch scratch;
-  const Fields fields;
+  const Puff fields;
   VdbOptions options;
   options.creator = "eulerfsi test";
   const std::uint64_t hash = write_vdb(scratch / "a.vdb", fields.grids(), options);
@@ -85,7 +85,7 @@ TEST_CASE("Values, active voxels, classes and names survive the file") {
 
 TEST_CASE("Transforms with uniform scale, rotation and translation survive the file", "[law]") {
   const Scratch scratch;
-  const Fields fields;
+  const Puff fields;
   const double c = std::cos(0.7), s = std::sin(0.7), h = 0.05;
   const std::vector<std::array<double, 16>> transforms = {
       {h, 0, 0, -1.5, 0, h, 0, 2.25, 0, 0, h, 0.125, 0, 0, 0, 1},
@@ -109,7 +109,7 @@ TEST_CASE("Transforms with uniform scale, rotation and translation survive the f
 
 TEST_CASE("Half floats are rounded to the nearest, and the hash is that of the rounded values") {
   const Scratch scratch;
-  const Fields fields;
+  const Puff fields;
   VdbOptions options;
   const std::uint64_t full = write_vdb(scratch / "full.vdb", fields.grids(), options);
   options.half_float = true;
@@ -134,7 +134,7 @@ TEST_CASE("Half floats are rounded to the nearest, and the hash is that of the r
 
 TEST_CASE("The content hash depends on names, values and places", "[law]") {
   const Scratch scratch;
-  Fields fields;
+  Puff fields;
   const VdbOptions options;
   const std::uint64_t hash = write_vdb(scratch / "a.vdb", fields.grids(), options);
   CHECK(write_vdb(scratch / "b.vdb", fields.grids(), options) == hash);
@@ -157,7 +157,7 @@ TEST_CASE("The content hash depends on names, values and places", "[law]") {
 
 TEST_CASE("Same content, same bytes: the id in the header belongs to the content", "[law]") {
   const Scratch scratch;
-  Fields fields;
+  Puff fields;
   VdbOptions options;
   const auto bytes = [&](const std::string& name) {
     write_vdb(scratch / name, fields.grids(), options);
@@ -187,7 +187,7 @@ TEST_CASE("Same content, same bytes: the id in the header belongs to the content
 
 TEST_CASE("The threshold drops thin smoke; empty and constant grids are written too") {
   const Scratch scratch;
-  const Fields fields;
+  const Puff fields;
   VdbOptions options;
   options.threshold = 0.5;
   write_vdb(scratch / "a.vdb", fields.grids(), options);
@@ -216,7 +216,7 @@ TEST_CASE("The threshold drops thin smoke; empty and constant grids are written 
 
 TEST_CASE("Grids that cannot be written are refused by name") {
   const Scratch scratch;
-  const Fields fields;
+  const Puff fields;
   const auto write = [&](const auto& change) {
     std::vector<DenseGrid> grids = fields.grids();
     VdbOptions options;
@@ -236,7 +236,7 @@ TEST_CASE("Grids that cannot be written are refused by name") {
 
 TEST_CASE("A failed write names path and reason and leaves nothing but what was there") {
   const Scratch scratch;
-  const Fields fields;
+  const Puff fields;
   const VdbOptions options;
   const auto write = [&](const std::string& path) {
     return refusal([&] { write_vdb(path, fields.grids(), options); }, ErrorCode::kIo);
@@ -266,7 +266,7 @@ TEST_CASE("A failed write names path and reason and leaves nothing but what was 
 
 TEST_CASE("A file that is missing, cut short or no VDB is refused when it is read") {
   const Scratch scratch;
-  const Fields fields;
+  const Puff fields;
   write_vdb(scratch / "a.vdb", fields.grids(), VdbOptions());
   const std::string bytes = bytes_of(scratch / "a.vdb");
   for (const double share : {0.98, 0.5, 0.05}) {

@@ -11,7 +11,7 @@ using namespace efsi::test;
 
 namespace {
 
-constexpr double kCell = 0.02, kSlope = M_PI / 6, kWeight = 9.8;
+constexpr double kSlope = M_PI / 6, kWeight = 9.8;
 
 sim::Params space() { return still_vacuum({1.0, 0.5, 0.5}, kCell); }
 

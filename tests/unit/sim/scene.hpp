@@ -1,6 +1,7 @@
 // Purpose: small scenes for the tests of whole steps.
 #pragma once
 
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <memory>
@@ -11,6 +12,12 @@
 #include "unit/law_lines.hpp"
 
 namespace efsi::test {
+
+// Of these scenes, where they say nothing else.
+constexpr double kCell = 0.02;         // [m]
+constexpr double kFrame = 1.0 / 24.0;  // [s]
+constexpr double kGravity = 9.8;       // [m/s^2]
+constexpr double kBallRadius = 0.1;    // [m]
 
 // A sphere of bands of triangles, counter-clockwise seen from outside.
 inline geometry::TriangleMesh ball_mesh(const Vec3d& center, double radius, int bands = 16) {
@@ -64,32 +71,32 @@ inline geometry::TriangleMesh cylinder_mesh(int axis, const Vec3d& center, doubl
   return mesh;
 }
 
-// A box of air at rest, cells of 0.02 m, slip walls.
-inline sim::Params box_params(const Vec3d& size, double h = 0.02) {
+// A box of air at rest, slip walls.
+inline sim::Params box_params(const Vec3d& size, double h = kCell) {
   sim::Params p;
   p.domain_size = size;
   p.voxel_size = h;
-  p.gravity = {0, -9.8, 0};
+  p.gravity = {0, -kGravity, 0};
   p.threads = 1;
   return p;
 }
 
 // The same box without fluid.
-inline sim::Params vacuum(const Vec3d& size, double h = 0.02) {
+inline sim::Params vacuum(const Vec3d& size, double h = kCell) {
   sim::Params p = box_params(size, h);
   p.fluid.present = false;
   return p;
 }
 
 // The same box without weight, with fluid or without.
-inline sim::Params still(const Vec3d& size, double h = 0.02, bool fluid = true) {
+inline sim::Params still(const Vec3d& size, double h = kCell, bool fluid = true) {
   sim::Params p = box_params(size, h);
   p.gravity.setZero();
   p.fluid.present = fluid;
   return p;
 }
 
-inline sim::Params still_vacuum(const Vec3d& size, double h = 0.02) { return still(size, h, false); }
+inline sim::Params still_vacuum(const Vec3d& size, double h = kCell) { return still(size, h, false); }
 
 // A solid of the material that solids have by themselves.
 inline sim::SolidDesc desc_of(geometry::TriangleMesh mesh) {
@@ -99,7 +106,7 @@ inline sim::SolidDesc desc_of(geometry::TriangleMesh mesh) {
 }
 
 // The authors' ball: lambda 5000 Pa, mu 10000 Pa, 1000 kg/m^3.
-inline sim::SolidDesc ball_desc(const Vec3d& center, double radius = 0.1) {
+inline sim::SolidDesc ball_desc(const Vec3d& center, double radius = kBallRadius) {
   sim::SolidDesc d = desc_of(ball_mesh(center, radius));
   d.density = 1000.0;
   d.youngs_modulus = 1e4 * (3 * 5000.0 + 2e4) / 1.5e4;
@@ -130,6 +137,12 @@ inline SimulationPtr make_simulation(const sim::Params& p, const std::vector<sim
 
 inline void advance_to(sim::Simulation& s, double time) {
   while (s.state().time < time - 1e-9) s.step(time - s.state().time);
+}
+
+// In steps of at most `most`.
+inline void advance_by(sim::Simulation& s, double time, double most) {
+  const double end = s.state().time + time;
+  while (end - s.state().time > 1e-9) s.step(std::min(most, end - s.state().time));
 }
 
 // The same values at every call, within range / 2 of 0.

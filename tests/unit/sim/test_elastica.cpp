@@ -8,7 +8,7 @@ using namespace efsi::test;
 
 namespace {
 
-constexpr double kHigh = 0.1, kLong = 20.0 * kHigh, kRoot = 0.2, kGravity = 9.8, kDensity = 1000.0;
+constexpr double kBeamHigh = 0.1, kBeamLong = 20.0 * kBeamHigh, kBeamRoot = 0.2, kBeamDensity = 1000.0;
 
 // A bar along x with vertices all along it, so that its mesh bends as it does.
 geometry::TriangleMesh bar_mesh(const Vec3d& low, const Vec3d& high, int parts) {
@@ -67,26 +67,28 @@ Tip elastica(double beta) {
 }
 
 void bend(double beta, bool compressible, int across, double longest_step, double bar_of_law) {
-  const double h = kHigh / across, nu = compressible ? 0.3 : 0.5;
-  const double plane = 12.0 * kDensity * kGravity * std::pow(kLong, 3) / (beta * kHigh * kHigh);  // E / (1 - nu^2)
-  sim::Params p = vacuum({kRoot + kLong + 0.1, 0.9, h}, h);
+  const double h = kBeamHigh / across, nu = compressible ? 0.3 : 0.5;
+  const double plane =
+      12.0 * kBeamDensity * kGravity * std::pow(kBeamLong, 3) / (beta * kBeamHigh * kBeamHigh);  // E / (1 - nu^2)
+  sim::Params p = vacuum({kBeamRoot + kBeamLong + 0.1, 0.9, h}, h);
   p.max_time_step = longest_step;
-  sim::SolidDesc bar = desc_of(bar_mesh({0.05, 0.7, 0.0}, {kRoot + kLong, 0.7 + kHigh, h}, 80));
-  bar.density = kDensity;
+  sim::SolidDesc bar = desc_of(bar_mesh({0.05, 0.7, 0.0}, {kBeamRoot + kBeamLong, 0.7 + kBeamHigh, h}, 80));
+  bar.density = kBeamDensity;
   bar.compressible = compressible;
   bar.poissons_ratio = 0.3;
   // Where the pressure keeps the volume the shear modulus counts.
   bar.youngs_modulus = plane * (1.0 - nu * nu) / (1.0 + nu) * (1.0 + bar.poissons_ratio);
   bar.rayleigh_alpha = 10.0;
   const auto s = make_simulation(p, {bar});
-  const geometry::TriangleMesh clamp = block({0.5 * kRoot, 0.75, 0.5 * h}, {0.5 * kRoot, 0.1, 2.0 * h});
+  const geometry::TriangleMesh clamp = block({0.5 * kBeamRoot, 0.75, 0.5 * h}, {0.5 * kBeamRoot, 0.1, 2.0 * h});
   s->add_pin(0, geometry::examine(clamp, sim::kRestSpacing * h)->distance);
   const std::size_t end = bar.surface.points.size() - 4;
   const auto tip = [&] {
     const auto& now = s->state().solids[0].surface;
     const Vec3d low = 0.5 * (now[end] + now[end + 2]), high = 0.5 * (now[end + 1] + now[end + 3]);
     const Vec3d middle = 0.5 * (low + high), up = high - low;
-    return Tip{(0.75 - middle[1]) / kLong, (kRoot + kLong - middle[0]) / kLong, std::atan2(up[0], up[1])};
+    return Tip{(0.75 - middle[1]) / kBeamLong, (kBeamRoot + kBeamLong - middle[0]) / kBeamLong,
+               std::atan2(up[0], up[1])};
   };
   double before = 0.0;
   std::uint64_t unconverged = 0;

@@ -9,8 +9,6 @@ using namespace efsi::test;
 
 namespace {
 
-constexpr double kGravity = 9.8;
-
 Vec3d mean(const std::vector<Vec3d>& points) {
   Vec3d sum = Vec3d::Zero();
   for (const Vec3d& x : points) sum += x;

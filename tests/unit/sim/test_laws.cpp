@@ -9,14 +9,13 @@ using namespace efsi::test;
 
 namespace {
 
-constexpr double kRadius = 0.1;
 constexpr double kShearModulus = 1e4;
 
 // A ball in the middle of a cube of half-width `half`, `across` cells over its diameter.
 SimulationPtr ball_in_cube(sim::Params p, double half, int across, double density = 1000.0, double damping = 0.0) {
   p.domain_size = Vec3d::Constant(2.0 * half);
-  p.voxel_size = 2.0 * kRadius / across;
-  sim::SolidDesc d = ball_desc(Vec3d::Constant(half), kRadius);
+  p.voxel_size = 2.0 * kBallRadius / across;
+  sim::SolidDesc d = ball_desc(Vec3d::Constant(half), kBallRadius);
   d.density = density;
   d.rayleigh_beta = damping;
   return make_simulation(p, {d});
@@ -32,7 +31,7 @@ TEST_CASE("A ball released from rest carries the added mass of the fluid around 
       table<double, double>({{1e-3, 0.03}, {0.1, 0.1}, {0.5, 0.05}, {1.3, 0.03}, {10.0, 2e-3}, {1000.0, 1e-4}}));
   sim::Params p = box_params(Vec3d::Ones());
   p.fluid.density = 1000.0 / std::max(1.0, ratio);
-  auto s = ball_in_cube(p, 3.0 * kRadius, 16, 1000.0 * std::min(1.0, ratio));
+  auto s = ball_in_cube(p, 3.0 * kBallRadius, 16, 1000.0 * std::min(1.0, ratio));
   s->step(0.005);
   const auto now = s->diagnose_solid(0);
   const double a = -now.momentum[1] / now.mass / 0.005 / 9.8;
@@ -47,7 +46,7 @@ TEST_CASE("Solid and fluid in a periodic box keep their momentum", "[law]") {
   p.fluid.density = 1000.0 / ratio;
   p.domain_size = Vec3d::Constant(0.4);
   p.voxel_size = 0.02;
-  sim::SolidDesc d = ball_desc(Vec3d(0.18, 0.2, 0.2), kRadius);
+  sim::SolidDesc d = ball_desc(Vec3d(0.18, 0.2, 0.2), kBallRadius);
   d.velocity = {0.4, 0.2, 0.0};
   auto s = make_simulation(p, {d});
   const auto momentum = [&] { return Vec3d(s->diagnose_solid(0).momentum + s->diagnose_fluid().momentum); };
@@ -66,7 +65,7 @@ TEST_CASE("Noise in the map of a ball that flies through vacuum dies away at eve
   sim::Params p = still_vacuum({0.4, 1.6, 0.4});
   p.cfl_solid = 2.0;
   for (const double cells : {0.1, 0.5, 1.0, 1.3}) {
-    sim::SolidDesc d = ball_desc({0.2, 0.14, 0.2}, kRadius);
+    sim::SolidDesc d = ball_desc({0.2, 0.14, 0.2}, kBallRadius);
     d.velocity = {0.0, cells * p.voxel_size / 0.002, 0.0};
     auto s = make_simulation(p, {d});
     s->set_solid_field(0, false, noise(3 * s->state().solids[0].band.grid.node_count(), 4e-5f).data());
@@ -87,7 +86,7 @@ TEST_CASE("A ball hits the floor in small steps without losing its shape or gain
   // 0.05 of a cell per step: whatever a step adds at the surface adds up here.
   sim::Params p = box_params({0.4, 0.3, 0.4});
   p.cfl_solid = 0.05;
-  sim::SolidDesc d = ball_desc({0.2, 0.12, 0.2}, kRadius);
+  sim::SolidDesc d = ball_desc({0.2, 0.12, 0.2}, kBallRadius);
   d.velocity = {0.0, -4.0, 0.0};
   auto s = make_simulation(p, {d});
   const auto first = s->diagnose_solid(0);
@@ -118,7 +117,7 @@ TEST_CASE("An impact is as calm at any Poisson's ratio of a solid that keeps its
   sim::Params p = box_params(Vec3d(0.4, 0.3, 0.4), 0.2 / 16);
   p.gravity = Vec3d::Zero();
   p.fluid.present = false;
-  sim::SolidDesc d = ball_desc({0.2, 0.12, 0.2}, kRadius);
+  sim::SolidDesc d = ball_desc({0.2, 0.12, 0.2}, kBallRadius);
   d.law = law;
   d.youngs_modulus = 2.0 * kShearModulus * (1.0 + ratio);
   d.poissons_ratio = ratio;
@@ -148,7 +147,7 @@ TEST_CASE("A spinning ball keeps its spin, and its energy does not grow", "[law]
   sim::Params p = still(Vec3d::Ones());
   p.domain_size = Vec3d::Constant(0.4);
   p.voxel_size = 0.02;
-  sim::SolidDesc d = ball_desc(Vec3d::Constant(0.2), kRadius);
+  sim::SolidDesc d = ball_desc(Vec3d::Constant(0.2), kBallRadius);
   d.angular_velocity = {0.0, 0.0, 10.0};
   auto s = make_simulation(p, {d});
   const auto first = s->diagnose_solid(0);
@@ -166,9 +165,9 @@ TEST_CASE("A stretched ball in vacuum swings at the frequency of Lamb's spheroid
   // the shares of a solid in contact, 0.14 with backward Euler. u and v are half a step apart, by which the sum of
   // their energies wavers.
   constexpr double kRoot = 2.665622, kPi = 3.14159265358979323846;
-  const double period = 2.0 * kPi * kRadius / (kRoot * std::sqrt(kShearModulus / 1000.0));
+  const double period = 2.0 * kPi * kBallRadius / (kRoot * std::sqrt(kShearModulus / 1000.0));
   sim::Params p = still_vacuum(Vec3d::Ones());
-  auto s = ball_in_cube(p, 2.0 * kRadius, 14);
+  auto s = ball_in_cube(p, 2.0 * kBallRadius, 14);
   const double e = 1.05;
   stretch(*s, Vec3d::Constant(0.2), {e, 1.0 / std::sqrt(e), 1.0 / std::sqrt(e)});
   const double start = s->diagnose_solid(0).elastic_energy;
@@ -190,9 +189,9 @@ TEST_CASE("A stretched ball in vacuum swings at the frequency of Lamb's spheroid
 TEST_CASE("A ball under a lasting load towards its centre is not compressed", "[law]") {
   // f = -beta (x - c) is the gradient of a pressure. Without the constraint the mean pressure beta R^2 / 5 would take
   // 10 % of the volume. The load is given as the velocity that it adds in a step.
-  const double bulk = 5000.0 + 2.0 / 3.0 * kShearModulus, beta = 0.5 * bulk / (kRadius * kRadius), dt = 0.005;
+  const double bulk = 5000.0 + 2.0 / 3.0 * kShearModulus, beta = 0.5 * bulk / (kBallRadius * kBallRadius), dt = 0.005;
   sim::Params p = still_vacuum(Vec3d::Ones());
-  auto s = ball_in_cube(p, 2.0 * kRadius, 10, 1000.0, dt);  // damped: comes to rest
+  auto s = ball_in_cube(p, 2.0 * kBallRadius, 10, 1000.0, dt);  // damped: comes to rest
   load(*s, dt, 60,
        [&](const Vec3d& x, std::size_t a) { return -beta / 1000.0 * (x[static_cast<Eigen::Index>(a)] - 0.2); });
   const auto now = s->diagnose_solid(0);
@@ -204,11 +203,11 @@ TEST_CASE("A ball under a lasting load towards its centre is not compressed", "[
 
 TEST_CASE("A compressible ball under a load towards its centre shrinks by the mean pressure over K", "[law]") {
   const double bulk = 5000.0 + 2.0 / 3.0 * kShearModulus, dt = 0.005, strain = 0.01;
-  const double beta = 5.0 * strain * bulk / (kRadius * kRadius);  // mean pressure beta R^2 / 5 = strain K
+  const double beta = 5.0 * strain * bulk / (kBallRadius * kBallRadius);  // mean pressure beta R^2 / 5 = strain K
   sim::Params p = still_vacuum(Vec3d::Ones());
   p.domain_size = Vec3d::Constant(0.4);
   p.voxel_size = 0.0125;  // 16 cells across
-  sim::SolidDesc d = ball_desc(Vec3d::Constant(0.2), kRadius);
+  sim::SolidDesc d = ball_desc(Vec3d::Constant(0.2), kBallRadius);
   d.youngs_modulus = 70000.0 / 3.0;  // lambda 5000, mu 10000
   d.poissons_ratio = 1.0 / 6.0;
   d.compressible = true;
@@ -254,7 +253,7 @@ TEST_CASE("A compressible ball of half its size grows back in steps of a frame",
   p.cfl_solid = 4.0;
   p.domain_size = Vec3d::Constant(0.4);
   p.voxel_size = 0.02;
-  sim::SolidDesc d = ball_desc(Vec3d::Constant(0.2), kRadius);
+  sim::SolidDesc d = ball_desc(Vec3d::Constant(0.2), kBallRadius);
   d.compressible = true;
   auto s = make_simulation(p, {d});
   stretch(*s, Vec3d::Constant(0.2), Vec3d::Constant(0.5));
@@ -270,7 +269,7 @@ TEST_CASE("A ball squashed to half its height grows back in steps of a frame whe
   sim::Params p = still(Vec3d::Ones());
   p.walls.face[3] = grid::Wall::kOpen;
   p.cfl_solid = 4.0;
-  auto s = ball_in_cube(p, 2.0 * kRadius, 10);
+  auto s = ball_in_cube(p, 2.0 * kBallRadius, 10);
   stretch(*s, Vec3d::Constant(0.2), {1.0, 0.5, 1.0});
   const auto squashed = s->diagnose_solid(0);
   CHECK(squashed.volume_mesh == Approx(0.5 * squashed.rest_volume).epsilon(0.01));
@@ -283,13 +282,13 @@ TEST_CASE("A ball squashed to half its height grows back in steps of a frame whe
   double worst = 0.0;
   for (std::size_t i = 0; i < rest.size(); ++i) worst = std::max(worst, (surface[i] - rest[i] - shift).norm());
   INFO("farthest vertex " << worst << " m, energy " << end.elastic_energy << " of " << squashed.elastic_energy << " J");
-  CHECK(worst < 1e-2 * 2.0 * kRadius);
+  CHECK(worst < 1e-2 * 2.0 * kBallRadius);
   CHECK(end.volume_mesh == Approx(end.rest_volume).epsilon(0.01));
 }
 
 TEST_CASE("A ball that swings freely keeps its volume", "[law][nightly]") {
   sim::Params p = still_vacuum(Vec3d::Ones());
-  auto s = ball_in_cube(p, 2.0 * kRadius, 10);
+  auto s = ball_in_cube(p, 2.0 * kBallRadius, 10);
   const double along = 1.3, across = 1.0 / std::sqrt(along);
   stretch(*s, Vec3d::Constant(0.2), {along, across, across});
   double worst = 0.0;
@@ -304,10 +303,10 @@ TEST_CASE("A ball that swings freely keeps its volume", "[law][nightly]") {
 
 TEST_CASE("A ball on the floor stays there and keeps its volume and its energy", "[law]") {
   sim::Params p = box_params({0.4, 0.36, 0.4});
-  auto s = make_simulation(p, {ball_desc({0.2, kRadius, 0.2}, kRadius)});
-  const double weight = s->diagnose_solid(0).mass * 9.8 * kRadius;
+  auto s = make_simulation(p, {ball_desc({0.2, kBallRadius, 0.2}, kBallRadius)});
+  const double weight = s->diagnose_solid(0).mass * 9.8 * kBallRadius;
   const auto energy = [&](const sim::SolidDiagnostics& d) {
-    return (d.kinetic_energy + d.elastic_energy) / weight + d.center[1] / kRadius;
+    return (d.kinetic_energy + d.elastic_energy) / weight + d.center[1] / kBallRadius;
   };
   for (int frame = 0; frame < 48; ++frame) s->advance(1.0 / 24.0, {});
   const auto start = s->diagnose_solid(0);
@@ -355,7 +354,7 @@ TEST_CASE("A heavy box that tumbles onto a no-slip floor leaves no divergence, i
 
 TEST_CASE("A ball that slides over the floor keeps its momentum along it and its turn about the vertical", "[law]") {
   sim::Params p = vacuum({0.6, 0.3, 0.5});
-  sim::SolidDesc d = ball_desc({0.2, 0.1, 0.2}, kRadius);
+  sim::SolidDesc d = ball_desc({0.2, 0.1, 0.2}, kBallRadius);
   d.velocity = {0.5, 0.0, 0.2};
   d.angular_velocity = {0.0, 4.0, 0.0};
   auto s = make_simulation(p, {d});
@@ -377,7 +376,8 @@ TEST_CASE("Smoke in a closed box keeps its amount over 100 frames, with a moving
   sim::Params p = box_params({0.6, 0.7, 0.6}, 0.04);
   p.fluid.vorticity_confinement = 1.5;
   if (buoyancy) p.fluid.temperature_buoyancy = 0.02;
-  auto s = make_simulation(p, solid ? std::vector{ball_desc({0.3, 0.5, 0.3}, kRadius)} : std::vector<sim::SolidDesc>{});
+  auto s =
+      make_simulation(p, solid ? std::vector{ball_desc({0.3, 0.5, 0.3}, kBallRadius)} : std::vector<sim::SolidDesc>{});
   fluid::Emitter carpet;
   carpet.from_world.diagonal().head<3>() = Vec3d(1.0 / 1.2, 1.0 / 0.5, 1.0 / 1.2);
   carpet.density = 0.8;

@@ -6,13 +6,13 @@
 
 using namespace efsi;
 using test::ball_desc;
+using test::kCell;
 using test::make_simulation;
 using test::still_vacuum;
 
 namespace {
 
 const Vec3d kCenter(0.3, 0.3, 0.3);
-constexpr double kCell = 0.02;
 
 std::vector<Vec3d> points_around(double radius) {
   std::vector<Vec3d> points;
@@ -22,8 +22,6 @@ std::vector<Vec3d> points_around(double radius) {
   }
   return points;
 }
-
-sim::Params still_box() { return still_vacuum({0.6, 0.6, 0.6}, kCell); }
 
 // x = c + A (X - c) as the displacement field of solid 0.
 void deform(sim::Simulation& s, const Mat3d& a) {
@@ -43,7 +41,7 @@ void deform(sim::Simulation& s, const Mat3d& a) {
 }  // namespace
 
 TEST_CASE("Passengers of a solid that is turned and stretched are where its material is") {
-  const auto s = make_simulation(still_box(), {ball_desc(kCenter)});
+  const auto s = make_simulation(still_vacuum(Vec3d::Constant(0.6)), {ball_desc(kCenter)});
   const Mat3d turn = Eigen::AngleAxisd(0.7, Vec3d(1, 2, 3).normalized()).toRotationMatrix();
   const Mat3d stretch = Vec3d(1.2, 0.9, 1.0).asDiagonal();
   for (const double radius : {0.0, 0.05, 0.1, 0.1 + 4.0 * kCell}) {
@@ -66,7 +64,7 @@ TEST_CASE("Passengers of a ball that spins keep their distances and its velocity
   sim::SolidDesc ball = ball_desc(kCenter);
   ball.youngs_modulus = 1e6;
   ball.angular_velocity = {0, 0, 4.0};
-  const auto s = make_simulation(still_box(), {ball});
+  const auto s = make_simulation(still_vacuum(Vec3d::Constant(0.6)), {ball});
   std::vector<Vec3d> rest = points_around(0.05), far = points_around(0.1 + 3.0 * kCell);
   rest.insert(rest.end(), far.begin(), far.end());
   const std::size_t id = s->add_passenger(0, rest);
@@ -89,8 +87,8 @@ TEST_CASE("Passengers of a ball that spins keep their distances and its velocity
 }
 
 TEST_CASE("A passenger is no part of the state") {
-  const auto with = make_simulation(still_box(), {ball_desc(kCenter)});
-  const auto without = make_simulation(still_box(), {ball_desc(kCenter)});
+  const auto with = make_simulation(still_vacuum(Vec3d::Constant(0.6)), {ball_desc(kCenter)});
+  const auto without = make_simulation(still_vacuum(Vec3d::Constant(0.6)), {ball_desc(kCenter)});
   with->add_passenger(0, points_around(0.12));
   with->advance(0.02, {});
   without->advance(0.02, {});
@@ -99,7 +97,7 @@ TEST_CASE("A passenger is no part of the state") {
 }
 
 TEST_CASE("Points that the band cannot hold are refused as passengers") {
-  const auto s = make_simulation(still_box(), {ball_desc(kCenter)});
+  const auto s = make_simulation(still_vacuum(Vec3d::Constant(0.6)), {ball_desc(kCenter)});
   std::vector<Vec3d> points = points_around(0.05);
   points[7] = kCenter + Vec3d(0.1 + 8.0 * kCell, 0, 0);
   CHECK_THROWS_WITH(s->add_passenger(0, points), Catch::Contains("points[7] = (0.56, 0.3, 0.3) m: is 0.16") &&

@@ -22,8 +22,6 @@ using namespace efsi::test;
 
 namespace {
 
-constexpr double kFrame = 1.0 / 24.0;
-
 struct Row {
   std::string name;
   int frames;
@@ -136,7 +134,6 @@ Row puff() {
 // Legs of a U that are thrown at each other.
 Row folds() {
   const auto make = [](int threads) {
-    constexpr double kCell = 0.02;
     Hairpin pin;
     pin.gap = 7;
     pin.low = {17, 18, 6};

@@ -9,8 +9,6 @@ using namespace efsi::test;
 
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-
 Vec3d displacement(const sim::Simulation& s, const Vec3d& x) {
   const grid::Grid& g = s.state().solids[0].band.grid;
   const Vec3d at = (x - g.node_position(0, 0, 0)) / g.h;
@@ -114,7 +112,7 @@ TEST_CASE("A compressible ball of Poisson's ratio 0.4 breathes at the frequency 
     const double x = 0.5 * (low + high);
     (x / std::tan(x) - 1.0 + 0.25 * ratio * x * x > 0.0 ? low : high) = x;
   }
-  const double period = 2.0 * kPi * kRadius / (low * std::sqrt((lambda + 2.0 * mu) / kDensity));
+  const double period = 2.0 * M_PI * kRadius / (low * std::sqrt((lambda + 2.0 * mu) / kDensity));
   sim::SolidDesc ball = ball_desc(Vec3d::Constant(0.2), kRadius);
   ball.youngs_modulus = kModulus;
   ball.poissons_ratio = nu;
@@ -138,7 +136,7 @@ TEST_CASE("A compressible ball of Poisson's ratio 0.4 breathes at the frequency 
                                   {12.513, 0.0301, 0.504}, {15.665, 0.0191, 0.503}, {18.814, 0.0132, 0.502}};
   double damped = 0.0;
   for (const auto& [root, part, share] : kModes) {
-    const double angle = root / low * 2.0 * kPi / 60.0;
+    const double angle = root / low * 2.0 * M_PI / 60.0;
     damped += part * std::pow(1.0 + share * angle * angle, -static_cast<double>(s->state().steps));
   }
   const double kept = (end.kinetic_energy + end.elastic_energy) / start;
@@ -155,7 +153,7 @@ TEST_CASE("A compressible ball of Poisson's ratio 0.49 swings at the frequency o
                                   {15.380, 0.0113},  {18.578, 0.0074}, {21.758, 0.0053}, {24.929, 0.0039}};
   constexpr double kRadius = 0.1, kShear = 1e4, nu = 0.49;
   const double steps = GENERATE(40.0, 160.0);  // in a period: backward Euler; nearly the trapezoidal rule
-  const double shear_speed = std::sqrt(kShear / 1000.0), period = 2.0 * kPi * kRadius / (kModes[0][0] * shear_speed);
+  const double shear_speed = std::sqrt(kShear / 1000.0), period = 2.0 * M_PI * kRadius / (kModes[0][0] * shear_speed);
   sim::SolidDesc ball = ball_desc(Vec3d::Constant(0.2), kRadius);
   ball.youngs_modulus = 2.0 * (1.0 + nu) * kShear;
   ball.poissons_ratio = nu;

@@ -7,7 +7,6 @@ using namespace efsi::test;
 
 namespace {
 
-constexpr double kCell = 0.02, kFrame = 1.0 / 24.0;
 constexpr int kRises = 6, kRisen = 12;  // frames between which the plate moves
 
 sim::SolidDesc block_desc(const Vec3d& low, const Vec3d& high) {

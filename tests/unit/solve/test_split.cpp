@@ -19,7 +19,6 @@ using reference::DirectStep;
 
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kH = 0.02, kStep = 0.01;
 constexpr int kCells = 24;
 
@@ -47,7 +46,7 @@ SimulationPtr impact(double ratio, double pace, Split split) {
   std::vector<float> swirl(3 * g.node_count(), 0.0f);
   for (std::size_t n = 0; n < g.node_count(); ++n) {
     const Vec3i at = g.node_place(n);
-    const double x = kPi * at[0] / kCells, y = kPi * at[1] / kCells;
+    const double x = M_PI * at[0] / kCells, y = M_PI * at[1] / kCells;
     swirl[n] = static_cast<float>(std::sin(x) * std::sin(x) * std::sin(2 * y));
     swirl[g.node_count() + n] = static_cast<float>(-std::sin(y) * std::sin(y) * std::sin(2 * x));
   }

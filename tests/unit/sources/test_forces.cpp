@@ -36,11 +36,6 @@ SimulationPtr pushed_ball(const sim::Params& p, const ForceField& force) {
   return s;
 }
 
-void run(sim::Simulation& s, double time, double most) {
-  const double end = s.state().time + time;
-  while (end - s.state().time > 1e-9) s.step(std::min(most, end - s.state().time));
-}
-
 }  // namespace
 
 TEST_CASE("A constant force on a free solid gives m a", "[law]") {
@@ -49,7 +44,7 @@ TEST_CASE("A constant force on a free solid gives m a", "[law]") {
   force.acceleration = acceleration;
   auto s = pushed_ball(box(), force);
   const double time = 0.2;
-  run(*s, time, 0.01);
+  advance_by(*s, time, 0.01);
   const sim::SolidDiagnostics d = s->diagnose_solid(0);
   CHECK((d.momentum - d.mass * time * acceleration).norm() < 1e-3 * d.momentum.norm());
   CHECK((d.center - kMiddle - 0.5 * time * time * acceleration).norm() < 5e-3 * 0.5 * time * time * 3.2);
@@ -63,7 +58,7 @@ TEST_CASE("A force acts while it is on, to the part of a step, and on what it na
   const auto momentum = [&](ForceField::ActsOn on) {
     force.acts_on = on;
     auto s = pushed_ball(box(), force);
-    run(*s, 0.08, 0.01);
+    advance_by(*s, 0.08, 0.01);
     const sim::SolidDiagnostics d = s->diagnose_solid(0);
     return d.momentum[0] / d.mass;
   };
@@ -76,7 +71,7 @@ TEST_CASE("A force acts in its region only") {
   ForceField force = force_at(ForceField::Kind::kConstant, {0.9, 0.3, 0.3}, Vec3d::Constant(0.2));
   force.acceleration = {2.0, 0, 0};
   auto s = pushed_ball(box(), force);
-  run(*s, 0.05, 0.01);
+  advance_by(*s, 0.05, 0.01);
   CHECK(s->diagnose_solid(0).momentum.norm() == 0.0);
 }
 
@@ -85,7 +80,7 @@ TEST_CASE("A radial force leads to and from the middle of its region") {
     ForceField force = force_at(ForceField::Kind::kRadial, {0.1, 0.3, 0.3}, Vec3d::Constant(1.0));
     force.radial_acceleration = strength;
     auto s = pushed_ball(box(), force);
-    run(*s, 0.02, 0.01);
+    advance_by(*s, 0.02, 0.01);
     const sim::SolidDiagnostics d = s->diagnose_solid(0);
     // The mean of x / |x| over a ball of half the distance: 1 - (R/d)^2 / 5.
     CHECK(d.momentum[0] / d.mass == Approx(strength * 0.02 * (1.0 - 0.05)).epsilon(0.02));
@@ -110,7 +105,7 @@ TEST_CASE("What a radial force presses together strains as elasticity says, what
     ball.rayleigh_beta = 0.005;
     const auto s = make_simulation(p, {ball});
     s->add_force(force);
-    run(*s, 0.3, dt);
+    advance_by(*s, 0.3, dt);
     const sim::SolidDiagnostics d = s->diagnose_solid(0);
     const double lost = 1.0 - d.volume_mesh / d.rest_volume;
     INFO("steps of " << dt << " s: loses " << lost << " of its volume, " << wanted << " by elasticity");
@@ -132,7 +127,7 @@ TEST_CASE("Wind takes a fluid along at its rate, whatever the steps", "[law]") {
   for (const double dt : {0.05, 0.125}) {
     auto s = make_simulation(p);
     s->add_force(force);
-    run(*s, time, dt);
+    advance_by(*s, time, dt);
     const Vec3d expected = wind * (1.0 - std::exp(-drag * time));
     const grid::VectorField& v = s->state().fluid.velocity;
     for (std::size_t n = 0; n < v.size(); n += 101)

@@ -13,6 +13,8 @@
 
 namespace efsi::test {
 
+constexpr double kRoundOff = sizeof(Real) == 8 ? 1e-13 : 2e-6;  // relative, of a sum of a few terms
+
 struct PressureCase {
   std::string name;
   grid::Grid g;

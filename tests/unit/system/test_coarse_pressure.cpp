@@ -10,8 +10,6 @@ using namespace efsi::test;
 
 namespace {
 
-constexpr double kTolerance = sizeof(Real) == 8 ? 1e-13 : 2e-6;
-
 constexpr std::array<double, 3> kWhole{1, 1, 1};
 
 system::CoarsePressureLevel coarse_level(const PressureCase& c, std::vector<std::uint8_t> active = {},
@@ -95,9 +93,9 @@ TEST_CASE("The coarse pressure operator is the sum over faces, for every kind of
             double left = static_cast<double>(b[n]) - plain_product(c, active, outer, x, {i, j, k}, &diagonal);
             if (!active.empty() && !active[n]) left = 0.0;
             const double size = std::abs(left) + std::abs(static_cast<double>(b[n])) + 10 * diagonal;
-            CHECK(static_cast<double>(r[n]) == Approx(left).margin(kTolerance * size));
+            CHECK(static_cast<double>(r[n]) == Approx(left).margin(kRoundOff * size));
             const double next = static_cast<double>(x[n]) + static_cast<double>(weight) * left / diagonal;
-            CHECK(static_cast<double>(y[n]) == Approx(next).margin(kTolerance * (std::abs(next) + size / diagonal)));
+            CHECK(static_cast<double>(y[n]) == Approx(next).margin(kRoundOff * (std::abs(next) + size / diagonal)));
           }
     }
 }

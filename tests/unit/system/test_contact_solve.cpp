@@ -15,18 +15,18 @@ using system::VelocitySystem;
 
 namespace {
 
-constexpr double kDt = 0.01;
+constexpr double kStep = 0.01;
 
 // A ball above another one that is stiffer, three cells apart; both fall towards each other and one of them sideways.
 // Four rows between the nodes that face each other, spread over four nodes each.
-struct Scene {
+struct FacingBalls {
   grid::Grid g = cube_grid(16, 0.05);
   TestSolid solids[2];
   VelocitySystem system;
   std::vector<ContactRow> rows;
   std::vector<Real> start, f;
 
-  explicit Scene(double friction, int threads = 1) {
+  explicit FacingBalls(double friction, int threads = 1) {
     const auto soft = material::from_youngs_modulus(material::Law::kCorotational, 2e4, 0.3);
     const auto stiff = material::from_youngs_modulus(material::Law::kCorotational, 1e5, 0.4);
     solids[0] = make_ball(g, soft, {0.4, 0.2, 0.4}, 0.13);
@@ -38,7 +38,7 @@ struct Scene {
       for (std::size_t n = 0; n < mass.size(); ++n) mass[n] += s.work.mass[n];
       refs.push_back({&s.rest, &s.state, &s.work, {}, {}});
     }
-    system.assemble(Parallel(threads), g, std::vector<std::uint8_t>(g.node_count(), 0), refs, mass, {}, kDt);
+    system.assemble(Parallel(threads), g, std::vector<std::uint8_t>(g.node_count(), 0), refs, mass, {}, kStep);
     REQUIRE(system.touching().empty());
     int top = 0, bottom = g.cells[1];
     for (const std::size_t n : system.nodes()) {
@@ -92,7 +92,7 @@ struct Scene {
 
 TEST_CASE("Contact with and without friction is that of the dense Delassus operator") {
   const double friction = GENERATE(0.0, 0.1, 2.0);
-  Scene scene(friction);
+  FacingBalls scene(friction);
   Eigen::VectorXd f(static_cast<Eigen::Index>(scene.f.size()));
   for (std::size_t i = 0; i < scene.f.size(); ++i) f[static_cast<Eigen::Index>(i)] = static_cast<double>(scene.f[i]);
   const DenseContact dense = dense_contact(scene.matrix(), f, scene.rows);
@@ -123,7 +123,7 @@ TEST_CASE("Contact with and without friction is that of the dense Delassus opera
 }
 
 TEST_CASE("What the solve leaves is little of what the rows push, however stiff their penalties are") {
-  Scene scene(0.3);
+  FacingBalls scene(0.3);
   scene.rows.resize(2);  // on one side of the middle: they turn the solids
   const Parallel parallel(1);
   std::vector<Real> x = scene.start, gx;
@@ -151,7 +151,7 @@ TEST_CASE("What the solve leaves is little of what the rows push, however stiff 
 }
 
 TEST_CASE("The preconditioner undoes what penalties do to rigid solids") {
-  Scene scene(0.0);
+  FacingBalls scene(0.0);
   const Parallel parallel(1);
   std::vector<Real> v;  // two rigid motions
   for (std::size_t u = 0; u < scene.system.nodes().size(); ++u) {
@@ -187,7 +187,7 @@ TEST_CASE("The preconditioner undoes what penalties do to rigid solids") {
 }
 
 TEST_CASE("Rows that part push nothing, and what they start from is forgotten") {
-  Scene scene(0.5);
+  FacingBalls scene(0.5);
   for (Real& v : scene.start) v = -v;
   for (Real& v : scene.f) v = -v;
   for (ContactRow& row : scene.rows) row.normal_impulse = 0.1;
@@ -196,12 +196,12 @@ TEST_CASE("Rows that part push nothing, and what they start from is forgotten") 
 }
 
 TEST_CASE("Contact is the same to the bit with several threads", "[determinism]") {
-  Scene one(0.3), many(0.3, 3);
+  FacingBalls one(0.3), many(0.3, 3);
   CHECK(one.solve(1) == many.solve(3));
 }
 
 TEST_CASE("Penalties are symmetric, and leave nothing behind when they go") {
-  Scene scene(0.0);
+  FacingBalls scene(0.0);
   std::vector<Real> before, with, after, before_inverse, with_inverse, after_inverse;
   scene.system.apply(Parallel(1), scene.start, before);
   scene.system.precondition(Parallel(1), before, before_inverse);

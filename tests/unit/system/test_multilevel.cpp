@@ -8,6 +8,7 @@
 #include "reference/assembled_multilevel.hpp"
 #include "system/multilevel.hpp"
 #include "unit/solid/ball.hpp"
+#include "unit/system/dense.hpp"
 
 using namespace efsi;
 using namespace efsi::test;
@@ -97,12 +98,6 @@ struct TwoBalls {
     return x;
   }
 };
-
-Eigen::VectorXd to_vector(const std::vector<Real>& x) {
-  Eigen::VectorXd v(static_cast<Eigen::Index>(x.size()));
-  for (std::size_t i = 0; i < x.size(); ++i) v[static_cast<Eigen::Index>(i)] = static_cast<double>(x[i]);
-  return v;
-}
 
 }  // namespace
 

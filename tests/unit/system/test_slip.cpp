@@ -11,7 +11,7 @@ using namespace efsi::test;
 
 namespace {
 
-constexpr double kTolerance = sizeof(Real) == 8 ? 1e-12 : 5e-6;
+constexpr double kSlipTolerance = sizeof(Real) == 8 ? 1e-12 : 5e-6;
 
 // A ball of `density` times the fluid's in a box, its surface along the faces of cells.
 struct SlipCase : PressureCase {
@@ -202,11 +202,11 @@ TEST_CASE("Where solids share nodes operator and projection are the assembled on
     std::vector<Real> p = c.random_cells(31), y(p.size(), 0);
     multigrid.apply(parallel, p, y);
     const Eigen::VectorXd q = to_vector(c, p), expected = a * q;
-    CHECK((to_vector(c, y) - expected).norm() < kTolerance * expected.norm());
+    CHECK((to_vector(c, y) - expected).norm() < kSlipTolerance * expected.norm());
     const Eigen::VectorXd root = to_vector(c, multigrid.finest().inverse_diagonal).cwiseSqrt();
     const Eigen::MatrixXd scaled = root.asDiagonal() * a * root.asDiagonal();
     CHECK(Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(scaled, Eigen::EigenvaluesOnly).eigenvalues().maxCoeff() <
-          8.0 / 3.0 * (1 + 10 * kTolerance));
+          8.0 / 3.0 * (1 + 10 * kSlipTolerance));
 
     grid::VectorField v = c.random_velocity(5);
     const grid::VectorField other = c.random_velocity(6);
@@ -214,14 +214,14 @@ TEST_CASE("Where solids share nodes operator and projection are the assembled on
       c.slip.solid_velocity()[t] = static_cast<Real>(c.slip.nodes()[t].solid + 1) * other.at(c.slip.nodes()[t].node);
     const Eigen::VectorXd before = twin.unknowns(v, c.slip);
     const double norm = (twin.j * before).norm() / (c.g.h * c.g.h * c.g.h);
-    CHECK(system.norms(parallel, v, {}).all == Approx(norm).epsilon(10 * kTolerance));
+    CHECK(system.norms(parallel, v, {}).all == Approx(norm).epsilon(10 * kSlipTolerance));
     system.project(parallel, p, v);
     const Eigen::VectorXd after = before - twin.w * twin.j.transpose() * q;
-    CHECK((twin.unknowns(v, c.slip) - after).norm() < kTolerance * after.norm());
+    CHECK((twin.unknowns(v, c.slip) - after).norm() < kSlipTolerance * after.norm());
 
     std::vector<Real> one(c.g.padded_count(), 1);
     system.project(parallel, one, v);
-    CHECK((twin.unknowns(v, c.slip) - after).norm() < 10 * kTolerance * after.norm());
+    CHECK((twin.unknowns(v, c.slip) - after).norm() < 10 * kSlipTolerance * after.norm());
   }
 }
 
@@ -288,25 +288,25 @@ TEST_CASE("With two velocities at surface nodes divergence, operator and project
     std::vector<Real> p = c.random_cells(31), y(p.size(), 0);
     multigrid.apply(parallel, p, y);
     const Eigen::VectorXd expected = a * to_vector(c, p);
-    CHECK((to_vector(c, y) - expected).norm() < kTolerance * expected.norm());
+    CHECK((to_vector(c, y) - expected).norm() < kSlipTolerance * expected.norm());
     const Eigen::VectorXd inverse = to_vector(c, multigrid.finest().inverse_diagonal);
     for (Eigen::Index i = 0; i < inverse.size(); ++i) {
-      CHECK(inverse[i] * a(i, i) < 1.0 + 10 * kTolerance);
-      CHECK(inverse[i] * a(i, i) > 1.0 / 1.5 - 10 * kTolerance);
+      CHECK(inverse[i] * a(i, i) < 1.0 + 10 * kSlipTolerance);
+      CHECK(inverse[i] * a(i, i) > 1.0 / 1.5 - 10 * kSlipTolerance);
     }
     const Eigen::VectorXd root = inverse.cwiseSqrt();
     const Eigen::MatrixXd scaled = root.asDiagonal() * a * root.asDiagonal();
     CHECK(Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(scaled, Eigen::EigenvaluesOnly).eigenvalues().maxCoeff() <
-          8.0 / 3.0 * (1 + 10 * kTolerance));
+          8.0 / 3.0 * (1 + 10 * kSlipTolerance));
 
     system::PressureSystem system = c.system();
     grid::VectorField v = c.random_velocities(5);
     const Eigen::VectorXd before = twin.unknowns(v, c.slip), q = to_vector(c, p);
     const double norm = (twin.j * before).norm() / (c.g.h * c.g.h * c.g.h);
-    CHECK(system.norms(parallel, v, {}).all == Approx(norm).epsilon(10 * kTolerance));
+    CHECK(system.norms(parallel, v, {}).all == Approx(norm).epsilon(10 * kSlipTolerance));
     system.project(parallel, p, v);
     const Eigen::VectorXd after = before - twin.w * twin.j.transpose() * q;
-    CHECK((twin.unknowns(v, c.slip) - after).norm() < kTolerance * after.norm());
+    CHECK((twin.unknowns(v, c.slip) - after).norm() < kSlipTolerance * after.norm());
   }
 }
 
@@ -326,10 +326,10 @@ TEST_CASE("What the pressure gives a surface node is shared between the solid an
     const Vec3 slip = fluid - normal.dot(fluid) * normal;
     const Vec3 all = system::pressure_impulse(c.g, q, n.i, n.j, n.k);
     const double scale = static_cast<double>(all.norm() + slides[t].norm());
-    CHECK(static_cast<double>((n.fluid_mass * slip + slides[t]).norm()) < 10 * kTolerance * scale);
+    CHECK(static_cast<double>((n.fluid_mass * slip + slides[t]).norm()) < 10 * kSlipTolerance * scale);
     CHECK(static_cast<double>(
               (n.solid_mass * solid + n.fluid_mass * normal.dot(solid) * normal + all - slides[t]).norm()) <
-          10 * kTolerance * scale);
+          10 * kSlipTolerance * scale);
   }
 }
 
@@ -339,7 +339,7 @@ TEST_CASE("The preconditioner is symmetric and positive definite where the fluid
     system::PressureMultigrid multigrid;
     const Parallel parallel(1);
     multigrid.build(parallel, c.g, c.walls, c.fixed, c.specific_volume, {}, &c.slip);
-    check_symmetric_definite(c, multigrid, 2 * kTolerance);
+    check_symmetric_definite(c, multigrid, 2 * kSlipTolerance);
   }
 }
 

@@ -8,7 +8,6 @@ using namespace efsi::test;
 
 namespace {
 
-constexpr double kFrame = 1.0 / 24.0;
 constexpr std::size_t kThrown = 0;
 
 // A ball that is thrown out through the upper face of x.

@@ -5,17 +5,17 @@
 
 #include "solid/element/energy.hpp"
 #include "unit/solid/ball.hpp"
+#include "unit/solid/element/soft.hpp"
 
 using namespace efsi;
 using namespace efsi::test;
 
 namespace {
 
-constexpr double kH = 0.05;
-constexpr int kCells = 4;
+constexpr int kBlockCells = 4;
 
 TestSolid block(material::Law law) {
-  return make_block(cube_grid(kCells, kH), material::from_youngs_modulus(law, 2e4, 0.3));
+  return make_block(cube_grid(kBlockCells, kH), material::from_youngs_modulus(law, 2e4, 0.3));
 }
 
 // x = F X
@@ -50,7 +50,7 @@ TEST_CASE("The elastic energy of a stretched block is the work of its stress") {
       TestSolid s = block(law);
       deform(s, Eigen::AngleAxisd(0.6, Vec3d(1, 2, 2).normalized()).toRotationMatrix() * stretch.asDiagonal());
       compute(s, points);
-      const double rest_volume = std::pow(kCells * kH, 3) / stretch.prod();
+      const double rest_volume = std::pow(kBlockCells * kH, 3) / stretch.prod();
       const double exact = rest_volume * work_of_stress(s.rest.elastic, stretch);
       CHECK(solid::elastic_energy(Parallel(2), s.rest, s.state, s.work, points) == Approx(exact).epsilon(1e-4));
       CHECK(solid::measure_shape(Parallel(2), s.rest, s.state, s.work, points).elastic == Approx(exact).epsilon(1e-4));

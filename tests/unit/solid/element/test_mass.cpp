@@ -4,6 +4,7 @@
 
 #include "solid/element/plasticity.hpp"
 #include "unit/solid/ball.hpp"
+#include "unit/solid/element/soft.hpp"
 
 using namespace efsi;
 using namespace efsi::test;
@@ -11,7 +12,6 @@ using namespace efsi::test;
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
-const material::Elastic kSoft = material::from_youngs_modulus(material::Law::kCorotational, 2e4, 0.3);
 
 }  // namespace
 

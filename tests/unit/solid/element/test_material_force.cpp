@@ -5,6 +5,7 @@
 
 #include "reference/lagrangian_element.hpp"
 #include "unit/solid/ball.hpp"
+#include "unit/solid/element/soft.hpp"
 
 using namespace efsi;
 using namespace efsi::test;
@@ -13,18 +14,12 @@ using reference::LagrangianElement;
 
 namespace {
 
-constexpr double kH = 0.05;
-
 material::Elastic elastic(material::Law law) { return material::from_youngs_modulus(law, 2e4, 0.3); }
 
 // u of the affine map x = F X + t.
 std::function<Vec3d(const Vec3d&)> affine(const Mat3d& f, const Vec3d& t) {
   const Mat3d inverse = f.inverse();
   return [inverse, t](const Vec3d& x) -> Vec3d { return x - inverse * (x - t); };
-}
-
-Mat3d rotation(double angle, const Vec3d& axis) {
-  return Eigen::AngleAxisd(angle, axis.normalized()).toRotationMatrix();
 }
 
 // A stretched, turned block with random corners on top of it.

@@ -7,18 +7,15 @@
 #include "solid/element/plasticity.hpp"
 #include "solid/hexahedron.hpp"
 #include "unit/solid/ball.hpp"
+#include "unit/solid/element/soft.hpp"
 
 using namespace efsi;
 using namespace efsi::test;
 
 namespace {
 
-constexpr double kH = 0.05, kFast = 1e9;
+constexpr double kFast = 1e9;
 constexpr int kCells = 6;
-
-Mat3d rotation(double angle, const Vec3d& axis) {
-  return Eigen::AngleAxisd(angle, axis.normalized()).toRotationMatrix();
-}
 
 // A block that can yield, with a lattice around all that its displacements lead to.
 TestSolid plastic_block(double yield_stress, double hardening = 0.0, double size = kCells * kH) {
@@ -31,7 +28,7 @@ TestSolid plastic_block(double yield_stress, double hardening = 0.0, double size
 }
 
 // x = F X about the middle
-void deform(TestSolid& s, const Mat3d& f) {
+void deform_about_middle(TestSolid& s, const Mat3d& f) {
   const Mat3d change = Mat3d::Identity() - f.inverse();
   const Vec3d middle = Vec3d::Constant(0.5 * kCells * kH);
   set_displacement(s, [&](const Vec3d& x) -> Vec3d { return change * (x - middle); });
@@ -97,7 +94,7 @@ TEST_CASE("A block that is stretched beyond its yield stress keeps the rest, how
     for (const double angle : {0.0, 0.8}) {
       TestSolid s = plastic_block(yield_stress);
       const Mat3d turn = rotation(angle, {1, -2, 1});
-      deform(s, turn * stretch.asDiagonal());
+      deform_about_middle(s, turn * stretch.asDiagonal());
       yield(s, points);
       if (points == 1)
         for (std::size_t e = 0; e < s.work.element_cell.size(); ++e)
@@ -111,8 +108,8 @@ TEST_CASE("A block that is stretched beyond its yield stress keeps the rest, how
       }
       // Without its elastic part it has no stress, also after a quarter turn.
       const double kept = 1.5 / low;
-      deform(s, rotation(M_PI / 2.0, {0, 1, 0}) * turn *
-                    Vec3d(kept, 1.0 / std::sqrt(kept), 1.0 / std::sqrt(kept)).asDiagonal());
+      deform_about_middle(s, rotation(M_PI / 2.0, {0, 1, 0}) * turn *
+                                 Vec3d(kept, 1.0 / std::sqrt(kept), 1.0 / std::sqrt(kept)).asDiagonal());
       compute(s, points);
       CHECK(s.work.elastic_energy < 0.02 * loaded);  // of the outermost cells, which read what lay outside
       const grid::Grid& g = s.state.band.grid;
@@ -199,7 +196,7 @@ TEST_CASE("What flows in a block that is held does not depend on the steps") {
   const auto accumulated = [&](double flow_rate, int steps) {
     TestSolid s = plastic_block(1000.0, 500.0);
     s.rest.plastic.flow_rate = flow_rate;
-    deform(s, Vec3d(stretch, 1.0 / std::sqrt(stretch), 1.0 / std::sqrt(stretch)).asDiagonal());
+    deform_about_middle(s, Vec3d(stretch, 1.0 / std::sqrt(stretch), 1.0 / std::sqrt(stretch)).asDiagonal());
     solid::compute_mass(Parallel(1), s.rest, s.state, s.work);
     for (int n = 0; n < steps; ++n) CHECK(solid::flow(Parallel(1), s.rest, time / steps, 1, s.work, s.state));
     return solid::largest_plastic_strain(s.state);

@@ -6,19 +6,19 @@
 #include "solid/element/plasticity.hpp"
 #include "solid/element/repair.hpp"
 #include "unit/solid/ball.hpp"
+#include "unit/solid/element/soft.hpp"
 
 using namespace efsi;
 using namespace efsi::test;
 
 namespace {
 
-constexpr double kH = 0.02;
+constexpr double kFine = 0.02;  // size of the cells [m]
 const Vec3d kCenter = Vec3d::Constant(0.24);
-const material::Elastic kSoft = material::from_youngs_modulus(material::Law::kCorotational, 2e4, 0.3);
 
 // A ball of ten cells across, stretched by f.
 TestSolid stretched_ball(const Mat3d& f) {
-  TestSolid s = make_ball(cube_grid(24, kH), kSoft, kCenter, 0.1);
+  TestSolid s = make_ball(cube_grid(24, kFine), kSoft, kCenter, 0.1);
   const Mat3d inverse = f.inverse();
   set_displacement(s, [&](const Vec3d& x) -> Vec3d { return x - kCenter - inverse * (x - kCenter); });
   solid::compute_mass(Parallel(1), s.rest, s.state, s.work);
@@ -35,7 +35,7 @@ Mat3d volume_preserving() {
 void disturb(TestSolid& s, double cells) {
   const grid::Grid& g = s.state.band.grid;
   const std::size_t n = g.node(12, 12, 12);
-  s.state.u.set(n, s.state.u.at(n) + Vec3(Real(cells * kH), Real(0.4 * kH), 0));
+  s.state.u.set(n, s.state.u.at(n) + Vec3(Real(cells * kFine), Real(0.4 * kFine), 0));
   solid::compute_mass(Parallel(1), s.rest, s.state, s.work);
 }
 
@@ -86,7 +86,7 @@ TEST_CASE("Broken cells are put back in shape and nothing far from them changes"
 
 TEST_CASE("Cells of what has yielded are put back by their elastic part, which makes no energy", "[law]") {
   const Vec3d flat(2.0, 2.0, 0.25);
-  TestSolid s = make_ball(cube_grid(24, kH), kSoft, kCenter, 0.1);
+  TestSolid s = make_ball(cube_grid(24, kFine), kSoft, kCenter, 0.1);
   s.rest.plastic = {1000.0, 1000.0, 0.0};
   s.rest.plastic_lattice = solid::make_plastic_lattice(Vec3d::Constant(-1.0), Vec3d::Constant(1.5), 0.1);
   const auto log = [&](int a) { return static_cast<Real>(std::log(flat[a])); };
@@ -155,12 +155,12 @@ TEST_CASE("Compressible solids are not repaired") {
 }
 
 TEST_CASE("A solid without a sound cell comes out of its repair with finite values") {
-  TestSolid s = make_block(cube_grid(9, kH), kSoft);
+  TestSolid s = make_block(cube_grid(9, kFine), kSoft);
   const grid::Grid& g = s.state.band.grid;
   for (int k = 0; k <= g.cells[2]; ++k)  // of three planes of cells two are turned over and one is crushed
     for (int j = 0; j <= g.cells[1]; ++j)
       for (int i = 0; i <= g.cells[0]; ++i)
-        s.state.u.set(g.node(i, j, k), Vec3(static_cast<Real>((2 * (i % 3) - 2) * kH), 0, 0));
+        s.state.u.set(g.node(i, j, k), Vec3(static_cast<Real>((2 * (i % 3) - 2) * kFine), 0, 0));
   solid::compute_mass(Parallel(1), s.rest, s.state, s.work);
   REQUIRE(s.work.element_cell.size() > 100);
   CHECK(repair(s) > 100);
