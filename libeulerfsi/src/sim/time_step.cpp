@@ -48,8 +48,7 @@ double expected_acceleration(const Params& params, const solid::SolidState& stat
 // How long what closes a gap at a speed may do so [s]: it moves by `travel`, or up to kContactDistance from what is on
 // the other side. Where that is too far away for rows of contact to see it, a fall ends there at most as deep. gap,
 // travel: cells.
-double time_to_meet(const Params& params, double h, double gap, double closing, double acceleration) {
-  const double travel = params.numerics.contact_travel;
+double time_to_meet(const Params& params, double h, double gap, double closing, double acceleration, double travel) {
   const double near = time_to_move(closing, acceleration, std::max(travel, gap - kContactDistance) * h);
   if (gap < kContactDistance) return near;
   return std::min(near, time_to_move(closing, params.gravity.norm(), (gap + travel) * h));
@@ -140,7 +139,8 @@ void limit_by_walls(const Scene& scene, std::size_t l, double acceleration, cons
   const Params& params = scene.params;
   for (std::size_t face = 0; face < 6; ++face)
     if (std::max(params.numerics.contact_travel, gaps.cells[face] - kContactDistance) < params.cfl_solid)
-      limit.lower(time_to_meet(params, scene.grid.h, gaps.cells[face], gaps.closing[face], acceleration),
+      limit.lower(time_to_meet(params, scene.grid.h, gaps.cells[face], gaps.closing[face], acceleration,
+                               params.numerics.contact_travel),
                   StepRule::kWall, l + 1);
   if (params.numerics.resolve_impacts && gaps.least() < kContactReach) waves.lower(l, StepRule::kWallWave, limit);
 }
@@ -172,7 +172,7 @@ void limit_by_pair(const Scene& scene, const SolidStates& states, const std::vec
   double least = std::numeric_limits<double>::infinity(), meeting = least;
   visit_gaps(scene, states, one, other, [&](double gap, double closing) {
     least = std::min(least, gap);
-    meeting = std::min(meeting, time_to_meet(params, h, gap / h, closing, acceleration));
+    meeting = std::min(meeting, time_to_meet(params, h, gap / h, closing, acceleration, kPaperCfl));
   });
   if (params.numerics.uses_particles()) {
     if (least + kContactSkin * h < kContactReach * h)
