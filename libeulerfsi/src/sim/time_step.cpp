@@ -23,6 +23,7 @@ constexpr double kContactFall = 3.0;          // cells: the energy of a fall tha
 constexpr double kContactStrain = 0.1;        // in a step, below which it loses little whatever moves
 constexpr double kPaperCfl = 0.6;             // cells per step of solids less than kContactReach apart (Sec. 5.2)
 constexpr double kPairReach = 6.0;            // cells between solids, from which on they do not limit each other
+constexpr double kMeetingDistance = 0.4;      // cells that they keep, where they come from farther away
 constexpr double kUnseen = 1.2;               // cells that solids near each other may move before they see each other
 // Cells per step in flight over those elsewhere: through vacuum (4 where these are 1.8) and through a fluid of at most
 // kThin of a solid's density. The pressure of the fluid grows with what a solid moves in a step, and presses it.
@@ -45,13 +46,19 @@ double expected_acceleration(const Params& params, const solid::SolidState& stat
   return state.acceleration < 0.0 ? fall : std::min(fall, kMoreAcceleration * state.acceleration);
 }
 
-// How long what closes a gap at a speed may do so [s]: it moves by `travel`, or up to kContactDistance from what is on
-// the other side. Where that is too far away for rows of contact to see it, a fall ends there at most as deep. gap,
-// travel: cells.
-double time_to_meet(const Params& params, double h, double gap, double closing, double acceleration, double travel) {
-  const double near = time_to_move(closing, acceleration, std::max(travel, gap - kContactDistance) * h);
+// How a step approaches what it may touch: by `travel` at least, or up to `distance` from it [cells].
+struct Approach {
+  double travel, distance;
+  double cells(double gap) const { return std::max(travel, gap - distance); }
+};
+
+// How long what closes a gap [cells] at a speed may do so [s]. Where it is too far away for rows of contact to see it,
+// a fall ends there at most `travel` deep.
+double time_to_meet(const Params& params, double h, const Approach& approach, double gap, double closing,
+                    double acceleration) {
+  const double near = time_to_move(closing, acceleration, approach.cells(gap) * h);
   if (gap < kContactDistance) return near;
-  return std::min(near, time_to_move(closing, params.gravity.norm(), (gap + travel) * h));
+  return std::min(near, time_to_move(closing, params.gravity.norm(), (gap + approach.travel) * h));
 }
 
 bool is_dense(const fluid::FluidParams& fluid, double solid_density) {
@@ -137,10 +144,10 @@ Gaps measure_gaps(const Scene& scene, const solid::SolidState& solid) {
 void limit_by_walls(const Scene& scene, std::size_t l, double acceleration, const Gaps& gaps, WaveLimits& waves,
                     StepLimit& limit) {
   const Params& params = scene.params;
+  const Approach approach{params.numerics.contact_travel, kContactDistance};
   for (std::size_t face = 0; face < 6; ++face)
-    if (std::max(params.numerics.contact_travel, gaps.cells[face] - kContactDistance) < params.cfl_solid)
-      limit.lower(time_to_meet(params, scene.grid.h, gaps.cells[face], gaps.closing[face], acceleration,
-                               params.numerics.contact_travel),
+    if (approach.cells(gaps.cells[face]) < params.cfl_solid)
+      limit.lower(time_to_meet(params, scene.grid.h, approach, gaps.cells[face], gaps.closing[face], acceleration),
                   StepRule::kWall, l + 1);
   if (params.numerics.resolve_impacts && gaps.least() < kContactReach) waves.lower(l, StepRule::kWallWave, limit);
 }
@@ -169,10 +176,11 @@ void limit_by_pair(const Scene& scene, const SolidStates& states, const std::vec
   const auto time_for = [&](double speed, double cells) {
     return time_to_move(speed, params.gravity.norm(), cells * h);
   };
+  const Approach approach{params.numerics.contact_travel, kMeetingDistance};
   double least = std::numeric_limits<double>::infinity(), meeting = least;
   visit_gaps(scene, states, one, other, [&](double gap, double closing) {
     least = std::min(least, gap);
-    meeting = std::min(meeting, time_to_meet(params, h, gap / h, closing, acceleration, kPaperCfl));
+    meeting = std::min(meeting, time_to_meet(params, h, approach, gap / h, closing, acceleration));
   });
   if (params.numerics.uses_particles()) {
     if (least + kContactSkin * h < kContactReach * h)
