@@ -19,10 +19,38 @@ function(efsi_compile_options target)
   endif()
 endfunction()
 
-# efsi_unity(target): with EFSI_UNITY its sources are compiled seven at a time. Names of their anonymous namespaces must
-# differ.
+# efsi_unity(target): with EFSI_UNITY its sources are compiled up to seven at a time, those of one folder together. Names of
+# their anonymous namespaces must differ. Alone stay sources with hot loops (base/kernel.hpp), so that what is inlined into
+# these does not depend on their neighbours, and those with OpenVDB's templates, whose compilation takes a GB and more.
 function(efsi_unity target)
-  set_target_properties(${target} PROPERTIES UNITY_BUILD "${EFSI_UNITY}" UNITY_BUILD_BATCH_SIZE 7)
+  if(NOT EFSI_UNITY)
+    return()
+  endif()
+  set(folders "")
+  get_target_property(sources ${target} SOURCES)
+  foreach(source IN LISTS sources)
+    file(STRINGS "${source}" alone REGEX "EFSI_KERNEL|#include <openvdb/" LIMIT_COUNT 1)
+    cmake_path(GET source PARENT_PATH folder)
+    cmake_path(RELATIVE_PATH folder BASE_DIRECTORY "${CMAKE_CURRENT_SOURCE_DIR}")
+    string(MAKE_C_IDENTIFIER "${folder}" folder)
+    if(NOT alone)
+      list(APPEND folders "${folder}")
+      list(APPEND sources_of_${folder} "${source}")
+    endif()
+  endforeach()
+  list(REMOVE_DUPLICATES folders)
+  foreach(folder IN LISTS folders)
+    list(LENGTH sources_of_${folder} count)
+    math(EXPR batches "(${count} + 6) / 7")
+    math(EXPR size "(${count} + ${batches} - 1) / ${batches}")  # batches of one folder are alike
+    set(at 0)
+    foreach(source IN LISTS sources_of_${folder})
+      math(EXPR batch "${at} / ${size}")
+      math(EXPR at "${at} + 1")
+      set_source_files_properties("${source}" PROPERTIES UNITY_GROUP "${folder}_${batch}")
+    endforeach()
+  endforeach()
+  set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
 endfunction()
 
 # Parsed once instead of in every source, and by the tests too: half of the time of a build. Sources include what they use

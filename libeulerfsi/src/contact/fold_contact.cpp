@@ -25,7 +25,7 @@ namespace {
 constexpr double kStandOff = 3.0;       // cells: distance of folds, so that one map can represent both
 constexpr double kOfRest = 0.5;         // or this part of what is between them at rest
 constexpr double kLeastApproach = 1.5;  // times: a pair of points has come nearer than at rest
-constexpr double kReach = 0.5;          // cells: rows below this gap, or where it would close in the step
+constexpr double kRowGap = 0.5;         // cells: rows below this gap, or where it would close in the step
 constexpr double kRowReach = 5.0;       // cells: points farther apart have no row
 constexpr double kSeen = 6.0;           // cells: from here on points limit the step
 constexpr double kMostCosine = -0.3;    // cosine of the normals, at most
@@ -166,7 +166,7 @@ std::vector<FoundRow> find_folds(const StepContext& step, std::size_t l, const s
     add(a, -0.5, -1.0);
     add(b, 0.5, 1.0);
     const bool meets = row.contact.normal.dot(velocity_of(row.place, row.contact, velocity)) < row.contact.least;
-    if (row.place.gap < kReach * h || meets) rows.push_back(std::move(row));
+    if (row.place.gap < kRowGap * h || meets) rows.push_back(std::move(row));
   }
   recall(state, static_cast<std::int32_t>(l), step.dt, rows);
   return rows;

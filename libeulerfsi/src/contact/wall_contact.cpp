@@ -125,11 +125,11 @@ void find_vertices(const CommonGrid& common, const solid::SolidState& solid, std
     if (gap > g.h || gap < -kDeepest * g.h) continue;
     const double i = (x[u] - g.origin[u]) / g.h, j = (x[v] - g.origin[v]) / g.h;
     // Columns at most so far away, and the rows of the nearest.
-    constexpr double kReach = 1.5 - 1e-4, kMidway = 1e-4;  // cells, square cells
+    constexpr double kAround = 1.5 - 1e-4, kMidway = 1e-4;  // cells, square cells
     double least = std::numeric_limits<double>::infinity();
     around.clear();
-    for (int p = static_cast<int>(std::ceil(i - kReach)); p <= i + kReach; ++p)
-      for (int q = static_cast<int>(std::ceil(j - kReach)); q <= j + kReach; ++q) {
+    for (int p = static_cast<int>(std::ceil(i - kAround)); p <= i + kAround; ++p)
+      for (int q = static_cast<int>(std::ceil(j - kAround)); q <= j + kAround; ++q) {
         const auto row = at.find({p, q});
         if (row == at.end()) continue;
         around.emplace_back((i - p) * (i - p) + (j - q) * (j - q), row->second);

@@ -46,8 +46,8 @@ SignedDistance make_grid(const Extents& box, double spacing, double margin) {
     throw Error(ErrorCode::kArgument, text("signed distance: margin = ", margin, " spacings: must be at least 1"));
   SignedDistance grid;
   grid.spacing = spacing;
-  constexpr double kWhole = 1e-5;   // cells: extents of whole cells, as single precision has them, stay whole
-  constexpr double kExact = 1e-12;  // cells
+  constexpr double kWhole = 1e-5;      // cells: extents of whole cells, as single precision has them, stay whole
+  constexpr double kNegligible = 1e-12;  // cells
   const Vec3d cells = ((box.max - box.min) / spacing).array() + 2.0 * margin;
   double nodes = 1.0;
   for (int axis = 0; axis < 3; ++axis) nodes *= std::ceil(cells[axis] - kWhole) + 1.0;
@@ -59,7 +59,7 @@ SignedDistance make_grid(const Extents& box, double spacing, double margin) {
   for (int axis = 0; axis < 3; ++axis) {
     grid.size[axis] = static_cast<int>(std::ceil(cells[axis] - kWhole)) + 1;
     const double more = grid.size[axis] - 1 - cells[axis];
-    grid.origin[axis] = box.min[axis] - (margin + (std::abs(more) > kExact ? 0.5 * more : 0.0)) * spacing;
+    grid.origin[axis] = box.min[axis] - (margin + (std::abs(more) > kNegligible ? 0.5 * more : 0.0)) * spacing;
   }
   return grid;
 }

@@ -7,9 +7,9 @@
 #include <map>
 #include <sstream>
 
-#include "base/error.hpp"
 #include "geometry/mesh_topology.hpp"
 #include "geometry/solid_boundary.hpp"
+#include "geometry/thickness.hpp"
 
 namespace efsi::geometry {
 
@@ -17,8 +17,6 @@ namespace {
 
 constexpr double kInset = 0.01;  // of the thickness: points on the faces lie in the slab to the last bit
 constexpr double kReach = 1e-5;  // of the thickness: a mesh that ends on a face reaches through
-constexpr int kRays = 4000;      // as geometry/thickness.cpp
-constexpr double kPercentile = 0.01, kFacingCosine = 0.7071;
 
 double cross(const Point2& a, const Point2& b) { return a[0] * b[1] - a[1] * b[0]; }
 
@@ -144,8 +142,6 @@ void fill_layers(const Parallel& parallel, int axis, SignedDistance& grid, const
   });
 }
 
-[[noreturn]] void refuse(const std::string& what) { throw Error(ErrorCode::kMesh, "mesh: " + what); }
-
 void demand_through(const MeshReport& report, const Slab& slab) {
   const double low = report.extent_min[slab.axis], high = report.extent_max[slab.axis];
   const double rounding = kReach * slab.thickness();
@@ -153,7 +149,7 @@ void demand_through(const MeshReport& report, const Slab& slab) {
   std::ostringstream text;
   text << "extends from " << low << " to " << high << " in "
        << "xyz"[slab.axis] << ": must reach through the slab, " << slab.low << " to " << slab.high;
-  refuse(text.str());
+  refuse_mesh(text.str());
 }
 
 }  // namespace
@@ -204,10 +200,10 @@ std::shared_ptr<const Surface> extrude_in_slab(const Surface& surface, const Sla
   const double spacing = surface.distance.spacing;
   const Section whole = cut(surface.mesh, slab.axis, slab.middle());
   if (whole.open_ends > 0)
-    refuse("its section through the slab has " + std::to_string(static_cast<int>(whole.open_ends)) +
-           " open ends: must be closed");
+    refuse_mesh("its section through the slab has " + std::to_string(static_cast<int>(whole.open_ends)) +
+                " open ends: must be closed");
   const Section section = boundary(parallel, whole, spacing);
-  if (section.segments.empty()) refuse("its section through the slab encloses nothing");
+  if (section.segments.empty()) refuse_mesh("its section through the slab encloses nothing");
   // Signed distances in the plane.
   SignedDistance& distance = out->distance = make_grid(section, slab, spacing);
   const int u = (slab.axis + 1) % 3, v = (slab.axis + 2) % 3;
@@ -219,7 +215,8 @@ std::shared_ptr<const Surface> extrude_in_slab(const Surface& surface, const Sla
     return static_cast<float>(least < on_surface ? 0.0 : winding(whole, x) > kInsideWinding ? -least : least);
   });
   if (std::none_of(distance.values.begin(), distance.values.end(), [](float phi) { return phi < 0.0f; }))
-    refuse("its section through the slab encloses no node of the grid at spacing " + std::to_string(spacing) + " m");
+    refuse_mesh("its section through the slab encloses no node of the grid at spacing " + std::to_string(spacing) +
+                " m");
   // The report of the slab.
   MeshReport& report = out->report;
   report.extent_min[slab.axis] = slab.low;

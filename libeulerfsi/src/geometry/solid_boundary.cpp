@@ -15,9 +15,6 @@ namespace {
 // a jump of 1.
 constexpr double kCapJump = 0.75;
 
-// A node this close to the surface, in spacings, lies on it: its winding number is that of neither side.
-constexpr double kOnSurface = 1e-3;
-
 // The smooth part of the winding number changes by less than this from the front of a triangle to close behind it,
 // unless an open edge is as near.
 constexpr double kDoubt = 0.05;

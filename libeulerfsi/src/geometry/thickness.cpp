@@ -11,10 +11,6 @@ namespace efsi::geometry {
 
 namespace {
 
-constexpr int kRays = 4000;
-constexpr double kPercentile = 0.01;      // a few rays that slip into a crease do not decide
-constexpr double kFacingCosine = 0.7071;  // the wedge at a sharp edge is not a thickness
-
 // Length of one of the kRays rays, 0: it finds no opposite surface. area_up_to: of the triangles, summed up [m^2].
 double ray_length(const TriangleMesh& mesh, const TriangleTree& tree, const std::vector<double>& area_up_to,
                   double step, int ray) {

@@ -72,14 +72,12 @@ void triangulate_face(const std::vector<Vec3d>& points, std::span<const std::int
   triangles.push_back({face[ring[0]], face[ring[1]], face[ring[2]]});
 }
 
-[[noreturn]] void refuse(const std::string& what) { throw Error(ErrorCode::kMesh, "mesh: " + what); }
-
 void check_points(const std::vector<Vec3d>& points) {
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (points[i].allFinite()) continue;
     const Vec3d& p = points[i];
-    refuse("points[" + std::to_string(i) + "] = (" + std::to_string(p.x()) + ", " + std::to_string(p.y()) + ", " +
-           std::to_string(p.z()) + "): must be finite");
+    refuse_mesh("points[" + std::to_string(i) + "] = (" + std::to_string(p.x()) + ", " + std::to_string(p.y()) + ", " +
+                std::to_string(p.z()) + "): must be finite");
   }
 }
 
@@ -87,36 +85,39 @@ void check_points(const std::vector<Vec3d>& points) {
 std::size_t check_counts(std::span<const std::int32_t> counts, std::size_t index_count) {
   if (counts.empty()) {
     if (index_count % 3 != 0)
-      refuse("face_vertex_indices has " + std::to_string(index_count) +
-             " entries: triangles need a multiple of 3 (no face_vertex_counts are given)");
+      refuse_mesh("face_vertex_indices has " + std::to_string(index_count) +
+                  " entries: triangles need a multiple of 3 (no face_vertex_counts are given)");
     return index_count / 3;
   }
   std::size_t sum = 0;
   for (std::size_t f = 0; f < counts.size(); ++f) {
     if (counts[f] < 3)
-      refuse("face_vertex_counts[" + std::to_string(f) + "] = " + std::to_string(counts[f]) + ": must be at least 3");
+      refuse_mesh("face_vertex_counts[" + std::to_string(f) + "] = " + std::to_string(counts[f]) +
+                  ": must be at least 3");
     sum += static_cast<std::size_t>(counts[f]);
   }
   if (sum != index_count)
-    refuse("face_vertex_counts add up to " + std::to_string(sum) + ", but face_vertex_indices has " +
-           std::to_string(index_count) + " entries");
+    refuse_mesh("face_vertex_counts add up to " + std::to_string(sum) + ", but face_vertex_indices has " +
+                std::to_string(index_count) + " entries");
   return counts.size();
 }
 
 }  // namespace
 
+void refuse_mesh(const std::string& what) { throw Error(ErrorCode::kMesh, "mesh: " + what); }
+
 TriangleMesh triangulate(std::vector<Vec3d> points, std::span<const std::int32_t> face_vertex_counts,
                          std::span<const std::int32_t> face_vertex_indices) {
   if (points.size() > static_cast<std::size_t>(std::numeric_limits<std::int32_t>::max()))
-    refuse("has " + std::to_string(points.size()) + " points: at most 2147483647");
+    refuse_mesh("has " + std::to_string(points.size()) + " points: at most 2147483647");
   check_points(points);
   const std::size_t faces = check_counts(face_vertex_counts, face_vertex_indices.size());
-  if (faces == 0) refuse("has no face");
+  if (faces == 0) refuse_mesh("has no face");
   for (std::size_t i = 0; i < face_vertex_indices.size(); ++i) {
     const std::int32_t index = face_vertex_indices[i];
     if (index < 0 || static_cast<std::size_t>(index) >= points.size())
-      refuse("face_vertex_indices[" + std::to_string(i) + "] = " + std::to_string(index) + ": must be in [0, " +
-             std::to_string(points.size()) + ")");
+      refuse_mesh("face_vertex_indices[" + std::to_string(i) + "] = " + std::to_string(index) + ": must be in [0, " +
+                  std::to_string(points.size()) + ")");
   }
   TriangleMesh mesh;
   mesh.points = std::move(points);

@@ -18,6 +18,9 @@ struct TriangleMesh {
   std::vector<Triangle> triangles;  // counter-clockwise seen from outside
 };
 
+// An error "mesh: what" (ErrorCode::kMesh).
+[[noreturn]] void refuse_mesh(const std::string& what);
+
 struct Extents {
   Vec3d min, max;  // [m]
 };

@@ -15,9 +15,6 @@ namespace {
 constexpr std::int32_t kUnknown = std::numeric_limits<std::int32_t>::min();
 constexpr int kBlock = 8;  // nodes along a block whose numbers are taken together
 
-// A node this close to the surface, in spacings, has no side of it that rounding could not change.
-constexpr double kOnSurface = 1e-3;
-
 // Rows are counted this far beside the nodes, in spacings: no row meets an edge or a corner of the mesh, which like to
 // lie on round numbers. Nodes that this puts on the other side of the surface lie on it.
 constexpr double kBesideY = 0.7548776662e-7, kBesideZ = 0.5698402910e-7;

@@ -14,6 +14,9 @@
 
 namespace efsi::geometry {
 
+// A node this close to the surface, in spacings, lies on it: rounding could change its side.
+constexpr double kOnSurface = 1e-3;
+
 class WindingField {
  public:
   // mesh: welded; tree: over the same mesh; distance: holds the distance to the mesh (>= 0) at the nodes. All three

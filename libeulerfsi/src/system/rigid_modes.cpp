@@ -11,18 +11,18 @@ using Vec6d = Eigen::Matrix<double, 6, 1>;
 using Mat6d = Eigen::Matrix<double, 6, 6>;
 using Modes = Eigen::Matrix<double, 3, 6>;
 
-constexpr std::size_t kChunk = 1024;  // unknowns that are summed at a time
 constexpr double kLeast =
     1e-3;  // of the mass, and times h^2 of the inertia: lower bound for thin or constrained bodies
 
 // sum of add(sum, unknown) in a fixed order.
 template <class Sum, class Add>
 Sum ordered_sum(const Parallel& parallel, std::size_t begin, std::size_t end, const Sum& zero, const Add& add) {
-  const std::size_t chunks = (end - begin + kChunk - 1) / kChunk;
+  const std::size_t chunks = (end - begin + kUnknownsPerSum - 1) / kUnknownsPerSum;
   std::vector<Sum> sums(chunks, zero);
   parallel.for_each(static_cast<std::int64_t>(chunks), [&](std::int64_t chunk) {
     const auto c = static_cast<std::size_t>(chunk);
-    for (std::size_t u = begin + c * kChunk; u < std::min(end, begin + (c + 1) * kChunk); ++u) add(sums[c], u);
+    for (std::size_t u = begin + c * kUnknownsPerSum; u < std::min(end, begin + (c + 1) * kUnknownsPerSum); ++u)
+      add(sums[c], u);
   });
   Sum all = zero;
   for (const Sum& sum : sums) all += sum;

@@ -14,13 +14,12 @@ namespace efsi::system {
 namespace {
 
 constexpr std::size_t kLanes = solid::kBlock;
-constexpr std::size_t kChunk = 1024;  // unknowns that are summed at a time
-constexpr double kAlpha = 0.05;       // of HHT-alpha
+constexpr double kAlpha = 0.05;  // of HHT-alpha
 constexpr double kUndampedPace = 1.25, kUndampedStrain = 0.1,
                  kUndampedGrowth = 1.25;  // from here to twice as much it fades
 constexpr double kDampedImplicit = 0.6, kImplicitOfPace = 0.4;
 constexpr std::uint8_t kAllAxes = 7;
-constexpr double kStiff = 20.0;  // of the diagonal of G over inertia
+constexpr double kStiffSolid = 20.0;  // of the diagonal of G over inertia
 constexpr double kRounding =
     8.0 * static_cast<double>(std::numeric_limits<Real>::epsilon());  // of what cancels in a residual
 
@@ -212,12 +211,12 @@ void VelocitySystem::find_stiff(const Parallel& parallel) {
   stiff_.assign(solids_.size(), 0);
   for (std::size_t l = 0; l < solids_.size(); ++l) {
     const std::size_t begin = unknown_begin_[l], end = unknown_begin_[l + 1];
-    const auto chunks = static_cast<std::int64_t>((end - begin + kChunk - 1) / kChunk);
+    const auto chunks = static_cast<std::int64_t>((end - begin + kUnknownsPerSum - 1) / kUnknownsPerSum);
     const auto sum = [&](const auto& term) {
       return parallel.sum(chunks, [&](std::int64_t chunk) {
-        const std::size_t first = begin + static_cast<std::size_t>(chunk) * kChunk;
+        const std::size_t first = begin + static_cast<std::size_t>(chunk) * kUnknownsPerSum;
         double part = 0.0;
-        for (std::size_t i = 3 * first; i < 3 * std::min(end, first + kChunk); ++i)
+        for (std::size_t i = 3 * first; i < 3 * std::min(end, first + kUnknownsPerSum); ++i)
           if (free_[i] > 0) part += term(i);
         return part;
       });
@@ -225,7 +224,7 @@ void VelocitySystem::find_stiff(const Parallel& parallel) {
     const double count = sum([](std::size_t) { return 1.0; });
     const double ratios =
         sum([&](std::size_t i) { return 1.0 / (static_cast<double>(inverse_diagonal_[i]) * inertia(i / 3)); });
-    stiff_[l] = ratios > kStiff * count;
+    stiff_[l] = ratios > kStiffSolid * count;
   }
 }
 
@@ -546,11 +545,11 @@ solid::RigidMotion VelocitySystem::missing_motion(const Parallel& parallel, std:
   const std::size_t begin = unknown_begin_[solid], end = unknown_begin_[solid + 1];
   const auto& band = solids_[solid].state->band.grid;
   const Vec3d origin = band.node_position(band.cells[0] / 2, band.cells[1] / 2, band.cells[2] / 2);
-  const std::size_t chunks = (end - begin + kChunk - 1) / kChunk;
+  const std::size_t chunks = (end - begin + kUnknownsPerSum - 1) / kUnknownsPerSum;
   std::vector<solid::MomentSums> sums(chunks);
   parallel.for_each(static_cast<std::int64_t>(chunks), [&](std::int64_t chunk) {
     const auto c = static_cast<std::size_t>(chunk);
-    for (std::size_t u = begin + c * kChunk; u < std::min(end, begin + (c + 1) * kChunk); ++u) {
+    for (std::size_t u = begin + c * kUnknownsPerSum; u < std::min(end, begin + (c + 1) * kUnknownsPerSum); ++u) {
       const double m = static_cast<double>(inertia_[u]);
       const Vec3d slides = sliding_momentum(u, x).cast<double>();
       Vec3d missing;

@@ -22,6 +22,8 @@ namespace efsi::system {
 using grid::Grid;
 using grid::VectorField;
 
+constexpr std::size_t kUnknownsPerSum = 1024;  // sums have parts of so many, whatever the number of threads
+
 // What stands for K v* in Eq. 8: ahead K v* - behind K v^n + memory K (v^n - v^(n-1)). {1, 0} is backward Euler, {1/4,
 // 1/4} the trapezoidal rule. Without memory a linear material is stable from ahead + behind = 1/2 on, and a mode of
 // frequency omega loses (ahead - behind) (omega dt)^2 of its energy in a step (docs/numerics/stiffness-shares.md).

@@ -16,5 +16,6 @@ bool sample_displacement(const SolidState& state, const std::array<std::size_t, 
 // Newton's method for x - u(x) = X from x on, which becomes the best iterate; returns the residual there [m].
 double correct_point(const SolidState& state, const std::array<std::size_t, 8>& corner, const Vec3d& material,
                      Vec3d& best_x);
+constexpr double kHeldResidual = 0.1;  // cells of material: a place with more residual does not hold the point
 
 }  // namespace efsi::solid

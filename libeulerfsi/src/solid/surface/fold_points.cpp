@@ -17,7 +17,6 @@ constexpr double kFine = 0.5;    // boxes: longest side of the parts into which 
 constexpr double kFar = 2.0;     // boxes: side of a triangle whose points its corners do not place
 constexpr double kBuried = 0.5;  // boxes: deeper in the solid there is no surface
 constexpr double kAlike = 0.5;   // cosine of normals: sides of the surface in a box that one point stands for
-constexpr double kHeld = 0.1;    // cells of material: a place with more left does not hold the point
 
 // A part of a triangle, and in which box and on which side of it that is.
 struct Part {
@@ -130,7 +129,7 @@ FoldPlaces place_fold_points(const Parallel& parallel, const SolidRest& rest, co
     places.normal[n] = length > 0.0 ? Eigen::Vector3f((across / length).cast<float>()) : Eigen::Vector3f::Zero();
     if (!p.bends) return;
     Vec3d moved = x;
-    if (correct_point(state, corner, p.at_rest(), moved) < kHeld * state.band.grid.h) x = moved;
+    if (correct_point(state, corner, p.at_rest(), moved) < kHeldResidual * state.band.grid.h) x = moved;
   });
   return places;
 }

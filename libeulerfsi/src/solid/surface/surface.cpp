@@ -10,7 +10,6 @@
 namespace efsi::solid {
 namespace {
 
-constexpr double kHeld = 0.1;           // cells of material: a place with more left does not hold the vertex
 constexpr double kTrustedVolume = 0.2;  // relative difference between the surface's volume and the solid's
 
 Vec3 to_grid(const Grid& g, const Vec3d& x) { return ((x - g.origin) / g.h).cast<Real>(); }
@@ -78,7 +77,7 @@ void correct_surface(const Parallel& parallel, const SolidRest& rest, double max
   std::vector<std::uint8_t> lost(state.surface.size(), 0), extrapolated(state.surface.size(), 0);
   parallel.for_each(static_cast<std::int64_t>(state.surface.size()), [&](std::int64_t i) {
     const auto s = static_cast<std::size_t>(i);
-    lost[s] = !(correct_point(state, corner, rest.surface.points[s], state.surface[s]) < kHeld * h);
+    lost[s] = !(correct_point(state, corner, rest.surface.points[s], state.surface[s]) < kHeldResidual * h);
     extrapolated[s] = is_made_up(state, corner, state.surface[s]);
   });
   repair_surface(parallel, rest, max_stretch, extrapolated, lost, state);

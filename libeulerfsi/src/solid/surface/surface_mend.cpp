@@ -30,9 +30,9 @@ struct RigidFit {
 };
 
 // Weighted sums over points at rest and now, seen from a place at rest and one now that are near them.
-class Pairs {
+class WeightedPairs {
  public:
-  Pairs(const Vec3d& rest, const Vec3d& now) : from_rest_(rest), from_now_(now) {}
+  WeightedPairs(const Vec3d& rest, const Vec3d& now) : from_rest_(rest), from_now_(now) {}
   void add(const Vec3d& rest, const Vec3d& now, double weight) {
     const Vec3d at_rest = rest - from_rest_, at_present = now - from_now_;
     weight_ += weight;
@@ -253,7 +253,7 @@ class Mending {
     placed_.assign(clusters_.size(), 0);
     rotation_.assign(clusters_.size(), Eigen::Quaterniond::Identity());
     if (kept.empty()) return;
-    Pairs all(mean_[kept[0]].rest, mean_[kept[0]].now);
+    WeightedPairs all(mean_[kept[0]].rest, mean_[kept[0]].now);
     for (const std::size_t c : kept) all.add(mean_[c].rest, mean_[c].now, 1.0);
     const Eigen::Quaterniond whole = all.fit(Eigen::Quaterniond::Identity()).rotation;
     rotation_.assign(clusters_.size(), whole);
@@ -268,7 +268,7 @@ class Mending {
 
   // How the placed clusters linked to c move, and c itself where it is placed.
   RigidFit fit_placed(std::size_t c, const Eigen::Quaterniond& start) const {
-    Pairs around(mean_[c].rest, mean_[c].now);
+    WeightedPairs around(mean_[c].rest, mean_[c].now);
     const auto add = [&](std::size_t other) {
       const Mean& m = mean_[other];
       if (placed_[other]) around.add(m.rest, m.now, h_ * h_ / ((m.rest - mean_[c].rest).squaredNorm() + h_ * h_));
@@ -326,7 +326,7 @@ class Mending {
   // Where the points around it take point i.
   Vec3d follow(std::size_t i) const {
     const std::size_t own = cluster(i);
-    Pairs around(rest_[i], mean_[own].now);
+    WeightedPairs around(rest_[i], mean_[own].now);
     const auto weigh = [&](const Vec3d& rest, const Vec3d& now, double softness, double points) {
       const double d = (rest - rest_[i]).squaredNorm() / (h_ * h_) + softness * softness;
       around.add(rest, now, points / (d * d));
