@@ -9,6 +9,7 @@ import pytest
 from conftest import author, make_scene
 from eulerfsi.errors import SceneError
 from eulerfsi_usd import standard, tets
+from eulerfsi_usd.attachments import find_attachments
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 from scene_run import Run
 from standard_stages import (
@@ -456,7 +457,14 @@ def test_attachments_that_cannot_be_are_refused_or_named(tmp_path):
     assert "physics:coords1[0] = 0.02 from its site: must be at most half a voxel" in found(stage)["FarAnchor"]
     put(prim, "vectors", coords1=[(-0.1, -0.075, -0.075)])
     put(prim, "float", stiffness=100.0, damping=1.0)
-    assert not found(stage) and "inf: it holds hard" in found(stage, "warning")["SoftAttachment"]
+    assert not found(stage) and "must be inf; soft attachments" in found(stage, "warning")["SoftAttachment"]
+    assert len(find_attachments(stage)) == 1
+    put(prim, "float", stiffness=0.0)
+    assert "stiffness = 0: must be above 0, since it holds nothing" in found(stage, "warning")["IgnoredAttachment"]
+    assert not found(stage) and not find_attachments(stage)
+    put(prim, "float", stiffness=-1.0)
+    assert "stiffness = -1: must be a number >= 0, or inf" in found(stage)["BadAttachment"]
+    put(prim, "float", stiffness=100.0)
     put(prim, "ints", indices0=[80])
     assert "physics:indices0 = 80: must be between 0 and 79" in found(stage)["BadAttachment"]
     put(prim, "token", type1="point")
