@@ -67,7 +67,8 @@ def test_4_diverged(cli, scene):
     shot = ["--set", "Ball.velocity=(0, -3000, 0)", "--set", "Ball.youngsModulus=10", "--frames", "1-12"]
     done = cli("simulate", scene, *shot, "--progress", "json")
     ends_with(done, 4, "diverged at time")
-    assert event(done.stdout.splitlines()[-1])["last_frame"] >= 1
+    error, end = map(event, done.stdout.splitlines()[-2:])
+    assert end["last_frame"] >= 1 and error["prim"] == "/World/Ball", error
 
 
 @pytest.fixture
