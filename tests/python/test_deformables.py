@@ -606,7 +606,17 @@ BAD = {
     "rest": (lambda t, s: put(s, "points", restShapePoints=np.zeros((3, 3))), "3 points", "must be 80 points"),
     "masses": (lambda t, s: masses(s, [1.0, 2.0], "constant"), "physics:masses = 2 values", "must be 1 (constant)"),
     "no kind": (lambda t, s: masses(s, [1.0, 2.0], ""), "masses:elementType = empty", "must be one of constant"),
-    "negative": (lambda t, s: put(s, "float", mass=-1.0), "physics:mass = -1", "must be >= 0"),
+    "negative": (lambda t, s: put(s, "float", mass=-1.0), "physics:mass = -1", "must be finite and >= 0"),
+    "mass is a word": (
+        lambda t, s: s.CreateAttribute("physics:mass", Sdf.ValueTypeNames.String).Set("heavy"),
+        "/World/Jelly.physics:mass = a value of type string",
+        "must be of type float",
+    ),
+    "rest is flat": (
+        lambda t, s: put(s, "floats", restShapePoints=[1.0, 2.0]),
+        "/World/Jelly.physics:restShapePoints = a value of type float[]",
+        "must be of type point3f[]",
+    ),
     "nu": (
         lambda t, s: add_material(t, "/World/M", s, poissonsRatio=-0.95),
         "/World/M.physics:poissonsRatio = -0.95",
@@ -633,6 +643,14 @@ def test_a_body_that_cannot_be_simulated_is_refused_by_name(tmp_path, case):
         read(path)
     assert where in str(error.value) and limit in str(error.value), str(error.value)
     assert len(str(error.value).splitlines()) == 1
+
+
+def test_a_sim_schema_on_another_type_of_prim_is_named(tmp_path):
+    stage = new_stage(tmp_path / "mesh.usda")
+    add_body(stage)
+    apply(UsdGeom.Mesh.Define(stage, "/World/Skin").GetPrim(), standard.VOLUME_SIM, standard.BODY)
+    assert "/World/Skin.typeName = Mesh: must be TetMesh" in found(stage, "warning")["IdleSimMesh"]
+    assert not found(stage)
 
 
 def test_two_schemas_of_ours_in_one_body_are_refused(tmp_path):

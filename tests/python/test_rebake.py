@@ -213,6 +213,7 @@ def test_options_of_the_output(baked: tuple[Path, Path], tmp_path: Path, cli) ->
     for option, text in (
         ("--region=1,2,3", "must be six numbers"),
         ("--region=0,0,0,1,1,0", "must be six numbers"),
+        ("--region=1,0,0,2,1,1", "must overlap the domain, which lies in -0.3,-0.5,-0.3,0.3,0.2,0.3"),
         ("--smoke-threshold=-1", "must be a number >= 0"),
         ("--smoke-threshold=nan", "must be a number >= 0"),
     ):

@@ -22,6 +22,7 @@ from .issues import Issue, all_prims, domain_box, first_time, is_enabled, is_eve
 from .parameters import API_SCHEMAS, NAMESPACE, Parameter, load, prim_types, stage_attributes, stage_relationships
 from .passengers import check_passengers, check_scale
 from .physics import check_density, check_friction
+from .standard_types import check_types
 from .surface import check_animation, check_cages, check_inside, check_skinning, check_surface
 
 AXES = ("X", "Y", "Z")
@@ -29,6 +30,8 @@ AXES = ("X", "Y", "Z")
 
 def check_stage(stage: Usd.Stage) -> list[Issue]:
     """All issues of a scene: first those of the stage, then prim by prim in traversal order."""
+    if issues := check_types(stage):
+        return issues
     issues = check_scene(stage)
     checks = {
         "domain": check_domain,
@@ -50,6 +53,8 @@ def uses_eulerfsi(stage: Usd.Stage) -> bool:
 
 def check_scene(stage: Usd.Stage) -> list[Issue]:
     """Units of the stage, number of domains, names of schemas and attributes, solids inside the domain."""
+    if issues := check_types(stage):
+        return issues
     issues = check_units(stage) + _check_range(stage) + _check_defined(stage) + _check_ignored(stage)
     prims: dict[str, list[Usd.Prim]] = {scope: [] for scope in API_SCHEMAS}
     for prim in all_prims(stage):

@@ -117,6 +117,7 @@ def _simulate(path: Path, options: Options, log: Log, progress: Progress, stop: 
     start = find_start(options.start_from) if options.start_from else None
     with usd_messages(log.info):
         scene, overrides = load_scene(path, options, log, memory_limit, progress)
+    options.written.check(scene.space, scene.domain)
     cache_module.check_ours(folder)
     checks.check_output(folder)
 
