@@ -77,6 +77,13 @@ def test_without_a_change_it_gives_the_same_bits(baked: tuple[Path, Path], tmp_p
     assert [line["frame"] for line in lines if line["event"] == "frame"] == list(range(1, LAST + 1))
 
 
+def test_a_range_may_begin_where_the_rebake_does(baked: tuple[Path, Path], tmp_path: Path) -> None:
+    scene, cache = baked
+    folder = copy_of(cache, tmp_path / "cache")
+    run(scene, folder, rebake_from=CHANGE, frames=f"{CHANGE + 1}-{LAST}")
+    assert content_hashes(folder) == content_hashes(cache)
+
+
 @pytest.mark.parametrize("change", [{"puff_until": CHANGE + 1}, {"lift_until": CHANGE}])
 def test_later_frames_are_those_of_a_run_that_had_the_change(
     baked: tuple[Path, Path], tmp_path: Path, change: dict

@@ -50,6 +50,14 @@ def wrap(layer: Sdf.Layer, path: Path, asset: Path, smoke: str) -> tuple[Layout,
     return layout, {}
 
 
+def unit_warnings(asset: Path) -> list[str]:
+    """A line where the asset does not say how long a unit is."""
+    if UsdGeom.StageHasAuthoredMetersPerUnit(open_stage(asset)):
+        return []
+    unit = UsdGeom.LinearUnits.centimeters
+    return [f"warning: {asset}: metersPerUnit is not authored: a unit counts as {unit:g} m, which is USD's default"]
+
+
 def _copy_metadata(own: Usd.Stage, layer: Sdf.Layer) -> None:
     """A layer has the units, axis, clock and default prim of its strongest layer only."""
     source, root = own.GetRootLayer().pseudoRoot, layer.pseudoRoot

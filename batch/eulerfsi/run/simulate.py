@@ -129,7 +129,8 @@ def _simulate(path: Path, options: Options, log: Log, progress: Progress, stop: 
         mode = cache_module.prepare(folder, options.overwrite, options.resume, options.rebake_from)
         wanted = parse_frames(options.frames) if options.frames else scene.frames
         if wanted.first > scene.frames.first:
-            demand_start(wanted, scene.frames.first, _last_checkpoint(folder, mode, options.allow_restart))
+            last = options.rebake_from if mode == "rebake" else _last_checkpoint(folder, mode, options.allow_restart)
+            demand_start(wanted, scene.frames.first, last)
         checkpoint = find_checkpoint(Manifest.load(folder), options.rebake_from, scene) if mode == "rebake" else None
         if not options.force:
             _demand_disk(folder, mode, scene, options, checkpoints)
