@@ -138,6 +138,18 @@ def test_unauthored_values_are_the_tables_in_si(tmp_path):
     assert scene.domain["fluid_density"] == 1.0
 
 
+def test_gravity_is_that_of_the_first_frame_and_its_animation_a_warning(tmp_path):
+    stage = make_scene(tmp_path / "a.usda")
+    magnitude = stage.GetPrimAtPath("/World/PhysicsScene").GetAttribute("physics:gravityMagnitude")
+    magnitude.Clear()
+    magnitude.Set(3.0, 1.0)
+    magnitude.Set(5.0, 3.0)
+    scene = read(stage, tmp_path / "a.usda")
+    assert scene.domain["gravity"] == pytest.approx([0.0, -3.0, 0.0])
+    told = [issue.message for issue in scene.warnings if issue.code == "Animated"]
+    assert len(told) == 1 and "/World/PhysicsScene.physics:gravityMagnitude = animated" in told[0]
+
+
 def test_density_precedence_is_mass_then_density_then_material_then_1000(tmp_path):
     stage = make_scene(tmp_path / "a.usda", meters_per_unit=0.01)
     prim = stage.GetPrimAtPath("/World/Ball")
