@@ -124,7 +124,7 @@ def table(rows: list[Row]) -> str:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="./eulerfsi bench output", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="./eulerfsi bench output", description="What the options of the output cost.")
     parser.add_argument("--scene", type=Path, default=_SCENE, metavar="FILE", help="default: ball")
     parser.add_argument("--frame", type=int, default=_FRAME, help=f"default: {_FRAME}")
     parser.add_argument("--set", action="append", default=[], metavar="PRIM.NAME=VALUE")
