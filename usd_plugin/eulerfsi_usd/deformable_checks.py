@@ -295,7 +295,7 @@ def _check_ignored(stage: Usd.Stage) -> list[Issue]:
         limit = (
             f"one in a body; that of {owner.GetPath()} is another"
             if owner
-            else (f"below or on a prim with {standard.BODY} and without {standard.RIGID_BODY}")
+            else (f"on a prim with {standard.BODY} and without {standard.RIGID_BODY}, or its child")
         )
         issues.append(_warn(sim, "apiSchemas", standard.VOLUME_SIM, limit, "IdleSimMesh", "it is not simulated"))
     return issues
