@@ -373,6 +373,29 @@ void add_velocity_reactions(const Reaction& reaction, std::vector<WallRow>& rows
   for (WallRow& row : rows) add(reaction(row.solid, row.node), row);
 }
 
+void share_remainder(const std::vector<Vec3d>& sums, const Reaction& reaction, std::vector<WallRow>& rows) {
+  const auto holds_along = [](const WallRow& row, int a) {
+    return (row.holds && row.axis == a) || (row.friction_state == FrictionState::kSticks && (row.tangents & bit(a)));
+  };
+  std::vector<Vec3d> rest = sums;
+  std::vector<std::array<int, 3>> count(sums.size(), std::array<int, 3>{});
+  for (const WallRow& row : rows) {
+    const Vec3 impulse = reaction(row.solid, row.node);
+    for (int a = 0; a < 3; ++a)
+      if (holds_along(row, a)) {
+        rest[row.solid][a] -= static_cast<double>(impulse[a]);
+        ++count[row.solid][static_cast<std::size_t>(a)];
+      }
+  }
+  for (WallRow& row : rows) {
+    Vec3 part = Vec3::Zero();
+    for (int a = 0; a < 3; ++a)
+      if (holds_along(row, a))
+        part[a] = static_cast<Real>(rest[row.solid][a] / count[row.solid][static_cast<std::size_t>(a)]);
+    add(part, row);
+  }
+}
+
 void add_pressure_reactions(const Reaction& reaction, std::vector<WallRow>& rows) {
   for (WallRow& row : rows)
     if (row.on_wall) add(reaction(row.solid, row.node), row);

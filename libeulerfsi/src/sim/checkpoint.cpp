@@ -14,7 +14,7 @@
 namespace efsi::sim {
 namespace {
 
-constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', 'C'};
+constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', 'D'};
 
 struct HashArchive {
   Hash hash;
@@ -285,6 +285,7 @@ void restore_solids(Simulation& simulation, const std::string& path) {
     demand_fit(body_fault(solids[l], simulation.grid(), simulation.solids()[l]), path);
     solids[l].presses.clear();
     solids[l].contacts.clear();
+    solids[l].acceleration = -1.0;  // what acts on it may be other than it was
   }
   simulation.set_solids(std::move(solids));
 }

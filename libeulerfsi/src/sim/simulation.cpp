@@ -333,6 +333,7 @@ void Simulation::set_solid_field(std::size_t index, bool velocity, const float* 
   work_.masses_ready = false;
   if (velocity) {
     solid.change = {};
+    solid.acceleration = -1.0;
     for (const auto& c : field.c)
       for (Real v : c) solid.speed = std::max(solid.speed, static_cast<double>(std::abs(v)));
   } else {

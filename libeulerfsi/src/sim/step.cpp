@@ -7,6 +7,7 @@
 #include "contact/particle_contact.hpp"
 #include "contact/solid_contact.hpp"
 #include "contact/wall_contact.hpp"
+#include "contact/wall_friction.hpp"
 #include "fluid/advect.hpp"
 #include "frame/slab_state.hpp"
 #include "given/prescribed.hpp"
@@ -157,6 +158,7 @@ void settle(const StepContext& step, const std::vector<VolumeTarget>& targets, S
   if (work.masses_ready) {
     compute_masses(step, states, solids);
     remove_departed(step, states, solids);
+    restore_centers(step, work.momenta, states, solids);
     ledger.arrive();
   }
   inspect_maps(step.scene.solids, solids, step.info.repairs);
@@ -282,6 +284,7 @@ void transport(const StepContext& step, State& state, Workspace& work, EnergyLed
   const std::vector<solid::RigidStep> frames =
       transport_frames(holds, work.momenta.first, work.momenta.solids, step.dt);
   ledger.meet(velocity, frames);
+  find_centers(step, holds, frames, state.solids, work.momenta);
   take_velocities(step, state.steps, common, velocity, state.solids, work.solids, work.particles, ledger);
   work.pressure.system.exchange_scratch(work.solid_advect.storage());
   for (std::size_t l = 0; l < state.solids.size(); ++l)
@@ -316,7 +319,11 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   mix_velocities(step, state, work, ledger);
   solve(step, state, work, ledger);
   remember_contact(step, state.solids, work);
-  if (keeps_momentum) measure_momenta(step, state.solids, work.solids, work.matter, work.velocity, work.momenta);
+  if (keeps_momentum) {
+    measure_momenta(step, state.solids, work.solids, work.matter, work.velocity, work.momenta);
+    work.momenta.friction =
+        missing_friction(scene, work.elasticity.walls, work.velocity, work.matter.common.grid, work.momenta.solids);
+  }
   const std::vector<VolumeTarget> targets = volume_targets(scene.solids, state.solids, work.solids);
   transport(step, state, work, ledger);
   settle(step, targets, state, work, ledger);

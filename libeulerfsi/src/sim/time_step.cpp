@@ -27,14 +27,31 @@ constexpr double kUnseen = 1.2;               // cells that solids near each oth
 // Cells per step in flight over those elsewhere: through vacuum (4 where these are 1.8) and through a fluid of at most
 // kThin of a solid's density. The pressure of the fluid grows with what a solid moves in a step, and presses it.
 constexpr double kVacuumReach = 20.0 / 9.0, kFluidReach = 1.5, kThin = 0.01;
-constexpr double kStart = 0.1;         // cells in the first step, in which a dense fluid adapts to solids that move
-constexpr double kFarthest = 3.95;     // cells per step: one of more than four is repeated
-constexpr double kFlightStrain = 0.1;  // or angle [rad], in a step in flight
+constexpr double kMoreAcceleration = 8.0;  // of that in the last step
+constexpr double kStart = 0.1;             // cells in the first step, in which a dense fluid adapts to solids that move
+constexpr double kFarthest = 3.95;         // cells per step: one of more than four is repeated
+constexpr double kFlightStrain = 0.1;      // or angle [rad], in a step in flight
 
 // Largest dt with (speed + a dt) dt <= distance.
 double time_to_move(double speed, double a, double distance) {
   if (a > 0.0) return 2.0 * distance / (speed + std::sqrt(speed * speed + 4.0 * a * distance));
   return speed > 0.0 ? distance / speed : std::numeric_limits<double>::infinity();
+}
+
+// What a solid may be accelerated by in a step [m/s^2]: eight times what it was in the last one, at most a fall. What
+// it rests on may give way all the same.
+double expected_acceleration(const Params& params, const solid::SolidState& state) {
+  const double fall = params.gravity.norm();
+  return state.acceleration < 0.0 ? fall : std::min(fall, kMoreAcceleration * state.acceleration);
+}
+
+// How long what closes a gap at a speed may do so [s]: it moves by `travel`, or up to kContactDistance from what is on
+// the other side. Where that is too far away for rows of contact to see it, a fall ends there at most as deep. gap,
+// travel: cells.
+double time_to_meet(const Params& params, double h, double gap, double closing, double acceleration, double travel) {
+  const double near = time_to_move(closing, acceleration, std::max(travel, gap - kContactDistance) * h);
+  if (gap < kContactDistance) return near;
+  return std::min(near, time_to_move(closing, params.gravity.norm(), (gap + travel) * h));
 }
 
 bool is_dense(const fluid::FluidParams& fluid, double solid_density) {
@@ -117,14 +134,14 @@ Gaps measure_gaps(const Scene& scene, const solid::SolidState& solid) {
 
 // What walls near a solid allow: its surface may reach them, or move by contact_travel in contact (Sec. 5.2 uses 0.6
 // for solids less than 2 cells apart). Sliding along a wall is free.
-void limit_by_walls(const Scene& scene, std::size_t l, const Gaps& gaps, WaveLimits& waves, StepLimit& limit) {
+void limit_by_walls(const Scene& scene, std::size_t l, double acceleration, const Gaps& gaps, WaveLimits& waves,
+                    StepLimit& limit) {
   const Params& params = scene.params;
-  const grid::Grid& g = scene.grid;
-  for (std::size_t face = 0; face < 6; ++face) {
-    const double cells = std::max(params.numerics.contact_travel, gaps.cells[face] - kContactDistance);
-    if (cells < params.cfl_solid)
-      limit.lower(time_to_move(gaps.closing[face], params.gravity.norm(), cells * g.h), StepRule::kWall, l + 1);
-  }
+  for (std::size_t face = 0; face < 6; ++face)
+    if (std::max(params.numerics.contact_travel, gaps.cells[face] - kContactDistance) < params.cfl_solid)
+      limit.lower(time_to_meet(params, scene.grid.h, gaps.cells[face], gaps.closing[face], acceleration,
+                               params.numerics.contact_travel),
+                  StepRule::kWall, l + 1);
   if (params.numerics.resolve_impacts && gaps.least() < kContactReach) waves.lower(l, StepRule::kWallWave, limit);
 }
 
@@ -147,14 +164,15 @@ void limit_by_pair(const Scene& scene, const SolidStates& states, const std::vec
   const Params& params = scene.params;
   const double h = scene.grid.h, apart = boxes[one].exteriorDistance(boxes[other]) / h;
   if (apart > kPairReach) return;
-  const double travel = params.numerics.contact_travel;
+  const double acceleration =
+      std::max(expected_acceleration(params, states[one]), expected_acceleration(params, states[other]));
   const auto time_for = [&](double speed, double cells) {
     return time_to_move(speed, params.gravity.norm(), cells * h);
   };
   double least = std::numeric_limits<double>::infinity(), meeting = least;
   visit_gaps(scene, states, one, other, [&](double gap, double closing) {
     least = std::min(least, gap);
-    meeting = std::min(meeting, time_for(closing, std::max(travel, gap / h - kContactDistance)));
+    meeting = std::min(meeting, time_to_meet(params, h, gap / h, closing, acceleration, kPaperCfl));
   });
   if (params.numerics.uses_particles()) {
     if (least + kContactSkin * h < kContactReach * h)
@@ -201,14 +219,14 @@ double free_cells(const Scene& scene, const std::vector<Box>& boxes, std::size_t
 void limit_by_speed(const Parallel& parallel, const Scene& scene, std::size_t l, const solid::SolidState& solid,
                     double cells, StepLimit& limit) {
   const Params& params = scene.params;
-  const double h = scene.grid.h, gravity = params.gravity.norm();
-  const double near = time_to_move(solid.speed, gravity, params.cfl_solid * h);
+  const double h = scene.grid.h, acceleration = expected_acceleration(params, solid);
+  const double near = time_to_move(solid.speed, acceleration, params.cfl_solid * h);
   if (!(cells > params.cfl_solid) || near >= limit.dt) {
     limit.lower(near, StepRule::kSpeed, l + 1);
     return;
   }
   const double rate = solid::largest_strain_rate(parallel, solid, solid.valid);
-  limit.lower(time_to_move(solid.speed, gravity, cells * h), StepRule::kSpeed, l + 1);
+  limit.lower(time_to_move(solid.speed, acceleration, cells * h), StepRule::kSpeed, l + 1);
   if (rate > 0.0) limit.lower(std::max(near, kFlightStrain / rate), StepRule::kStrain, l + 1);
 }
 
@@ -240,7 +258,7 @@ StepLimit compute_time_step(const Parallel& parallel, const Scene& scene, const 
     }
     limit_by_folds(scene, l, states[l], solids[l], waves, limit);
     const Gaps gaps = measure_gaps(scene, states[l]);
-    limit_by_walls(scene, l, gaps, waves, limit);
+    limit_by_walls(scene, l, expected_acceleration(params, states[l]), gaps, waves, limit);
     limit_by_speed(parallel, scene, l, states[l], free_cells(scene, boxes, l, gaps), limit);
     if (steps == 0 && params.numerics.resolve_impacts && is_dense(params.fluid, scene.solids[l].density))
       limit.lower(time_to_move(states[l].speed, 0.0, kStart * g.h), StepRule::kStart, l + 1);

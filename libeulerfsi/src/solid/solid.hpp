@@ -114,6 +114,7 @@ struct SolidState {
   double rest_volume_cells = 0.0;        // by cell fractions, at the first step [m^3]
   std::uint8_t whole = 1;                // no part of it has left through an open face
   double speed = 0.0;                    // largest component of the velocity in the last step [m/s]
+  double acceleration = -1.0;            // of its centre of mass in the last step; < 0: not known [m/s^2]
   double leak = 0.0;                     // volume that the last step lost by the mesh, over that at rest
   // In place of that at rest, of a collider whose points are given. It follows from those: no part of a checkpoint.
   std::shared_ptr<const PrescribedShape> shape;
@@ -159,6 +160,7 @@ void visit_fields(State& s, Fields& fields) {
   fields.value(s.rest_volume_cells);
   fields.value(s.whole);
   fields.value(s.speed);
+  fields.value(s.acceleration);
   fields.value(s.leak);
 }
 

@@ -12,10 +12,11 @@ Vec3 entries(const std::vector<Real>& x, std::size_t unknown) {
 
 }  // namespace
 
-Reaction velocity_reaction(const Parallel& parallel, VelocityEquation& elasticity) {
+Reaction velocity_reaction(const Parallel& parallel, VelocityEquation& elasticity, std::vector<Vec3d>& sums) {
   std::vector<Real> held;
   elasticity.system.multiply(parallel, elasticity.v_star, held);
   linalg::add_scaled(parallel, held, -1.0, elasticity.f_star);
+  sums = elasticity.system.sum_by_solid(parallel, held);
   return [&system = elasticity.system, held = std::move(held)](std::size_t solid, std::size_t node) {
     return entries(held, system.unknown_of(solid, node));
   };

@@ -173,8 +173,10 @@ void solve_velocity(const StepContext& step, VelocityEquation& elasticity, NodeV
   system::add_impulses(elasticity.contacts.rows, elasticity.momentum);
   elasticity.holds = find_constraints(step.scene.solids.size(), system, active_pairs(elasticity.contacts));
   if (!elasticity.walls.empty() || !elasticity.given.empty()) {
-    const Reaction reaction = velocity_reaction(step.parallel, elasticity);
+    std::vector<Vec3d> sums;
+    const Reaction reaction = velocity_reaction(step.parallel, elasticity, sums);
     add_velocity_reactions(reaction, elasticity.walls);
+    if (elasticity.given.empty()) share_remainder(sums, reaction, elasticity.walls);
     add_pin_reactions(reaction, elasticity.given);
   }
   step.info.velocity_residual = stats.residual;

@@ -125,6 +125,9 @@ class VelocitySystem {
   // the turning of the stress during the step.
   void conserve_momentum(const Parallel& parallel, const std::vector<Real>& b, std::vector<Real>& x) const;
 
+  // Sums of the entries of each solid's unknowns.
+  std::vector<Vec3d> sum_by_solid(const Parallel& parallel, const std::vector<Real>& x) const;
+
   // |f - G x| of what moves.
   double residual(const Parallel& parallel, const std::vector<Real>& f, const std::vector<Real>& x);
 

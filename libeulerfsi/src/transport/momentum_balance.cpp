@@ -1,5 +1,11 @@
 #include "transport/momentum_balance.hpp"
 
+#include <algorithm>
+#include <limits>
+
+#include "solid/element/mass.hpp"
+#include "solid/map/shift_map.hpp"
+
 namespace efsi::sim {
 
 using grid::Grid;
@@ -53,13 +59,15 @@ void measure_first_momenta(const StepContext& step, const SolidStates& states, c
         solid::measure_momenta(step.parallel, states[l].band, solids[l], states[l].band.grid, states[l].v));
 }
 
-void measure_momenta(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Matter& matter,
+void measure_momenta(const StepContext& step, SolidStates& states, const SolidWorks& solids, const Matter& matter,
                      NodeVelocity& velocity, TransportMomenta& momenta) {
   const Grid& g = matter.common.grid;
   momenta.solids.clear();
   for (std::size_t l = 0; l < states.size(); ++l) {
     const system::SolidView view(step.parallel, velocity.slip, l, velocity.field);
     momenta.solids.push_back(solid::measure_momenta(step.parallel, states[l].band, solids[l], g, velocity.field));
+    const solid::Momenta &before = momenta.first[l], &after = momenta.solids[l];
+    if (after.mass > 0.0) states[l].acceleration = (after.linear - before.linear).norm() / (after.mass * step.dt);
   }
   if (states.empty() || conserved_axes(step.scene).isZero()) return;
   const NodeSums all = sum_nodes(step.parallel, g, matter.mass, velocity.field);
@@ -67,13 +75,48 @@ void measure_momenta(const StepContext& step, const SolidStates& states, const S
   for (const solid::Momenta& solid : momenta.solids) momenta.fluid -= solid.linear;
 }
 
+void find_centers(const StepContext& step, const Holds& holds, const std::vector<solid::RigidStep>& frames,
+                  const SolidStates& states, TransportMomenta& momenta) {
+  momenta.centers.clear();
+  if (momenta.solids.empty()) return;
+  const auto pinned = [&](std::size_t l) { return is_pinned(step.scene.pins, l); };
+  for (const Cluster& cluster : holds.clusters) {
+    if (!cluster.floats() || std::any_of(cluster.solids.begin(), cluster.solids.end(), pinned)) continue;
+    momenta.centers.resize(states.size(), Vec3d::Constant(std::numeric_limits<double>::quiet_NaN()));
+    for (const std::size_t l : cluster.solids) {
+      const solid::Momenta& after = momenta.solids[l];
+      if (!states[l].whole || !(after.mass > 0.0)) continue;
+      const Vec3d fall = frames[l].shift - step.dt * frames[l].velocity.linear;  // half of what forces add
+      momenta.centers[l] = momenta.first[l].center + step.dt * after.linear / after.mass + fall;
+    }
+  }
+}
+
+void restore_centers(const StepContext& step, const TransportMomenta& momenta, SolidStates& states,
+                     SolidWorks& solids) {
+  ScopedTimer timer(step.profile, Stage::kSolidAdvection);
+  for (std::size_t l = 0; l < momenta.centers.size(); ++l) {
+    solid::SolidState& state = states[l];
+    if (!momenta.centers[l].allFinite()) continue;
+    const Vec3d center = solid::measure_momenta(step.parallel, state.band, solids[l], state.band.grid, state.v).center;
+    solid::shift_map(step.parallel, momenta.centers[l] - center, state);
+    solid::compute_mass(step.parallel, step.scene.solids[l], state, solids[l]);
+  }
+}
+
 void restore_momenta(const StepContext& step, const TransportMomenta& momenta, const SolidWorks& solids,
                      const Matter& matter, SolidStates& states, grid::VectorField& fluid_velocity) {
   {
     ScopedTimer timer(step.profile, Stage::kSolidAdvection);
     for (std::size_t l = 0; l < states.size(); ++l)
-      if (states[l].whole && !is_collider(step.scene.pins, l))
-        solid::restore_momenta(step.parallel, momenta.solids[l], solids[l], states[l]);
+      if (states[l].whole && !is_collider(step.scene.pins, l)) {
+        solid::Momenta target = momenta.solids[l];
+        if (!momenta.friction.empty()) {
+          target.linear += momenta.friction[l].linear;
+          target.angular += momenta.friction[l].angular;
+        }
+        solid::restore_momenta(step.parallel, target, solids[l], states[l]);
+      }
   }
   const Vec3d axes = conserved_axes(step.scene);
   if (states.empty() || axes.isZero()) return;

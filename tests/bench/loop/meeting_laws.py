@@ -129,13 +129,13 @@ def judge_spin(results: Results, tier: str) -> list[Line]:
     for result in found(results, spin_runs(tier)):
         run, spin = result.run, whole_spin(result)
         touching = np.flatnonzero(result["active_rows"] > 0)
-        change = np.linalg.norm(spin - spin[0], axis=1) / np.linalg.norm(spin[0])
-        before = float(change[: touching[0] + 1].max()) if touching.size else float(change.max())
-        worst, left = float(change.max()), float(change[-1])
+        first = int(touching[0]) if touching.size else 0
+        change = np.linalg.norm(spin - spin[first], axis=1) / np.linalg.norm(spin[first])
+        before, worst, left = float(change[: first + 1].max()), float(change[first:].max()), float(change[-1])
         result.numbers |= {"angular momentum": worst, "in the end": left, "before contact": before}
         words = f"{groups.ASIDE:g} R beside{', compressible' * run.compressible}"
         words += f", in the end {left:.2g}, before {before:.2g}"
         at = conditions(result, f"{words}, {touching.size} steps with contact")
-        bar = f"relative change of both solids' angular momentum <= {SPIN:g}"
+        bar = f"relative change of both solids' angular momentum since they meet <= {SPIN:g}"
         lines.append(Line("off-centre", bar, worst, "", 0, SPIN, at))
     return lines

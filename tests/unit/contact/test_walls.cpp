@@ -140,6 +140,37 @@ TEST_CASE("A ball at rest stays there whatever steps it is taken in", "[law][slo
   for (const double dt : {1e-5, 1e-8, 1.0 / 48.0}) check(dt, 1e-3, 0.02);  // after it no pressure is known
 }
 
+TEST_CASE("The floor's friction on a ball thrown at it obeys Coulomb's law in every step", "[law]") {
+  const bool compressible = GENERATE(true, false);
+  const double friction = 0.4;
+  sim::SolidDesc d = ball_desc({0.15, 0.13, 0.2});
+  d.youngs_modulus = 2e5;
+  d.compressible = compressible;
+  d.poissons_ratio = 0.3;
+  d.friction = friction;
+  d.velocity = {1.53, -1.29, 0.0};
+  auto s = make_simulation(vacuum({0.6, 0.4, 0.4}), {d});
+  const double mass = s->diagnose_solid(0).mass, least = 1e-3 * mass * d.velocity.norm();
+  double worst = 0.0, pushed = 0.0, rubbed = 0.0;
+  Vec3d last = s->diagnose_solid(0).momentum;
+  while (s->state().time < 0.12) {
+    const double dt = s->step(1.0 / 24.0).dt;
+    const Vec3d now = s->diagnose_solid(0).momentum;
+    const double normal = now[1] - last[1] + mass * kGravity * dt,
+                 along = std::hypot(now[0] - last[0], now[2] - last[2]);
+    last = now;
+    pushed += normal;
+    rubbed += along;
+    if (normal > least || along > friction * least)
+      worst = std::max(worst, along / (friction * std::max(normal, least)));
+  }
+  INFO((compressible ? "compressible: " : "")
+       << "friction over mu times the normal impulse at most " << worst << ", in all " << rubbed / (friction * pushed));
+  CHECK(pushed > mass * 1.29);  // it has bounced
+  CHECK(rubbed > 0.3 * friction * pushed);
+  CHECK(worst < (compressible ? 1.002 : 1.02));
+}
+
 TEST_CASE("What a wall has pulled it lets go in the next step", "[law]") {
   sim::Params p = vacuum({0.4, 0.4, 0.4});
   sim::SolidDesc d = ball_desc({0.2, 0.12, 0.2});

@@ -216,6 +216,21 @@ TEST_CASE("Noise in a crushed part of a solid at rest does not shorten its steps
   CHECK(step(0.025) > 3.0 * wave);  // three nodes across
 }
 
+TEST_CASE("What rests takes one step a frame, and what falls does not") {
+  sim::Params p = still_vacuum({0.4, 0.6, 0.4});
+  p.gravity = {0.0, -9.8, 0.0};
+  const double frame = 1.0 / 24.0;  // 0.85 cells of free fall
+  auto s = make_simulation(p, {ball_desc({0.2, 0.1, 0.2})});
+  CHECK(s->step(frame).dt < 0.75 * frame);  // what carries it is not known yet
+  while (s->state().time < 3.0) s->step(3.0 - s->state().time);
+  CHECK(s->step(frame).dt == Approx(frame));
+  CHECK(s->state().solids[0].acceleration < 0.1);
+  auto falls = make_simulation(p, {ball_desc({0.2, 0.125, 0.2})});
+  falls->step(1e-4);
+  CHECK(falls->state().solids[0].acceleration == Approx(9.8).epsilon(1e-3));
+  CHECK(falls->step(frame).dt < 0.75 * frame);
+}
+
 TEST_CASE("In contact steps follow the size of a solid, not that of its cells") {
   const double normal = sim::numerics_of(sim::Preset::kProduction).step_tolerance;
   const auto step = [&](double h, double tolerance = 0.0) {  // a ball pressed flat: along y it shrinks
