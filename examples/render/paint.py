@@ -1,6 +1,7 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Renders frames of a cache side by side with Cycles, into one WebP; make_gallery.py calls it in a Python with bpy.
 
-paint.py LAYER PICTURE --frames 1 8 24 [--smoke FACTOR] [--floor Y] [--samples N] [--height PIXELS] [--threads N]
+paint.py LAYER PICTURE --frames 1 8 24 [--smoke PER_METRE] [--floor Y] [--samples N] [--height PIXELS] [--threads N]
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+import smoke
 
 BACKGROUND, FLOOR = (0.55, 0.65, 0.8), (0.5, 0.5, 0.52)
 SUN, SKY = 4.0, 0.45  # strengths
@@ -47,22 +49,11 @@ def add_floor(height: float) -> None:
     bpy.context.object.data.materials.append(material)
 
 
-def add_smoke(factor: float) -> None:
-    """A material on every volume; 0 hides them."""
+def add_smoke(layer: str, per_metre: float | None) -> None:
+    """A material on every volume, of this extinction [1/m], None: that of the cache; 0 hides them."""
+    smoke.set_smoke(layer, per_metre)
     for obj in [obj for obj in bpy.context.scene.objects if obj.type == "VOLUME"]:
-        if factor == 0.0:
-            obj.hide_render = True
-            continue
-        material = bpy.data.materials.new("Smoke")
-        material.use_nodes = True
-        nodes = material.node_tree.nodes
-        nodes.clear()
-        volume, output = nodes.new("ShaderNodeVolumePrincipled"), nodes.new("ShaderNodeOutputMaterial")
-        volume.inputs["Density"].default_value = factor
-        volume.inputs["Color"].default_value = (0.9, 0.9, 0.9, 1.0)
-        material.node_tree.links.new(volume.outputs["Volume"], output.inputs["Volume"])
-        obj.data.materials.clear()
-        obj.data.materials.append(material)
+        obj.hide_render = per_metre == 0.0
 
 
 def set_up(height: int, samples: int, threads: int | None) -> None:
@@ -100,14 +91,16 @@ def main() -> int:
     parser.add_argument("layer")
     parser.add_argument("picture", type=Path)
     parser.add_argument("--frames", type=int, nargs="+", required=True)
-    parser.add_argument("--smoke", type=float, default=20.0)
+    parser.add_argument(
+        "--smoke", type=float, help="extinction of smoke of density 1 [1/m]; default: what the cache says"
+    )
     parser.add_argument("--floor", type=float, help="height of a floor; default: none")
     parser.add_argument("--samples", type=int, default=8)
     parser.add_argument("--height", type=int, default=300)
     parser.add_argument("--threads", type=int)
     given = parser.parse_args()
     load(given.layer)
-    add_smoke(given.smoke)
+    add_smoke(given.layer, given.smoke)
     if given.floor is not None:
         add_floor(given.floor)
     set_up(given.height, given.samples, given.threads)

@@ -20,7 +20,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 PLACE = ROOT / ".eulerfsi" / "blender"
 _REQUIREMENTS = ROOT / "requirements-blender.txt"
-_CHECKS = ("check_scene.py", "check_panels.py", "check_faults.py")
+_CHECKS = ("check_scene.py", "check_panels.py", "check_faults.py", "check_units.py")
 
 
 def main(arguments: list[str] | None = None) -> int:

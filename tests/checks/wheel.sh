@@ -2,7 +2,7 @@
 # Purpose: does the wheel install and simulate where nothing is but Python? Makes bare roots of Debian, installs the wheel there
 # and compares the state hashes of two scenes with those of the library of this checkout. Needs root and mmdebstrap.
 # Usage: tests/checks/wheel.sh [WHEEL]   (default: makes one)
-# Environment: SUITES (bookworm trixie: Python 3.11 and 3.13), EULERFSI_LIBRARY (build/release), KEEP=1, TMPDIR.
+# Environment: SUITES (bookworm trixie forky: Python 3.11, 3.13 and, of the distribution to come, 3.14), EULERFSI_LIBRARY (build/release), KEEP=1, TMPDIR.
 set -euo pipefail
 repo=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 # shellcheck source=tests/checks/bare_root.sh
@@ -27,7 +27,7 @@ for scene in $scenes; do
   "$python" -m eulerfsi simulate "$repo/examples/scenes/$scene.usda" --frames $frames --progress none -o "$work/here_$scene"
 done
 status=0
-for suite in ${SUITES:-bookworm trixie}; do
+for suite in ${SUITES:-bookworm trixie forky}; do
   root=$work/$suite
   make_root "$suite" "$root" python3,python3-venv
   mkdir "$root/srv/wheel"

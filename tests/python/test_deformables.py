@@ -9,6 +9,7 @@ import pytest
 from conftest import author, make_scene
 from eulerfsi.errors import SceneError
 from eulerfsi_usd import standard, tets
+from eulerfsi_usd.attachments import find_attachments
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 from scene_run import Run
 from standard_stages import (
@@ -456,7 +457,14 @@ def test_attachments_that_cannot_be_are_refused_or_named(tmp_path):
     assert "physics:coords1[0] = 0.02 from its site: must be at most half a voxel" in found(stage)["FarAnchor"]
     put(prim, "vectors", coords1=[(-0.1, -0.075, -0.075)])
     put(prim, "float", stiffness=100.0, damping=1.0)
-    assert not found(stage) and "inf: it holds hard" in found(stage, "warning")["SoftAttachment"]
+    assert not found(stage) and "must be inf; soft attachments" in found(stage, "warning")["SoftAttachment"]
+    assert len(find_attachments(stage)) == 1
+    put(prim, "float", stiffness=0.0)
+    assert "stiffness = 0: must be above 0, since it holds nothing" in found(stage, "warning")["IgnoredAttachment"]
+    assert not found(stage) and not find_attachments(stage)
+    put(prim, "float", stiffness=-1.0)
+    assert "stiffness = -1: must be a number >= 0, or inf" in found(stage)["BadAttachment"]
+    put(prim, "float", stiffness=100.0)
     put(prim, "ints", indices0=[80])
     assert "physics:indices0 = 80: must be between 0 and 79" in found(stage)["BadAttachment"]
     put(prim, "token", type1="point")
@@ -598,7 +606,17 @@ BAD = {
     "rest": (lambda t, s: put(s, "points", restShapePoints=np.zeros((3, 3))), "3 points", "must be 80 points"),
     "masses": (lambda t, s: masses(s, [1.0, 2.0], "constant"), "physics:masses = 2 values", "must be 1 (constant)"),
     "no kind": (lambda t, s: masses(s, [1.0, 2.0], ""), "masses:elementType = empty", "must be one of constant"),
-    "negative": (lambda t, s: put(s, "float", mass=-1.0), "physics:mass = -1", "must be >= 0"),
+    "negative": (lambda t, s: put(s, "float", mass=-1.0), "physics:mass = -1", "must be finite and >= 0"),
+    "mass is a word": (
+        lambda t, s: s.CreateAttribute("physics:mass", Sdf.ValueTypeNames.String).Set("heavy"),
+        "/World/Jelly.physics:mass = a value of type string",
+        "must be of type float",
+    ),
+    "rest is flat": (
+        lambda t, s: put(s, "floats", restShapePoints=[1.0, 2.0]),
+        "/World/Jelly.physics:restShapePoints = a value of type float[]",
+        "must be of type point3f[]",
+    ),
     "nu": (
         lambda t, s: add_material(t, "/World/M", s, poissonsRatio=-0.95),
         "/World/M.physics:poissonsRatio = -0.95",
@@ -625,6 +643,14 @@ def test_a_body_that_cannot_be_simulated_is_refused_by_name(tmp_path, case):
         read(path)
     assert where in str(error.value) and limit in str(error.value), str(error.value)
     assert len(str(error.value).splitlines()) == 1
+
+
+def test_a_sim_schema_on_another_type_of_prim_is_named(tmp_path):
+    stage = new_stage(tmp_path / "mesh.usda")
+    add_body(stage)
+    apply(UsdGeom.Mesh.Define(stage, "/World/Skin").GetPrim(), standard.VOLUME_SIM, standard.BODY)
+    assert "/World/Skin.typeName = Mesh: must be TetMesh" in found(stage, "warning")["IdleSimMesh"]
+    assert not found(stage)
 
 
 def test_two_schemas_of_ours_in_one_body_are_refused(tmp_path):

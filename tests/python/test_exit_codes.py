@@ -67,7 +67,8 @@ def test_4_diverged(cli, scene):
     shot = ["--set", "Ball.velocity=(0, -3000, 0)", "--set", "Ball.youngsModulus=10", "--frames", "1-12"]
     done = cli("simulate", scene, *shot, "--progress", "json")
     ends_with(done, 4, "diverged at time")
-    assert event(done.stdout.splitlines()[-1])["last_frame"] >= 1
+    error, end = map(event, done.stdout.splitlines()[-2:])
+    assert end["last_frame"] >= 1 and error["prim"] == "/World/Ball", error
 
 
 @pytest.fixture
@@ -108,7 +109,9 @@ def test_6_strict(cli, scene):
 def test_7_mismatch(cli, scene, tmp_path):
     cli("simulate", scene, "--frames", "1-2")
     other = ["--set", "Ball.youngsModulus=50000", "--progress", "json"]
-    ends_with(cli("simulate", scene, "--resume", *other), 7, "youngs_modulus was 23333.0, is 50000.0")
+    done = cli("simulate", scene, "--resume", *other)
+    ends_with(done, 7, "youngs_modulus was 23333.0, is 50000.0")
+    assert event(done.stdout.splitlines()[-2])["prim"] == "/World/Ball"
     start = ["--start-from", "small_cache", "-o", tmp_path / "other", "--progress", "json"]
     ends_with(cli("simulate", scene, "--set", "Domain.voxelSize=0.06", *start), 7, "--start-from small_cache")
 

@@ -222,6 +222,17 @@ def test_a_usd_file_gets_a_domain_and_its_meshes_become_solids(cli, tmp_path):
     assert again.returncode == 3 and "has a domain, /EulerFsi/Domain" in again.stderr
     both = cli("new", "other.usda", "--from-usd", "asset.usda", "--units", "cm")
     assert both.returncode == 2 and not (tmp_path / "other.usda").exists()
+    assert "metersPerUnit" not in done.stderr
+    stage.ClearMetadata("metersPerUnit")
+    stage.Save()
+    shared = Usd.Stage.CreateNew(str(tmp_path / "shared.usda"))
+    shared.DefinePrim("/Copy").GetReferences().AddReference("./asset.usda")
+    shared.GetPrimAtPath("/Copy").SetInstanceable(True)
+    shared.Save()
+    inside = cli("new", "other.usda", "--from-usd", "shared.usda")
+    assert inside.returncode == 3 and "lies in an instance: /Copy needs instanceable = false" in inside.stderr
+    silent = cli("new", "other.usda", "--from-usd", "asset.usda")
+    assert silent.returncode == 0 and "metersPerUnit is not authored: a unit counts as 0.01 m" in silent.stderr
 
 
 def test_a_usd_file_of_the_standard_keeps_its_bodies(cli, tmp_path):

@@ -19,6 +19,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom
 pytestmark = pytest.mark.usefixtures("library")
 
 LAST, CHANGE = 8, 3
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "scenes"
 
 
 def run(scene: Path, folder: Path, **options) -> Result:
@@ -76,6 +77,13 @@ def test_without_a_change_it_gives_the_same_bits(baked: tuple[Path, Path], tmp_p
     assert [line["frame"] for line in lines if line["event"] == "frame"] == list(range(1, LAST + 1))
 
 
+def test_a_range_may_begin_where_the_rebake_does(baked: tuple[Path, Path], tmp_path: Path) -> None:
+    scene, cache = baked
+    folder = copy_of(cache, tmp_path / "cache")
+    run(scene, folder, rebake_from=CHANGE, frames=f"{CHANGE + 1}-{LAST}")
+    assert content_hashes(folder) == content_hashes(cache)
+
+
 @pytest.mark.parametrize("change", [{"puff_until": CHANGE + 1}, {"lift_until": CHANGE}])
 def test_later_frames_are_those_of_a_run_that_had_the_change(
     baked: tuple[Path, Path], tmp_path: Path, change: dict
@@ -91,6 +99,24 @@ def test_later_frames_are_those_of_a_run_that_had_the_change(
     whole, rebaked = content_hashes(tmp_path / "whole"), content_hashes(folder)
     assert {n: whole[n] for n in whole if int(n) > CHANGE} == {n: rebaked[n] for n in rebaked if int(n) > CHANGE}
     assert rebaked[str(LAST)] != content_hashes(cache)[str(LAST)]
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", ["ball", "heap", "struck"])
+def test_examples_made_anew_without_a_change_have_the_same_bits(tmp_path: Path, name: str) -> None:
+    """Frame by frame: state, meshes and smoke, made anew from frames 3, 12 and 24."""
+    scene, coarse = EXAMPLES / f"{name}.usda", ("/World/Domain.eulerfsi:voxelSize=0.02",)
+    run(scene, cache := tmp_path / "cache", frames="1-25", settings=coarse)
+    before = content_hashes(cache)
+    assert len({str(hashes) for hashes in before.values()}) == 25, "every frame is another one"
+    for frame in (3, 12, 24):
+        kept = files_until(cache, frame)
+        first_new = manifest(cache)["frames"][str(frame + 1)]["files"]
+        written = {file: (cache / file).stat().st_mtime_ns for file in first_new}
+        run(scene, cache, frames="1-25", settings=coarse, rebake_from=frame)
+        assert all((cache / file).stat().st_mtime_ns > written[file] for file in first_new), "later frames are new"
+        assert files_until(cache, frame) == kept
+        assert content_hashes(cache) == before, f"from frame {frame}"
 
 
 def test_a_parameter_that_changes_is_in_the_manifest(baked: tuple[Path, Path], tmp_path: Path) -> None:
@@ -194,6 +220,7 @@ def test_options_of_the_output(baked: tuple[Path, Path], tmp_path: Path, cli) ->
     for option, text in (
         ("--region=1,2,3", "must be six numbers"),
         ("--region=0,0,0,1,1,0", "must be six numbers"),
+        ("--region=1,0,0,2,1,1", "must overlap the domain, which lies in -0.3,-0.5,-0.3,0.3,0.2,0.3"),
         ("--smoke-threshold=-1", "must be a number >= 0"),
         ("--smoke-threshold=nan", "must be a number >= 0"),
     ):

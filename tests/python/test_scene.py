@@ -17,6 +17,7 @@ from eulerfsi.scene.overrides import apply_overrides
 from eulerfsi.scene.read import read_scene
 from eulerfsi.scene.space import domain_space, orthonormal_rows
 from eulerfsi.solver import binding
+from eulerfsi_usd import checks
 from eulerfsi_usd.transforms import frames_of
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, UsdUtils
 
@@ -137,6 +138,18 @@ def test_unauthored_values_are_the_tables_in_si(tmp_path):
     assert scene.domain["fluid_density"] == 1.0
 
 
+def test_gravity_is_that_of_the_first_frame_and_its_animation_a_warning(tmp_path):
+    stage = make_scene(tmp_path / "a.usda")
+    magnitude = stage.GetPrimAtPath("/World/PhysicsScene").GetAttribute("physics:gravityMagnitude")
+    magnitude.Clear()
+    magnitude.Set(3.0, 1.0)
+    magnitude.Set(5.0, 3.0)
+    scene = read(stage, tmp_path / "a.usda")
+    assert scene.domain["gravity"] == pytest.approx([0.0, -3.0, 0.0])
+    told = [issue.message for issue in scene.warnings if issue.code == "Animated"]
+    assert len(told) == 1 and "/World/PhysicsScene.physics:gravityMagnitude = animated" in told[0]
+
+
 def test_density_precedence_is_mass_then_density_then_material_then_1000(tmp_path):
     stage = make_scene(tmp_path / "a.usda", meters_per_unit=0.01)
     prim = stage.GetPrimAtPath("/World/Ball")
@@ -157,6 +170,10 @@ def test_density_precedence_is_mass_then_density_then_material_then_1000(tmp_pat
     assert density() == pytest.approx(3.0 / volume, rel=1e-6)
     UsdPhysics.MassAPI(prim).GetMassAttr().Set(0.0)  # UsdPhysics: not given
     assert density() == pytest.approx(500.0, rel=1e-6)
+    prim.GetAttribute("physics:density").Clear()
+    prim.GetAttribute("physics:density").Set(400e-6, 1.0)  # time samples alone: that of the first frame
+    assert not [issue for issue in checks.check_stage(stage) if issue.severity == "error"]
+    assert density() == pytest.approx(400.0, rel=1e-6)
 
 
 def test_friction_precedence_is_own_then_dynamic_then_static_of_the_material_then_0(tmp_path):

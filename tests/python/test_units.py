@@ -81,6 +81,14 @@ def test_volume_prim_adds_no_transform_to_the_grids(caches, name):
 
 
 @pytest.mark.parametrize("name", list(VARIANTS))
+def test_density_scale_is_per_metre(caches, name):
+    """Full smoke has the same optical depth in all of them: the box is as long."""
+    _, stages = caches
+    scale = stages[name].GetPrimAtPath("/World/smoke").GetAttribute("eulerfsi:densityScale").Get()
+    assert scale * 0.7 == pytest.approx(10.0, rel=1e-5)
+
+
+@pytest.mark.parametrize("name", list(VARIANTS))
 def test_velocities_are_in_stage_units_and_world_axes(caches, read_vdb, name):
     folder, stages = caches
     unit = UsdGeom.GetStageMetersPerUnit(stages[name])

@@ -32,7 +32,8 @@ def find_attachments(stage: Usd.Stage) -> list[Attachment]:
     found = []
     for prim in _enabled(stage):
         source, target = _ends(prim)
-        if source in bodies and target and _is_anchor(prim, target) and not _check(prim, bodies[source], target):
+        pins = source in bodies and target and _is_anchor(prim, target) and _stiffness(prim) != 0.0
+        if pins and not _check(prim, bodies[source], target):
             corners = _site_corners(prim, bodies[source])
             held = np.zeros(len(points_now(source)), bool)
             held[corners.ravel()] = True
@@ -56,9 +57,12 @@ def check_attachments(stage: Usd.Stage) -> list[Issue]:
         elif not _is_anchor(prim, target):
             limit = f"{target.GetPath()} must be a prim with a transform (type1 = xform); the attachment is ignored"
             issues.append(_warn(prim, f"physics:{standard.TYPES[1]}", _token(prim, 1), limit))
+        elif _stiffness(prim) == 0.0:
+            limit = "above 0, since it holds nothing; the attachment is ignored"
+            issues.append(_warn(prim, f"physics:{standard.STIFFNESS}", 0, limit))
         else:
             issues += _check(prim, bodies[source], target) or _check_places(prim, bodies[source], target)
-            issues += _check_stiffness(prim) + check_motion(target)
+            issues += _check_soft(prim) + check_motion(target)
     return issues
 
 
@@ -89,7 +93,10 @@ def _array(prim: Usd.Prim, name: str) -> np.ndarray:
 
 
 def _check(prim: Usd.Prim, body: Body, target: Usd.Prim) -> list[Issue]:
-    """Sites that are there."""
+    """Sites that are there, and a stiffness."""
+    if not _stiffness(prim) >= 0.0:
+        limit = "a number >= 0, or inf"
+        return [make_issue(prim, f"physics:{standard.STIFFNESS}", _stiffness(prim), limit, "BadAttachment")]
     kind, indices = _token(prim, 0), _array(prim, standard.INDICES[0])
     if kind not in _CORNERS:
         limit = f"one of {', '.join(_CORNERS)}"
@@ -161,8 +168,14 @@ def _check_places(prim: Usd.Prim, body: Body, target: Usd.Prim) -> list[Issue]:
     return [make_issue(prim, field, value, limit, "FarAnchor")]
 
 
-def _check_stiffness(prim: Usd.Prim) -> list[Issue]:
-    value = float(standard.value(prim, standard.STIFFNESS, first_time(prim.GetStage()), math.inf))
-    if value == math.inf:
+def _stiffness(prim: Usd.Prim) -> float:
+    return float(standard.value(prim, standard.STIFFNESS, first_time(prim.GetStage()), math.inf))
+
+
+def _check_soft(prim: Usd.Prim) -> list[Issue]:
+    """A warning of a soft attachment: it is held hard."""
+    value = _stiffness(prim)
+    if not 0.0 < value < math.inf:
         return []
-    return [_warn(prim, f"physics:{standard.STIFFNESS}", value, "inf: it holds hard", "SoftAttachment")]
+    limit = "inf; soft attachments are not simulated, it holds hard, and its damping has no effect"
+    return [_warn(prim, f"physics:{standard.STIFFNESS}", value, limit, "SoftAttachment")]

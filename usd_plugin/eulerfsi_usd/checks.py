@@ -10,7 +10,7 @@ import difflib
 import math
 from collections.abc import Iterable
 
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, UsdVol
 
 from .deformable_checks import check_deformables, check_elastic
 from .deformables import body_at, kinematic_bodies, simulated_bodies
@@ -19,9 +19,19 @@ from .given import check_collider as check_given_collider
 from .given import check_pins
 from .gprims import dimensions
 from .issues import Issue, all_prims, domain_box, first_time, is_enabled, is_ever_enabled, make_issue, read, scopes_of
-from .parameters import API_SCHEMAS, NAMESPACE, Parameter, load, prim_types, stage_attributes, stage_relationships
+from .parameters import (
+    API_SCHEMAS,
+    DENSITY_SCALE,
+    NAMESPACE,
+    Parameter,
+    load,
+    prim_types,
+    stage_attributes,
+    stage_relationships,
+)
 from .passengers import check_passengers, check_scale
 from .physics import check_density, check_friction
+from .standard_types import check_types
 from .surface import check_animation, check_cages, check_inside, check_skinning, check_surface
 
 AXES = ("X", "Y", "Z")
@@ -29,6 +39,8 @@ AXES = ("X", "Y", "Z")
 
 def check_stage(stage: Usd.Stage) -> list[Issue]:
     """All issues of a scene: first those of the stage, then prim by prim in traversal order."""
+    if issues := check_types(stage):
+        return issues
     issues = check_scene(stage)
     checks = {
         "domain": check_domain,
@@ -50,6 +62,8 @@ def uses_eulerfsi(stage: Usd.Stage) -> bool:
 
 def check_scene(stage: Usd.Stage) -> list[Issue]:
     """Units of the stage, number of domains, names of schemas and attributes, solids inside the domain."""
+    if issues := check_types(stage):
+        return issues
     issues = check_units(stage) + _check_range(stage) + _check_defined(stage) + _check_ignored(stage)
     prims: dict[str, list[Usd.Prim]] = {scope: [] for scope in API_SCHEMAS}
     for prim in all_prims(stage):
@@ -177,7 +191,7 @@ def check_names(prim: Usd.Prim) -> list[Issue]:
     known = {name for scope in scopes for name in (*stage_attributes(scope), *stage_relationships(scope))}
     for prop in prim.GetAuthoredPropertiesInNamespace("eulerfsi"):
         name = prop.GetName()
-        if name not in known:
+        if name not in known and not (name == DENSITY_SCALE and prim.IsA(UsdVol.Volume)):
             issues.append(_unknown_attribute(prim, name, known))
     return issues
 

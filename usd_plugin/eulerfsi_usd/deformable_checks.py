@@ -193,7 +193,7 @@ def _check_masses(body: Body) -> list[Issue]:
     ]:
         value = standard.value(prim, name, time)
         if value is not None and not (math.isfinite(value) and value >= 0.0) and value != -math.inf:
-            issues.append(make_issue(prim, f"physics:{name}", float(value), ">= 0 (0: unset)", "OutOfRange"))
+            issues.append(make_issue(prim, f"physics:{name}", float(value), "finite and >= 0 (0: unset)", "OutOfRange"))
     return issues
 
 
@@ -287,11 +287,15 @@ def _check_ignored(stage: Usd.Stage) -> list[Issue]:
         issue = Issue(str(prims[0].GetPath()), "apiSchemas", value, "a volume body", message, "warning", "NotSimulated")
         issues.append(issue)
     for sim in idle_sims(stage):
+        if not sim.IsA(UsdGeom.TetMesh):
+            hint = f"{standard.VOLUME_SIM} is for tetrahedra; it is not simulated"
+            issues.append(_warn(sim, "typeName", sim.GetTypeName() or "none", "TetMesh", "IdleSimMesh", hint))
+            continue
         owner = body_prim(sim)
         limit = (
             f"one in a body; that of {owner.GetPath()} is another"
             if owner
-            else (f"below or on a prim with {standard.BODY} and without {standard.RIGID_BODY}")
+            else (f"on a prim with {standard.BODY} and without {standard.RIGID_BODY}, or its child")
         )
         issues.append(_warn(sim, "apiSchemas", standard.VOLUME_SIM, limit, "IdleSimMesh", "it is not simulated"))
     return issues

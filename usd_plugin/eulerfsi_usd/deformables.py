@@ -67,9 +67,9 @@ def kinematic_bodies(stage: Usd.Stage) -> list[Body]:
 
 
 def idle_sims(stage: Usd.Stage) -> list[Usd.Prim]:
-    """TetMeshes with the schema of a sim mesh that no body takes."""
+    """Prims with the schema of a sim mesh that no body takes."""
     taken = {body.sim for body in find_bodies(stage)}
-    return [sim for sim in _sims(stage) if sim not in taken]
+    return [prim for prim in all_prims(stage) if standard.has(prim, standard.VOLUME_SIM) and prim not in taken]
 
 
 def _sims(stage: Usd.Stage) -> list[Usd.Prim]:

@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 
 NAMESPACE = "eulerfsi:"
+DENSITY_SCALE = "eulerfsi:densityScale"  # of the Volume of a cache: extinction of smoke of density 1 [1/m]
 SCOPES = ("domain", "solid", "emitter", "force", "collider")
 API_SCHEMAS = {scope: f"EulerFsi{scope.title()}API" for scope in SCOPES}
 

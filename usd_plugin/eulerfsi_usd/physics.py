@@ -33,7 +33,7 @@ def check_friction(prim: Usd.Prim) -> list[Issue]:
     attribute = friction_of(prim)
     if attribute is None or attribute.GetName() == FRICTION:
         return []
-    value = float(attribute.Get())
+    value = float(attribute.Get(first_time(prim.GetStage())))
     if not (math.isfinite(value) and value >= 0.0):
         return [make_issue(attribute.GetPrim(), attribute.GetName(), value, ">= 0", "OutOfRange")]
     return []
@@ -43,14 +43,14 @@ def check_density(prim: Usd.Prim) -> list[Issue]:
     """physics:mass, physics:density, then the density of the bound physics material, in UsdPhysics' precedence."""
     mass = prim.GetAttribute("physics:mass")
     if mass and mass.HasAuthoredValue():
-        value = float(mass.Get())
+        value = float(mass.Get(first_time(prim.GetStage())))
         if not (math.isfinite(value) and value >= 0.0):
             return [make_issue(prim, "physics:mass", value, ">= 0 (0: from the density)", "OutOfRange")]
         if value > 0.0:
             return []
     density = prim.GetAttribute("physics:density")
     if density and density.HasAuthoredValue():
-        value = float(density.Get())
+        value = float(density.Get(first_time(prim.GetStage())))
         bad = not (math.isfinite(value) and value > 0.0)
         return [make_issue(prim, "physics:density", value, "> 0", "OutOfRange")] if bad else []
     material = material_at(prim)

@@ -126,7 +126,9 @@ class Manifest:
             f"the {name} was {self.data[key]:g}, is {now:g}" for key, name, now in starts if self.data[key] != now
         ]
         what = "; ".join(found[:5]) or "a mesh"
-        raise MismatchError(f"{self.folder}: cannot resume, the scene has changed since the cache was started: {what}")
+        prim = what.partition(":")[0].partition(" ")[0] if what.startswith("/") else ""
+        text = f"{self.folder}: cannot resume, the scene has changed since the cache was started: {what}"
+        raise MismatchError(text, prim=prim)
 
     def check_same_start(self, start: dict[str, Any] | None) -> None:
         """Raises MismatchError for another `--start-from` than the cache's, and none where the run must begin again."""

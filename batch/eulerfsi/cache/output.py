@@ -53,15 +53,36 @@ class Output:
             "write_velocity": int(self.velocity),
         }
         if self.region:
-            box = np.reshape(self.region, (2, 3))
-            corners = np.array([[box[(n >> a) & 1, a] for a in range(3)] for n in range(8)])
-            sim = space.vector_to_sim(corners - space.center) * space.meters_per_unit
-            fields |= {"region_min": sim.min(axis=0), "region_max": sim.max(axis=0)}
+            fields["region_min"], fields["region_max"] = self._region_in(space)
         return fields
+
+    def check(self, space: SimulationSpace, domain: dict[str, Any]) -> None:
+        """Raises UsageError for a region that misses the domain. domain: fields of EfsiSimulationDef."""
+        if not self.region:
+            return
+        low, size = np.array(domain["domain_min"]), np.array(domain["domain_size"])
+        region_low, region_high = self._region_in(space)
+        if (region_low < low + size).all() and (region_high > low).all():
+            return
+        world = space.point_to_world(_corners(np.stack([low, low + size])))
+        box = ",".join(f"{x:.6g}" for x in [*world.min(axis=0), *world.max(axis=0)])
+        given = ",".join(f"{x:g}" for x in self.region)
+        raise UsageError(f"--region {given}: must overlap the domain, which lies in {box} (world space, stage units)")
+
+    def _region_in(self, space: SimulationSpace) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper corner of the box around it in simulation space [m]."""
+        corners = _corners(np.reshape(self.region, (2, 3)))
+        sim = space.vector_to_sim(corners - space.center) * space.meters_per_unit
+        return sim.min(axis=0), sim.max(axis=0)
 
     def facts(self) -> dict[str, Any]:
         """What the manifest holds of it."""
         return {**dataclasses.asdict(self), "region": list(self.region)}
+
+
+def _corners(box: np.ndarray) -> np.ndarray:
+    """(8, 3) of a box from its lower and upper corner (2, 3)."""
+    return np.array([[box[(n >> a) & 1, a] for a in range(3)] for n in range(8)])
 
 
 def _numbers(option: str, text: str, count: int, shape: str) -> list[float]:

@@ -35,7 +35,8 @@ def find_checkpoint(manifest: Manifest, frame: int, scene: Scene) -> dict[str, A
     moved = [path for path in now if path in before and now[path] != before[path]]
     if moved:
         raise MismatchError(
-            f"{what}: {moved[0]}: its pose in frame {frame} is another one; animation may differ after that frame only"
+            f"{what}: {moved[0]}: its pose in frame {frame} is another one; animation may differ after that frame only",
+            prim=moved[0],
         )
     return found[-1]
 
@@ -52,9 +53,10 @@ def _check_same_bodies(what: str, manifest: Manifest, scene: Scene) -> None:
         return
     for path in [*before, *now]:
         if path not in now or path not in before:
-            raise MismatchError(f"{what}: {path} is {'new' if path in now else 'gone'}: bodies cannot come or go")
+            how = "new" if path in now else "gone"
+            raise MismatchError(f"{what}: {path} is {how}: bodies cannot come or go", prim=path)
         if before[path] != now[path]:
-            raise MismatchError(f"{what}: {path}: its mesh is another one than the cache was made with")
+            raise MismatchError(f"{what}: {path}: its mesh is another one than the cache was made with", prim=path)
     if list(before) != list(now):
         raise MismatchError(f"{what}: the bodies stand in another order in the scene")
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from eulerfsi_usd.parameters import DENSITY_SCALE
 from eulerfsi_usd.transforms import places
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 
@@ -28,6 +29,7 @@ _TYPES = {
     "normals": Sdf.ValueTypeNames.Normal3fArray,
     "extent": Sdf.ValueTypeNames.Float3Array,
 }
+_OPTICAL_DEPTH = 10.0  # of smoke of density 1 along the longest edge of the box: thick, but not a block
 _TRANSFORM = "xformOp:transform:eulerfsi"  # of a shape without points
 _CLIP_SET = "eulerfsi"
 _STAGE_METADATA = (
@@ -301,6 +303,8 @@ class UsdWriter:
         world = self.scene.space.point_to_world(corners)
         extent = Sdf.AttributeSpec(volume, "extent", _TYPES["extent"])
         extent.default = Vt.Vec3fArray.FromNumpy(np.stack([world.min(axis=0), world.max(axis=0)]).astype(np.float32))
+        scale = Sdf.AttributeSpec(volume, DENSITY_SCALE, Sdf.ValueTypeNames.Float, declaresCustom=True)
+        scale.default = _OPTICAL_DEPTH / float(max(self.scene.domain["domain_size"]))
         for grid in grids:
             asset = Sdf.CreatePrimInLayer(layer, path.AppendChild(grid))
             asset.specifier, asset.typeName = Sdf.SpecifierDef, "OpenVDBAsset"

@@ -34,7 +34,7 @@ _MODULES = {
     "submit": "..farm.openjd",
 }
 _MOST_MEGABYTES = 500  # of a page that a browser still opens
-BENCHMARKS = ("speed", "loop", "random", "accuracy", "stress", "skip", "table", "estimate", "meshes", "night")
+BENCHMARKS = ("speed", "loop", "random", "accuracy", "stress", "skip", "table", "estimate", "meshes", "output", "night")
 
 
 def build_parser() -> argparse.ArgumentParser:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from eulerfsi_usd.deformables import find_bodies, simulated_bodies
 from eulerfsi_usd.foreign import physics_colliders
-from eulerfsi_usd.issues import all_prims, first_time, is_enabled, scopes_of
+from eulerfsi_usd.issues import all_prims, first_time, instance_above, is_enabled, scopes_of
 from eulerfsi_usd.pose import Pose
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics
 
@@ -38,9 +38,8 @@ def wrap(layer: Sdf.Layer, path: Path, asset: Path, smoke: str) -> tuple[Layout,
     if not marked:
         meshes = _meshes(stage)
     if not marked and not meshes:
-        raise SceneError(
-            f"{asset}: has no Mesh with a volume, no solid and no volume body: there is nothing to simulate"
-        )
+        nothing = f"{asset}: has no Mesh with a volume, no solid and no volume body: there is nothing to simulate"
+        raise SceneError(nothing + _in_instances(stage))
     boxes = [_world_box(prim) for prim in marked or meshes]
     unit = UsdGeom.GetStageMetersPerUnit(stage)
     up = "z" if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else "y"
@@ -48,6 +47,14 @@ def wrap(layer: Sdf.Layer, path: Path, asset: Path, smoke: str) -> tuple[Layout,
     relative = Path(os.path.relpath(asset.resolve(), path.resolve().parent)).as_posix()
     layer.subLayerPaths.append(relative if relative.startswith("../") else f"./{relative}")  # now: it has no folder yet
     return layout, {}
+
+
+def unit_warnings(asset: Path) -> list[str]:
+    """A line where the asset does not say how long a unit is."""
+    if UsdGeom.StageHasAuthoredMetersPerUnit(open_stage(asset)):
+        return []
+    unit = UsdGeom.LinearUnits.centimeters
+    return [f"warning: {asset}: metersPerUnit is not authored: a unit counts as {unit:g} m, which is USD's default"]
 
 
 def _copy_metadata(own: Usd.Stage, layer: Sdf.Layer) -> None:
@@ -82,6 +89,15 @@ def _meshes(stage: Usd.Stage) -> list[Usd.Prim]:
         if len(points) > 3 and (np.ptp(points, axis=0) > 1e-6 * np.ptp(points, axis=0).max()).all():
             found.append(prim)
     return found
+
+
+def _in_instances(stage: Usd.Stage) -> str:
+    """Says of a Mesh that it lies in an instance; "" where there is none."""
+    for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
+        if prim.IsInstanceProxy() and prim.IsA(UsdGeom.Mesh):
+            instance = instance_above(prim).GetPath()
+            return f"; {prim.GetPath()} lies in an instance: {instance} needs instanceable = false"
+    return ""
 
 
 def _world_box(prim: Usd.Prim) -> tuple[np.ndarray, np.ndarray]:

@@ -20,7 +20,7 @@ from ..scene.references import how_to_reference, is_usd_file
 from ..scene.values import SOLID_API
 from ..solver.simulation import Mesh
 from ..system import available_memory, available_threads
-from .new_from_usd import wrap
+from .new_from_usd import unit_warnings, wrap
 from .new_layout import Layout, lay_out
 from .new_pieces import read_objects
 from .new_stage import NewStage, author, comment
@@ -55,7 +55,7 @@ def new_scene(
     with replacing(path) as temporary:
         export_layer(layer, temporary)
         warnings = _examine(temporary, prims, layout)
-    return layout, warnings
+    return layout, [*(unit_warnings(asset) if asset else ()), *warnings]
 
 
 def _around_files(

@@ -214,7 +214,8 @@ class Run:
                 self._checkpoint_inside(frame, start, target)
                 raise self.stop.error() from error
             if error.status == binding.ERROR_DIVERGED:
-                raise DivergedError(f"frame {frame}: {error}") from error
+                bodies = [path for path in simulation.names.values() if f"({path})" in str(error)]
+                raise DivergedError(f"frame {frame}: {error}", prim=bodies[0] if bodies else "") from error
             raise LibraryError(error.status, f"frame {frame}: {error}") from error
         record(info)
         self.contacts.add(simulation.contacts(), info["velocity_iterations"])

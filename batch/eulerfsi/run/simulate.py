@@ -117,6 +117,7 @@ def _simulate(path: Path, options: Options, log: Log, progress: Progress, stop: 
     start = find_start(options.start_from) if options.start_from else None
     with usd_messages(log.info):
         scene, overrides = load_scene(path, options, log, memory_limit, progress)
+    options.written.check(scene.space, scene.domain)
     cache_module.check_ours(folder)
     checks.check_output(folder)
 
@@ -128,7 +129,8 @@ def _simulate(path: Path, options: Options, log: Log, progress: Progress, stop: 
         mode = cache_module.prepare(folder, options.overwrite, options.resume, options.rebake_from)
         wanted = parse_frames(options.frames) if options.frames else scene.frames
         if wanted.first > scene.frames.first:
-            demand_start(wanted, scene.frames.first, _last_checkpoint(folder, mode, options.allow_restart))
+            last = options.rebake_from if mode == "rebake" else _last_checkpoint(folder, mode, options.allow_restart)
+            demand_start(wanted, scene.frames.first, last)
         checkpoint = find_checkpoint(Manifest.load(folder), options.rebake_from, scene) if mode == "rebake" else None
         if not options.force:
             _demand_disk(folder, mode, scene, options, checkpoints)

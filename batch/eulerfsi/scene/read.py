@@ -12,7 +12,7 @@ import numpy as np
 from eulerfsi_usd.attachments import Attachment, find_attachments
 from eulerfsi_usd.deformables import body_at, kinematic_bodies, simulated_bodies
 from eulerfsi_usd.foreign import physics_colliders
-from eulerfsi_usd.issues import Issue, all_prims
+from eulerfsi_usd.issues import Issue, all_prims, first_time
 from eulerfsi_usd.passengers import find_passengers
 from pxr import Tf, Usd, UsdGeom, UsdPhysics
 
@@ -250,10 +250,16 @@ def _gravity(stage: Usd.Stage, units: StageUnits, warnings: list[Issue]) -> np.n
         warnings.append(Issue(used, "typeName", str(len(scenes)), "one", message, "warning", "SeveralPhysicsScenes"))
     direction, magnitude = -up, EARTH_GRAVITY
     if scenes:
-        authored = np.array(scenes[0].GetGravityDirectionAttr().Get(), float)
+        for attribute in (scenes[0].GetGravityDirectionAttr(), scenes[0].GetGravityMagnitudeAttr()):
+            if attribute.GetNumTimeSamples() > 1:
+                path, limit = str(scenes[0].GetPath()), "constant: the value of the first frame is used"
+                message = f"{path}.{attribute.GetName()} = animated: must be {limit}"
+                warnings.append(Issue(path, attribute.GetName(), "animated", limit, message, "warning", "Animated"))
+        time = first_time(stage)
+        authored = np.array(scenes[0].GetGravityDirectionAttr().Get(time), float)
         if authored.any():
             direction = authored / math.sqrt((authored * authored).sum())
-        given = scenes[0].GetGravityMagnitudeAttr().Get()
+        given = scenes[0].GetGravityMagnitudeAttr().Get(time)
         if math.isfinite(given) and given >= 0:
             magnitude = given * units.meters_per_unit
         elif given != -math.inf:
