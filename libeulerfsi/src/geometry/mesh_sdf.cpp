@@ -46,7 +46,7 @@ SignedDistance make_grid(const Extents& box, double spacing, double margin) {
     throw Error(ErrorCode::kArgument, text("signed distance: margin = ", margin, " spacings: must be at least 1"));
   SignedDistance grid;
   grid.spacing = spacing;
-  constexpr double kWhole = 1e-5;      // cells: extents of whole cells, as single precision has them, stay whole
+  constexpr double kWhole = 1e-5;        // cells: extents of whole cells, as single precision has them, stay whole
   constexpr double kNegligible = 1e-12;  // cells
   const Vec3d cells = ((box.max - box.min) / spacing).array() + 2.0 * margin;
   double nodes = 1.0;
