@@ -4,6 +4,7 @@
 #include <array>
 
 #include "base/kernel.hpp"
+#include "grid/boundary.hpp"
 #include "linalg/reduce.hpp"
 
 namespace efsi::fluid {
@@ -70,24 +71,10 @@ EFSI_KERNEL void add_to(int n, const Real* a, Real* y) {
 // Entries of whole fields: component c of node m at c nodes + m.
 std::size_t entry(const Grid& g, std::size_t c, std::size_t node) { return c * g.node_count() + node; }
 
-// Calls body(node, its copy) for the nodes on the lower faces of periodic axes.
-template <class Body>
-void for_copies(const Grid& g, std::size_t axis, const Body& body) {
-  if (!g.periodic[axis]) return;
-  const std::size_t u = (axis + 1) % 3, v = (axis + 2) % 3;
-  const std::size_t far = g.node_stride(static_cast<int>(axis)) * static_cast<std::size_t>(g.cells[axis]);
-  const std::size_t along_u = g.node_stride(static_cast<int>(u)), along_v = g.node_stride(static_cast<int>(v));
-  for (std::size_t q = 0; q <= static_cast<std::size_t>(g.cells[v]); ++q)
-    for (std::size_t p = 0; p <= static_cast<std::size_t>(g.cells[u]); ++p) {
-      const std::size_t node = p * along_u + q * along_v;
-      body(node, node + far);
-    }
-}
-
 // Copies take the values of their originals; x, then y, then z, so that those of edges and corners are right.
 void fill_copies(const Grid& g, std::vector<Real>& x) {
   for (std::size_t a = 0; a < 3; ++a)
-    for_copies(g, a, [&](std::size_t node, std::size_t copy) {
+    grid::for_copies(g, a, [&](std::size_t node, std::size_t copy) {
       for (std::size_t c = 0; c < 3; ++c) x[entry(g, c, copy)] = x[entry(g, c, node)];
     });
 }
@@ -95,7 +82,7 @@ void fill_copies(const Grid& g, std::vector<Real>& x) {
 // Originals get what their copies have, which are left with nothing.
 void gather_copies(const Grid& g, std::vector<Real>& y) {
   for (std::size_t a = 0; a < 3; ++a)
-    for_copies(g, a, [&](std::size_t node, std::size_t copy) {
+    grid::for_copies(g, a, [&](std::size_t node, std::size_t copy) {
       for (std::size_t c = 0; c < 3; ++c) {
         y[entry(g, c, node)] += y[entry(g, c, copy)];
         y[entry(g, c, copy)] = 0;

@@ -124,6 +124,28 @@ void fill_ghosts(const Grid& g, std::vector<T>& field, T outside) {
     }
 }
 
+// Calls body(node, its copy) for the nodes on the lower face of a periodic axis.
+template <class Body>
+void for_copies(const Grid& g, std::size_t axis, const Body& body) {
+  if (!g.periodic[axis]) return;
+  const std::size_t u = (axis + 1) % 3, v = (axis + 2) % 3;
+  const std::size_t far = g.node_stride(static_cast<int>(axis)) * static_cast<std::size_t>(g.cells[axis]);
+  const std::size_t along_u = g.node_stride(static_cast<int>(u)), along_v = g.node_stride(static_cast<int>(v));
+  for (std::size_t q = 0; q <= static_cast<std::size_t>(g.cells[v]); ++q)
+    for (std::size_t p = 0; p <= static_cast<std::size_t>(g.cells[u]); ++p) {
+      const std::size_t node = p * along_u + q * along_v;
+      body(node, node + far);
+    }
+}
+
+// Copies take the values of their originals; x, then y, then z, so that those of edges and corners are right.
+inline void fill_copies(const Grid& g, VectorField& field) {
+  for (std::size_t a = 0; a < 3; ++a)
+    for_copies(g, a, [&](std::size_t node, std::size_t copy) {
+      for (auto& c : field.c) c[copy] = c[node];
+    });
+}
+
 // Makes the ghost layer of a padded cell array zero.
 template <class T>
 void clear_ghosts(const Grid& g, std::vector<T>& field) {

@@ -1,6 +1,7 @@
 #include "transport/fluid_transport.hpp"
 
 #include "frame/grid_loops.hpp"
+#include "grid/boundary.hpp"
 #include "linalg/reduce.hpp"
 #include "solve/carried_pressure.hpp"
 
@@ -63,6 +64,7 @@ void advect_fluid(const StepContext& step, const SolidStates& states, grid::Vect
         fluid::advect_velocity(step.parallel, g, corrected, step.dt, flow, carries ? work.carried : flow,
                                matter.specific_volume, fluid_volume, fluid, work);
     timer.visited(512 * tiles, 12 * sizeof(Real));
+    grid::fill_copies(g, fluid.velocity);  // which rounding has led to other places
   }
   if (carries) {  // all arrays back
     work.first.c[0].swap(pressure.q);
