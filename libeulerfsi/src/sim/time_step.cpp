@@ -39,8 +39,7 @@ double time_to_move(double speed, double a, double distance) {
   return speed > 0.0 ? distance / speed : std::numeric_limits<double>::infinity();
 }
 
-// What a solid may be accelerated by in a step [m/s^2]: eight times what it was in the last one, at most a fall. What
-// it rests on may give way all the same.
+// What a solid may be accelerated by in a step [m/s^2]: eight times what it was in the last one, at most a fall.
 double expected_acceleration(const Params& params, const solid::SolidState& state) {
   const double fall = params.gravity.norm();
   return state.acceleration < 0.0 ? fall : std::min(fall, kMoreAcceleration * state.acceleration);
@@ -52,13 +51,17 @@ struct Approach {
   double cells(double gap) const { return std::max(travel, gap - distance); }
 };
 
-// How long what closes a gap [cells] at a speed may do so [s]. Where it is too far away for rows of contact to see it,
-// a fall ends there at most `travel` deep.
-double time_to_meet(const Params& params, double h, const Approach& approach, double gap, double closing,
-                    double acceleration) {
-  const double near = time_to_move(closing, acceleration, approach.cells(gap) * h);
-  if (gap < kContactDistance) return near;
-  return std::min(near, time_to_move(closing, params.gravity.norm(), (gap + approach.travel) * h));
+// Whether a face of the box pushed a solid in the last step, and whether two solids, one < other, pushed each other.
+// What pushes a solid also holds it; towards anything else it may fall, since what it rests on may give way.
+bool is_pushed(const solid::SolidState& solid, std::size_t face) {
+  return std::any_of(solid.presses.begin(), solid.presses.end(), [&](const solid::WallImpulse& p) {
+    return p.axis == static_cast<std::int32_t>(face / 2) && (p.node[p.axis] != 0) == (face % 2 != 0) && p.force > 0;
+  });
+}
+bool push_each_other(const SolidStates& states, std::size_t one, std::size_t other) {
+  const std::vector<solid::ContactImpulse>& contacts = states[one].contacts;
+  return std::any_of(contacts.begin(), contacts.end(),
+                     [&](const solid::ContactImpulse& c) { return c.other == static_cast<std::int32_t>(other); });
 }
 
 bool is_dense(const fluid::FluidParams& fluid, double solid_density) {
@@ -141,13 +144,15 @@ Gaps measure_gaps(const Scene& scene, const solid::SolidState& solid) {
 
 // What walls near a solid allow: its surface may reach them, or move by contact_travel in contact (Sec. 5.2 uses 0.6
 // for solids less than 2 cells apart). Sliding along a wall is free.
-void limit_by_walls(const Scene& scene, std::size_t l, double acceleration, const Gaps& gaps, WaveLimits& waves,
-                    StepLimit& limit) {
+void limit_by_walls(const Scene& scene, std::size_t l, const solid::SolidState& solid, const Gaps& gaps,
+                    WaveLimits& waves, StepLimit& limit) {
   const Params& params = scene.params;
   const Approach approach{params.numerics.contact_travel, kContactDistance};
   for (std::size_t face = 0; face < 6; ++face)
     if (approach.cells(gaps.cells[face]) < params.cfl_solid)
-      limit.lower(time_to_meet(params, scene.grid.h, approach, gaps.cells[face], gaps.closing[face], acceleration),
+      limit.lower(time_to_move(gaps.closing[face],
+                               is_pushed(solid, face) ? expected_acceleration(params, solid) : params.gravity.norm(),
+                               approach.cells(gaps.cells[face]) * scene.grid.h),
                   StepRule::kWall, l + 1);
   if (params.numerics.resolve_impacts && gaps.least() < kContactReach) waves.lower(l, StepRule::kWallWave, limit);
 }
@@ -172,7 +177,9 @@ void limit_by_pair(const Scene& scene, const SolidStates& states, const std::vec
   const double h = scene.grid.h, apart = boxes[one].exteriorDistance(boxes[other]) / h;
   if (apart > kPairReach) return;
   const double acceleration =
-      std::max(expected_acceleration(params, states[one]), expected_acceleration(params, states[other]));
+      push_each_other(states, one, other)
+          ? std::max(expected_acceleration(params, states[one]), expected_acceleration(params, states[other]))
+          : params.gravity.norm();
   const auto time_for = [&](double speed, double cells) {
     return time_to_move(speed, params.gravity.norm(), cells * h);
   };
@@ -180,7 +187,7 @@ void limit_by_pair(const Scene& scene, const SolidStates& states, const std::vec
   double least = std::numeric_limits<double>::infinity(), meeting = least;
   visit_gaps(scene, states, one, other, [&](double gap, double closing) {
     least = std::min(least, gap);
-    meeting = std::min(meeting, time_to_meet(params, h, approach, gap / h, closing, acceleration));
+    meeting = std::min(meeting, time_to_move(closing, acceleration, approach.cells(gap / h) * h));
   });
   if (params.numerics.uses_particles()) {
     if (least + kContactSkin * h < kContactReach * h)
@@ -266,7 +273,7 @@ StepLimit compute_time_step(const Parallel& parallel, const Scene& scene, const 
     }
     limit_by_folds(scene, l, states[l], solids[l], waves, limit);
     const Gaps gaps = measure_gaps(scene, states[l]);
-    limit_by_walls(scene, l, expected_acceleration(params, states[l]), gaps, waves, limit);
+    limit_by_walls(scene, l, states[l], gaps, waves, limit);
     limit_by_speed(parallel, scene, l, states[l], free_cells(scene, boxes, l, gaps), limit);
     if (steps == 0 && params.numerics.resolve_impacts && is_dense(params.fluid, scene.solids[l].density))
       limit.lower(time_to_move(states[l].speed, 0.0, kStart * g.h), StepRule::kStart, l + 1);
