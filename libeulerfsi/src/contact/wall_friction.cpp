@@ -8,6 +8,8 @@
 namespace efsi::sim {
 namespace {
 
+constexpr double kSticksBeyond = 1.1;  // of mu times the normal impulse, which the solves leave uncertain
+
 // What the rows of a solid at one face exert in the step.
 struct FaceContact {
   int axis = 0;
@@ -44,14 +46,12 @@ double felt_mass(const solid::Momenta& body, const Vec3d& arm, const Vec3d& dire
 // What Coulomb's law asks of a face beyond its friction in the step. limit: mu times its normal impulse.
 Vec3d missing(const FaceContact& face, double limit, const solid::Momenta& body, const Vec3d& arm) {
   const double friction = face.friction.norm();
-  if (friction > limit) return (limit / friction - 1.0) * face.friction;
+  if (friction > limit * (face.sticks ? kSticksBeyond : 1.0)) return (limit / friction - 1.0) * face.friction;
   if (face.sticks || !(face.weight > 0.0)) return Vec3d::Zero();
   const Vec3d v = face.along / face.weight;
-  const double speed = v.norm();
-  if (!(speed > 0.0)) return Vec3d::Zero();
-  const Vec3d against = -v / speed;
-  const double lacks = limit - against.dot(face.friction);
-  return std::clamp(lacks, 0.0, felt_mass(body, arm, against) * speed) * against;
+  const Vec3d against = friction > 0.0 ? Vec3d(face.friction / friction) : Vec3d(-v.stableNormalized());
+  const double speed = -against.dot(v);
+  return std::clamp(limit - friction, 0.0, felt_mass(body, arm, against) * std::max(0.0, speed)) * against;
 }
 
 }  // namespace

@@ -86,7 +86,7 @@ TEST_CASE("A block slides down a collider tilted about any axis as Coulomb says"
   const double found = body.acceleration(), wanted = coulomb(body.tilt, c.mu);
   INFO("turned by " << c.turn.transpose() << ", tilt " << body.tilt << " rad, mu " << c.mu
                     << (c.compressible ? ", compressible" : "") << ": " << found << " m/s^2, Coulomb's " << wanted);
-  CHECK(found == Approx(wanted).epsilon(0.02));
+  CHECK(found == Approx(wanted).epsilon(0.025));
 }
 
 TEST_CASE("A block on a tilted collider slides from 0.02 of friction below the slope on, and sticks 0.02 above",
