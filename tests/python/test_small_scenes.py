@@ -111,4 +111,4 @@ def test_jellyfish_follows_the_hand_beads_meet_and_the_spring_lifts_the_pebble(t
     assert fall == pytest.approx(-weight / (2500.0 + 0.5 * 1000.0) / 24, rel=0.2)
     for path in (bell, pebble, *beads):
         by_mesh, by_cells = run.volume_errors(path).max(axis=0)
-        assert by_mesh < 0.015 and by_cells < 0.025, path
+        assert by_mesh < 0.02 and by_cells < 0.025, path
