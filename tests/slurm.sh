@@ -47,7 +47,7 @@ has_frame() { [[ -n $(ls "$work/$1"/frames/*."$2".* 2>/dev/null) ]]; } # CACHE F
 is_requeued() { [[ $(facts "$1" Restarts) -gt 0 && $(facts "$1" JobState) == PENDING ]]; }
 go_on() { # JOB: a job that was requeued waits two minutes otherwise
   within "$most" is_requeued "$1"
-  scontrol update JobId="$1" StartTime=now
+  scontrol update JobId="$1" StartTime=now+3seconds # a node refuses the job in the second in which it ended
 }
 is_done() { # JOB: it is; where its node failed again, as SLURM still ends the old run on the node that is back, it goes on
   ! is_requeued "$1" || scontrol update JobId="$1" StartTime=now
