@@ -12,7 +12,6 @@ constexpr double kSticksBeyond = 1.1;  // of mu times the normal impulse, which 
 
 // What the rows of a solid at one face exert in the step.
 struct FaceContact {
-  int axis = 0;
   double normal = 0.0;             // impulse [kg m/s]
   Vec3d friction = Vec3d::Zero();  // impulse [kg m/s]
   bool sticks = false;             // one of them does
@@ -22,7 +21,6 @@ struct FaceContact {
 };
 
 void add(const WallRow& row, const Vec3d& place, Vec3d v, FaceContact& face) {
-  face.axis = row.axis;
   face.normal += static_cast<double>(row.normal_impulse);
   if (row.friction_state == FrictionState::kSlides)
     face.friction -= static_cast<double>(row.limit) * row.sliding_direction.cast<double>();
