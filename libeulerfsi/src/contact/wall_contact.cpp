@@ -178,15 +178,6 @@ void decide(const solid::WallImpulse* last, double h, double dt, bool fast, doub
     row.sliding_direction = -tension.stableNormalized();  // a node that has just stuck has no sliding direction
 }
 
-// Normal force of a face on a solid in the last step [N].
-double pushed_at(const solid::SolidState& solid, std::size_t face) {
-  double sum = 0.0;
-  for (const solid::WallImpulse& p : solid.presses)
-    if (p.axis == static_cast<std::int32_t>(face / 2) && (p.node[p.axis] != 0) == (face % 2 != 0) && p.force > 0)
-      sum += static_cast<double>(p.force);
-  return sum;
-}
-
 // While a solid slides it leaves nodes and comes upon others, of which the last step says nothing: friction as a whole
 // is that of the total normal impulse of the face.
 void share_friction(double whole, std::vector<WallRow>& rows) {
@@ -259,6 +250,14 @@ void prescribe_shared(std::size_t t, const WallRow& row, system::SlipNodes& slip
 }
 
 }  // namespace
+
+double pushed_at(const solid::SolidState& solid, std::size_t face) {
+  double sum = 0.0;
+  for (const solid::WallImpulse& p : solid.presses)
+    if (p.axis == static_cast<std::int32_t>(face / 2) && (p.node[p.axis] != 0) == (face % 2 != 0) && p.force > 0)
+      sum += static_cast<double>(p.force);
+  return sum;
+}
 
 void meet_walls(const StepContext& step, const SolidStates& states, const SolidWorks& solids, Matter& matter,
                 NodeVelocity& velocity, std::vector<WallRow>& rows) {

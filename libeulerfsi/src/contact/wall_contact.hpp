@@ -14,6 +14,8 @@
 
 namespace efsi::sim {
 
+// Normal force of a face of the box on a solid in the last step [N]; face: -x +x -y +y -z +z.
+double pushed_at(const solid::SolidState& solid, std::size_t face);
 // One normal velocity where the fluid slips; then the rows of the step, by the velocity that the solids have with all
 // forces but their own, and the velocity that walls and rows prescribe. Fixes in matter.fixed what sticks.
 void meet_walls(const StepContext& step, const SolidStates& states, const SolidWorks& solids, Matter& matter,

@@ -1,6 +1,6 @@
 // Purpose: Coulomb's law of a face of the box and a solid as a whole, by the normal impulse of this step. In the
 // velocity solve friction is limited by that of the last one, since the pressure has its part in this one's: while a
-// contact unloads it is too large, in its first step it is missing (docs/numerics/wall-contact.md).
+// contact unloads it is too large, in its first step it is missing (docs/numerics/wall-friction.md).
 #pragma once
 
 #include <vector>

@@ -8,6 +8,7 @@
 
 #include "contact/fold_contact.hpp"
 #include "contact/solid_contact.hpp"
+#include "contact/wall_contact.hpp"
 #include "grid/interpolate.hpp"
 #include "solid/map/displacement.hpp"
 
@@ -51,13 +52,8 @@ struct Approach {
   double cells(double gap) const { return std::max(travel, gap - distance); }
 };
 
-// Whether a face of the box pushed a solid in the last step, and whether two solids, one < other, pushed each other.
-// What pushes a solid also holds it; towards anything else it may fall, since what it rests on may give way.
-bool is_pushed(const solid::SolidState& solid, std::size_t face) {
-  return std::any_of(solid.presses.begin(), solid.presses.end(), [&](const solid::WallImpulse& p) {
-    return p.axis == static_cast<std::int32_t>(face / 2) && (p.node[p.axis] != 0) == (face % 2 != 0) && p.force > 0;
-  });
-}
+// Whether two solids, one < other, pushed each other in the last step. What pushes a solid also holds it; towards
+// anything else it may fall, since what it rests on may give way.
 bool push_each_other(const SolidStates& states, std::size_t one, std::size_t other) {
   const std::vector<solid::ContactImpulse>& contacts = states[one].contacts;
   return std::any_of(contacts.begin(), contacts.end(),
@@ -150,10 +146,11 @@ void limit_by_walls(const Scene& scene, std::size_t l, const solid::SolidState& 
   const Approach approach{params.numerics.contact_travel, kContactDistance};
   for (std::size_t face = 0; face < 6; ++face)
     if (approach.cells(gaps.cells[face]) < params.cfl_solid)
-      limit.lower(time_to_move(gaps.closing[face],
-                               is_pushed(solid, face) ? expected_acceleration(params, solid) : params.gravity.norm(),
-                               approach.cells(gaps.cells[face]) * scene.grid.h),
-                  StepRule::kWall, l + 1);
+      limit.lower(
+          time_to_move(gaps.closing[face],
+                       pushed_at(solid, face) > 0.0 ? expected_acceleration(params, solid) : params.gravity.norm(),
+                       approach.cells(gaps.cells[face]) * scene.grid.h),
+          StepRule::kWall, l + 1);
   if (params.numerics.resolve_impacts && gaps.least() < kContactReach) waves.lower(l, StepRule::kWallWave, limit);
 }
 

@@ -580,17 +580,18 @@ void VelocitySystem::conserve_momentum(const Parallel& parallel, const std::vect
 }
 
 std::vector<Vec3d> VelocitySystem::sum_by_solid(const Parallel& parallel, const std::vector<Real>& x) const {
-  std::vector<Vec3d> sums(solids_.size(), Vec3d::Zero());
+  std::vector<Vec3d> sums(solids_.size());
   for (std::size_t l = 0; l < solids_.size(); ++l) {
     const std::size_t begin = unknown_begin_[l], end = unknown_begin_[l + 1];
-    std::vector<Vec3d> chunks((end - begin + kUnknownsPerSum - 1) / kUnknownsPerSum, Vec3d::Zero());
-    parallel.for_each(static_cast<std::int64_t>(chunks.size()), [&](std::int64_t chunk) {
-      const auto c = static_cast<std::size_t>(chunk);
-      for (std::size_t u = begin + c * kUnknownsPerSum; u < std::min(end, begin + (c + 1) * kUnknownsPerSum); ++u)
-        for (std::size_t a = 0; a < 3; ++a)
-          chunks[c][static_cast<Eigen::Index>(a)] += static_cast<double>(x[3 * u + a]);
-    });
-    for (const Vec3d& chunk : chunks) sums[l] += chunk;
+    const auto chunks = static_cast<std::int64_t>((end - begin + kUnknownsPerSum - 1) / kUnknownsPerSum);
+    for (std::size_t a = 0; a < 3; ++a)
+      sums[l][static_cast<Eigen::Index>(a)] = parallel.sum(chunks, [&](std::int64_t chunk) {
+        const std::size_t first = begin + static_cast<std::size_t>(chunk) * kUnknownsPerSum;
+        double part = 0.0;
+        for (std::size_t u = first; u < std::min(end, first + kUnknownsPerSum); ++u)
+          part += static_cast<double>(x[3 * u + a]);
+        return part;
+      });
   }
   return sums;
 }
