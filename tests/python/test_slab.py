@@ -70,7 +70,7 @@ def test_two_discs_that_meet_part_again(tmp_path: Path, fluid: bool) -> None:
 
 
 def test_a_lid_drives_a_viscous_fluid_that_takes_a_soft_disc_along(tmp_path: Path) -> None:
-    """Where Zhao, Freund and Moser's disc (2008) is after a second, see tests/unit/sources/test_viscosity.cpp."""
+    """Where Zhao, Freund and Moser's disc (2008) is after a second, see tests/unit/solve/test_viscosity.cpp."""
     path = tmp_path / "scene.usda"
     walls = {f"wall{side}": "noSlip" for side in ("XMin", "XMax", "YMin", "YMax")}
     stage = slab_stage(

@@ -47,13 +47,11 @@ void mix_in(const Parallel& parallel, const SolidStates& states, const SolidWork
   });
 }
 
-}  // namespace
-
-void combine_velocities(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
-                        const Matter& matter, grid::VectorField& fluid_velocity, NodeVelocity& velocity) {
+// With this weight.
+void combine(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Matter& matter,
+             const StepWeight& weight, grid::VectorField& fluid_velocity, NodeVelocity& velocity) {
   const Grid& g = matter.common.grid;
   ScopedTimer timer(step.profile, Stage::kFluidForces);
-  const StepWeight weight = weight_in_step(step.scene, step.dt, solids);
   if (step.scene.params.fluid.present)
     std::swap(velocity.field.c, fluid_velocity.c);  // the advection gives it back
   else
@@ -76,6 +74,20 @@ void combine_velocities(const StepContext& step, const SolidStates& states, cons
         weight.solids[n.solid] + solid.v.at(solid.band.grid.node(n.i - lo[0], n.j - lo[1], n.k - lo[2]));
     velocity.field.set(n.node, slipping[t]);
   }
+}
+
+}  // namespace
+
+void combine_velocities(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
+                        const Matter& matter, grid::VectorField& fluid_velocity, NodeVelocity& velocity) {
+  combine(step, states, solids, matter, weight_in_step(step.scene, step.dt, solids), fluid_velocity, velocity);
+}
+
+void copy_velocities(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Matter& matter,
+                     const grid::VectorField& fluid_velocity, const system::SlipNodes& slip, NodeVelocity& copy) {
+  copy.slip = slip;
+  grid::VectorField fluid = fluid_velocity;
+  combine(step, states, solids, matter, {Vec3::Zero(), std::vector<Vec3>(states.size(), Vec3::Zero())}, fluid, copy);
 }
 
 }  // namespace efsi::sim

@@ -11,5 +11,8 @@ namespace efsi::sim {
 // the two stay apart. Takes the fluid's velocity out of the state until its advection.
 void combine_velocities(const StepContext& step, const SolidStates& states, const SolidWorks& solids,
                         const Matter& matter, grid::VectorField& fluid_velocity, NodeVelocity& velocity);
+// The same without weight, with a copy of the fluid's.
+void copy_velocities(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Matter& matter,
+                     const grid::VectorField& fluid_velocity, const system::SlipNodes& slip, NodeVelocity& copy);
 
 }  // namespace efsi::sim

@@ -96,7 +96,7 @@ std::uint64_t Simulation::memory_bytes() const {
   ByteCount count;
   visit_fields(state_, count);
   visit_fields(work_.backup, count);
-  for (const auto* field : {&work_.velocity.field, &box_.velocity})
+  for (const auto* field : {&work_.velocity.field, &work_.before_forces.field, &box_.velocity})
     for (const auto& c : field->c) count.array(c);
   for (const auto* values :
        {&matter.fluid_mass, &matter.mass, &matter.specific_volume, &matter.cell_fraction, &elasticity.f_star,

@@ -24,10 +24,10 @@
 #include "solid/particles/particles.hpp"
 #include "solve/pressure.hpp"
 #include "solve/velocity_solve.hpp"
+#include "solve/viscosity.hpp"
 #include "sources/apply_forces.hpp"
 #include "sources/external_forces.hpp"
 #include "sources/jets.hpp"
-#include "sources/viscosity.hpp"
 #include "transport/carry_surface.hpp"
 #include "transport/fluid_transport.hpp"
 #include "transport/left_box.hpp"
@@ -47,10 +47,10 @@ void apply_scene_forces(const StepContext& step, const Matter& matter, SolidWork
 }
 
 // Viscosity of the fluid, where it has any.
-void diffuse(const StepContext& step, const Matter& matter, NodeVelocity& velocity, fluid::ViscousWorkspace& viscous,
-             EnergyLedger& ledger) {
+void diffuse(const StepContext& step, const Matter& matter, NodeVelocity& before, VelocityEquation& elasticity,
+             NodeVelocity& velocity, fluid::ViscousWorkspace& viscous, EnergyLedger& ledger) {
   if (!step.scene.params.fluid.is_viscous()) return;
-  diffuse_velocity(step, matter, velocity, viscous);
+  diffuse_velocity(step, matter, before, elasticity, velocity, viscous);
   ledger.book_nodes(EnergyStage::kViscosity, velocity);
 }
 
@@ -234,6 +234,8 @@ void mix_velocities(const StepContext& step, State& state, Workspace& work, Ener
   grid::VectorField& fluid_velocity = state.fluid.velocity;
   NodeVelocity& velocity = work.velocity;
   VelocityEquation& elasticity = work.elasticity;
+  if (step.scene.params.fluid.is_viscous())
+    copy_velocities(step, state.solids, work.solids, work.matter, fluid_velocity, velocity.slip, work.before_forces);
   apply_scene_forces(step, work.matter, work.solids, state.solids, fluid_velocity, ledger);
   ledger.book_weight(weight_in_step(step.scene, step.dt, work.solids), fluid_velocity);
   combine_velocities(step, state.solids, work.solids, work.matter, fluid_velocity, velocity);
@@ -244,7 +246,6 @@ void mix_velocities(const StepContext& step, State& state, Workspace& work, Ener
   meet_walls(step, state.solids, work.solids, work.matter, velocity, elasticity.walls);
   keep_prescribed(elasticity.given, elasticity.walls, velocity);
   ledger.book_nodes(EnergyStage::kWalls, velocity);
-  diffuse(step, work.matter, velocity, work.viscous, ledger);
 }
 
 // Lines 8 to 11.
@@ -256,6 +257,8 @@ void solve(const StepContext& step, State& state, Workspace& work, EnergyLedger&
   PressureEquation& pressure = work.pressure;
   NodeVelocity& velocity = work.velocity;
   assemble_velocity_system(step, states, work.solids, work.matter, velocity, elasticity);  // Alg. 1 line 8
+  set_right_side(step, states, work.solids, work.matter.common.grid, velocity, elasticity);
+  diffuse(step, work.matter, work.before_forces, elasticity, velocity, work.viscous, ledger);
   prepare_pressure(step, states, work.solids, work.matter, last, elasticity, velocity, pressure);
   ledger.book_nodes(EnergyStage::kPressure, velocity);
   solve_velocity(step, elasticity, velocity);  // Alg. 1 line 9

@@ -25,6 +25,7 @@ struct Workspace {
   TransportMomenta momenta;
   fluid::AdvectWorkspace advect;
   solid::AdvectWorkspace solid_advect;
+  NodeVelocity before_forces;               // at the nodes; empty unless the fluid is viscous
   fluid::ViscousWorkspace viscous;          // empty unless the fluid is viscous
   std::vector<solid::Particles> particles;  // per solid; empty where no preset asks for them
   State backup;                             // the last good state

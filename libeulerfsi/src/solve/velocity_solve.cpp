@@ -106,7 +106,6 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
   }
   ScopedTimer timer(step.profile, Stage::kComputeG);
   system::VelocitySystem& system = elasticity.system;
-  std::vector<Real>& momentum = elasticity.momentum;
   const std::vector<std::uint8_t> pressed = pressed_solids(step.scene.solids.size(), contacts);
   std::vector<system::SolidRef> refs;
   for (std::size_t l = 0; l < step.scene.solids.size(); ++l) {
@@ -132,6 +131,15 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
   number_rows(system, contacts);
   drop_blocked_rows(elasticity.given, system, contacts);
   elasticity.holds = find_constraints(step.scene.solids.size(), system, meeting_pairs(contacts));
+  timer.visited(static_cast<std::uint64_t>(system.unknowns()), 15 * sizeof(Real));
+}
+
+void set_right_side(const StepContext& step, SolidStates& states, const SolidWorks& solids, const grid::Grid& common,
+                    NodeVelocity& velocity, VelocityEquation& elasticity) {
+  if (step.scene.solids.empty()) return;
+  ScopedTimer timer(step.profile, Stage::kComputeG);
+  system::VelocitySystem& system = elasticity.system;
+  std::vector<Real>& momentum = elasticity.momentum;
   system.gather(step.parallel, velocity.field, velocity.slip, elasticity.v_star);
   // momentum = M (v + dt f_ext / m) + dt f_int, f* = momentum + what stands for K v^n
   std::vector<Real> force;
@@ -144,12 +152,12 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
   });
   elasticity.f_star = momentum;
   linalg::multiply(step.parallel, momentum, system.moves(), momentum);
-  add_past_stiffness(step, states, solids, matter.common.grid, elasticity);
+  add_past_stiffness(step, states, solids, common, elasticity);
   add_friction(elasticity.walls, system, {elasticity.f_star, elasticity.momentum});
   elasticity.v_old.clear();
-  if (!contacts.rows.empty() || !elasticity.given.empty())
-    elasticity.v_old = old_velocities(states, solids, matter.common.grid, elasticity);
-  timer.visited(static_cast<std::uint64_t>(system.unknowns()), 30 * sizeof(Real));
+  if (!elasticity.contacts.rows.empty() || !elasticity.given.empty())
+    elasticity.v_old = old_velocities(states, solids, common, elasticity);
+  timer.visited(static_cast<std::uint64_t>(system.unknowns()), 15 * sizeof(Real));
 }
 
 void solve_velocity(const StepContext& step, VelocityEquation& elasticity, NodeVelocity& velocity) {

@@ -8,9 +8,12 @@
 
 namespace efsi::sim {
 
-// Line 8: G and f* on the nodes that carry solids, what holds them; v_star: the velocity there before the solve.
+// Line 8: G on the nodes that carry solids, and what holds them.
 void assemble_velocity_system(const StepContext& step, SolidStates& states, SolidWorks& solids, const Matter& matter,
                               NodeVelocity& velocity, VelocityEquation& elasticity);
+// Line 8: f*; v_star: the velocity before the solve.
+void set_right_side(const StepContext& step, SolidStates& states, const SolidWorks& solids, const grid::Grid& common,
+                    NodeVelocity& velocity, VelocityEquation& elasticity);
 // Line 9.
 void solve_velocity(const StepContext& step, VelocityEquation& elasticity, NodeVelocity& velocity);
 // The velocity of the solids becomes x, that of the fluid beside them follows along the normals of slip nodes.

@@ -375,6 +375,19 @@ void VelocitySystem::apply(const Parallel& parallel, const std::vector<Real>& x,
   }
 }
 
+void VelocitySystem::apply_stiffness(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y) {
+  masked_.resize(x.size());
+  linalg::multiply(parallel, masked_, free_, x);
+  multiply_stiffness(
+      parallel, stiffness_factor_, masked_, [](std::size_t, const Vec3& stiffness) { return stiffness; }, y);
+  linalg::multiply(parallel, y, free_, y);
+}
+
+void VelocitySystem::add_coarse_levels(const Parallel& parallel, const std::vector<Real>& r, std::vector<Real>& z) {
+  build_multilevel(parallel);
+  if (multilevel_) multilevel_->add(parallel, free_, r, z);
+}
+
 void VelocitySystem::precondition(const Parallel& parallel, const std::vector<Real>& r, std::vector<Real>& z) {
   z.resize(r.size());
   linalg::multiply(parallel, z, inverse_diagonal_, r);

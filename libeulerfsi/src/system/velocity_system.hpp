@@ -80,6 +80,8 @@ class VelocitySystem {
   // The unknowns of solid l are those from begin_of(l) to begin_of(l + 1); one that solids share is the first one's.
   std::size_t begin_of(std::size_t solid) const { return unknown_begin_[solid]; }
   std::size_t solid_of(std::size_t unknown) const;
+  // Whether solids share its node, so that it is none of the field's velocities.
+  bool is_shared(std::size_t unknown) const { return entry_[unknown] >= 0; }
   Vec3d place(std::size_t unknown) const;  // of its node [m]
   double cell() const { return h_; }       // [m]
   // Mass of an unknown, with damping by it [kg]; of what slips the mean of all directions.
@@ -109,10 +111,14 @@ class VelocitySystem {
   void apply(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y);
   // The same without penalties.
   void apply_bare(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y);
+  // y = what G has of the stiffness times x, between the components that are free.
+  void apply_stiffness(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y);
   // z = about G^-1 r, as it was at the last solve() or set_penalties(): the diagonal with the penalties, coarser
   // levels of the solids in which stiffness outweighs inertia and, with penalties, the solids as a whole. r is 0 where
   // nothing is free.
   void precondition(const Parallel& parallel, const std::vector<Real>& r, std::vector<Real>& z);
+  // z += what precondition() has of coarser levels.
+  void add_coarse_levels(const Parallel& parallel, const std::vector<Real>& r, std::vector<Real>& z);
   // f += what the shares behind add to the right-hand side: behind dt^2 K v.
   void add_past_stiffness(const Parallel& parallel, const std::vector<Real>& v, std::vector<Real>& f);
   // sum of the elements' forces on each unknown [N].

@@ -127,7 +127,7 @@ TEST_CASE("A viscous step takes energy and keeps momentum, in a box of periodic 
   Vec3d before, after;
   double energy = measure(before);
   for (const double viscosity : {0.1, 10.0, 1e4}) {
-    CHECK(diffuse(Parallel(), g, fixed, {}, viscosity, 0.1, v, work).converged);
+    CHECK(diffuse(Parallel(), g, {fixed, {}, viscosity, 0.1, v}, v, work).converged);
     const double now = measure(after);
     CHECK(now < energy);
     energy = now;

@@ -88,13 +88,17 @@ struct SqueezedBall : StagedScene {
         for (int i = 0; i <= g.cells[0]; ++i)
           ball.state.v.set(g.node(i, j, k), Vec3((-(g.node_position(i, j, k) - center)).cast<Real>()));
     add(ball);
-    auto& [solids, matter, velocity, elasticity, pressure, momenta, advect, solid_advect, viscous, particles, backup,
-           ready] = work;
+    sim::SolidWorks& solids = work.solids;
+    sim::Matter& matter = work.matter;
+    sim::NodeVelocity& velocity = work.velocity;
+    sim::VelocityEquation& elasticity = work.elasticity;
+    sim::PressureEquation& pressure = work.pressure;
     make_masses();
     const sim::StepContext step = context(dt);
     solid::compute_material(parallel, rest[0], state.solids[0], 1, solids[0]);
     sim::combine_velocities(step, state.solids, solids, matter, state.fluid.velocity, velocity);
     sim::assemble_velocity_system(step, state.solids, solids, matter, velocity, elasticity);
+    sim::set_right_side(step, state.solids, solids, matter.common.grid, velocity, elasticity);
     sim::prepare_pressure(step, state.solids, solids, matter, state.fluid.pressure, elasticity, velocity, pressure);
     sim::solve_velocity(step, elasticity, velocity);
     before = unknowns(velocity.field);

@@ -73,8 +73,11 @@ Measured measure(double ratio, double pace, Split split) {
   sim::Profile profile;
   sim::StepInfo info;
   const sim::StepContext step{parallel, scene, 0.0, kStep, profile, info};
-  auto& [solids, matter, velocity, elasticity, pressure, momenta, advect, solid_advect, viscous, particles, backup,
-         ready] = work;
+  sim::SolidWorks& solids = work.solids;
+  sim::Matter& matter = work.matter;
+  sim::NodeVelocity& velocity = work.velocity;
+  sim::VelocityEquation& elasticity = work.elasticity;
+  sim::PressureEquation& pressure = work.pressure;
   sim::compute_masses(step, state.solids, solids);
   sim::combine_masses(step, state.solids, solids, state.window, state.fluid.pressure, matter, velocity.slip);
   solid::compute_material(parallel, rest[0], state.solids[0], scene.params.numerics.points_per_element, solids[0]);
@@ -83,6 +86,7 @@ Measured measure(double ratio, double pace, Split split) {
   sim::add_external_forces(step, matter, state.fluid, velocity);
   sim::meet_walls(step, state.solids, solids, matter, velocity, elasticity.walls);
   sim::assemble_velocity_system(step, state.solids, solids, matter, velocity, elasticity);
+  sim::set_right_side(step, state.solids, solids, matter.common.grid, velocity, elasticity);
   sim::prepare_pressure(step, state.solids, solids, matter, state.fluid.pressure, elasticity, velocity, pressure);
   REQUIRE(velocity.slip.nodes().empty());
   const DirectStep direct(parallel, matter, velocity.field, elasticity);

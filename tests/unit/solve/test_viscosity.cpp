@@ -87,6 +87,27 @@ TEST_CASE("A shear layer decays at the rate of its viscosity", "[viscosity][law]
   CHECK(booked == Approx(after - before).epsilon(0.02));
 }
 
+TEST_CASE("What a viscous step errs falls with the square of the step", "[viscosity][law]") {
+  const int cells = 24;
+  const double h = 0.4 / cells, wave = 3.14159265358979 / 0.4, viscosity = 5.0, density = 700.0;
+  const double rate = viscosity / density * 4.0 / (h * h) * std::pow(std::sin(0.5 * wave * h), 2);  // of the cells
+  const auto error = [&](int steps) {
+    const auto s = make_simulation(channel(cells, h, density, viscosity, Wall::kSlip));
+    const grid::Grid& g = s->grid();
+    std::vector<float> v(3 * g.node_count(), 0.0f);
+    for (std::size_t n = 0; n < g.node_count(); ++n)
+      v[n] = static_cast<float>(0.003 * std::cos(wave * h * g.node_place(n)[1]));
+    s->set_velocity(v.data());
+    const double step = 1.0 / (rate * steps);
+    for (int i = 0; i < steps; ++i) REQUIRE(s->step(step).dt == Approx(step));
+    return std::abs(profile(*s).front() / 0.003 - std::exp(-1.0));
+  };
+  const double coarse = error(4), fine = error(8);
+  INFO(coarse << ", " << fine);
+  CHECK(coarse < 0.01);
+  CHECK(fine < coarse / 3.0);
+}
+
 TEST_CASE("Walls that move apart drag the fluid to a straight profile", "[viscosity][law]") {
   sim::Params p = channel(17, 0.02, 900.0, 40.0, Wall::kNoSlip);
   p.walls.velocity[2] = {-0.2, 0, 0};
@@ -257,6 +278,68 @@ TEST_CASE("A viscous fluid drags a solid along and loses what it gains", "[visco
   INFO("solid " << solid.momentum[0] / solid.mass << ", common " << common);
   CHECK(momentum() == Approx(first).epsilon(0.02));
   CHECK(solid.momentum[0] / solid.mass == Approx(common).epsilon(0.05));
+}
+
+namespace {
+
+constexpr double kPlateCell = 1.0 / 80, kPlateStep = 0.008, kPlateSpeed = 0.05;  // m, s, m/s
+
+// A fluid at rest, of density 1 and viscosity 0.7, in which a step is 36 times as long as a node's own time h^2 / nu.
+sim::Params plate_params() {
+  sim::Params p = box_params({0.8, 1.0, kPlateCell}, kPlateCell);
+  p.gravity = Vec3d::Zero();
+  p.fluid.density = 1.0;
+  p.fluid.viscosity = 0.7;
+  p.max_time_step = kPlateStep;
+  p.walls.face = {Wall::kOpen, Wall::kOpen, Wall::kSlip, Wall::kSlip, Wall::kSlip, Wall::kSlip};
+  return p;
+}
+
+// Four cells thick, across the box and beyond it.
+sim::SolidDesc plate_desc(double beyond) {
+  const Vec3d center(0.4, 0.5, 0.5 * kPlateCell);
+  sim::SolidDesc d = ball_desc(center);
+  d.surface = block(center, {0.4 + beyond, 2 * kPlateCell, 0.5 * kPlateCell});
+  return d;
+}
+
+}  // namespace
+
+// Stokes (1851), a plate of mass m per area thrown along itself, fluid on both sides: what is left of its speed is
+// exp(x^2) erfc(x), x = 2 sqrt(rho mu t) / m.
+TEST_CASE("A viscous fluid brakes a thin plate as a whole, in steps that are long for its nodes", "[viscosity][law]") {
+  const sim::Params p = plate_params();
+  sim::SolidDesc d = plate_desc(0.0);
+  d.density = GENERATE(1.0, 20.0);
+  d.velocity = {kPlateSpeed, 0, 0};
+  const auto s = make_simulation(p, {d});
+  const double first = s->diagnose_solid(0).momentum[0];
+  for (int i = 1; i <= 4; ++i) {
+    REQUIRE(s->step(kPlateStep).dt == Approx(kPlateStep));
+    const double x = 2 * std::sqrt(p.fluid.viscosity * i * kPlateStep) / (4 * kPlateCell * d.density);
+    const double lost = 1 - s->diagnose_solid(0).momentum[0] / first, exact = 1 - std::exp(x * x) * std::erfc(x);
+    INFO("step " << i << ", density " << d.density << ": " << lost / exact << " of the drag");
+    CHECK(lost == Approx(exact).epsilon(0.06));
+  }
+}
+
+// The same, at constant speed: 2 sqrt(rho mu t / pi) of momentum per area and side.
+TEST_CASE("A collider reports the drag of a viscous fluid", "[viscosity][law]") {
+  const sim::Params p = plate_params();
+  const auto s = make_simulation(p);
+  geometry::MeshReport report;
+  const std::size_t pin = s->add_collider(plate_desc(0.1), report);
+  s->set_motion(pin, 0.0, 1.0, sim::Pose(), sim::Pose{Mat3d::Identity(), {kPlateSpeed, 0, 0}});
+  double impulse = 0.0;
+  for (int i = 1; i <= 4; ++i) {
+    const sim::StepInfo info = s->step(kPlateStep);
+    REQUIRE(info.dt == Approx(kPlateStep));
+    impulse += info.pins[pin].impulse[0];
+    const double exact =
+        4 * 0.8 * kPlateCell * kPlateSpeed * std::sqrt(p.fluid.viscosity * i * kPlateStep / 3.14159265358979);
+    INFO("step " << i << ": " << impulse / exact << " of the drag");
+    CHECK(impulse == Approx(exact).epsilon(0.06));
+  }
 }
 
 TEST_CASE("A fluid without viscosity has no tile and no byte of it", "[viscosity]") {
