@@ -30,10 +30,11 @@ DenseGrid describe(const char* name, const Grid& grid, const std::vector<float>&
 
 // Mean of the corners' velocities, transformed by `linear`, in the cells whose density is above the threshold; 0
 // elsewhere.
-std::array<std::vector<float>, 3> cell_velocity(const efsi::sim::Simulation& simulation, const efsi::Mat3d& linear,
+std::array<std::vector<float>, 3> cell_velocity(efsi::sim::Simulation& simulation, const efsi::Mat3d& linear,
                                                 double threshold) {
   const Grid& grid = simulation.grid();
-  const efsi::fluid::FluidState& fluid = simulation.state().fluid;
+  const std::vector<efsi::Real>& smoke = simulation.state().fluid.smoke;
+  const efsi::grid::VectorField& nodes = simulation.fluid_velocity();
   std::array<std::vector<float>, 3> velocity;
   for (auto& component : velocity) component.assign(grid.cell_count(), 0.0f);
   const auto corner = efsi::grid::corner_offsets(grid);
@@ -42,9 +43,9 @@ std::array<std::vector<float>, 3> cell_velocity(const efsi::sim::Simulation& sim
     for (int j = 0; j < grid.cells[1]; ++j)
       for (int i = 0; i < grid.cells[0]; ++i) {
         const std::size_t c = grid.cell(i, j, k), n = grid.node(i, j, k);
-        if (!(std::abs(static_cast<double>(fluid.smoke[c])) > threshold)) continue;
+        if (!(std::abs(static_cast<double>(smoke[c])) > threshold)) continue;
         efsi::Vec3d sum = efsi::Vec3d::Zero();
-        for (std::size_t offset : corner) sum += fluid.velocity.at(n + offset).cast<double>();
+        for (std::size_t offset : corner) sum += nodes.at(n + offset).cast<double>();
         const efsi::Vec3d world = linear * sum / 8.0;
         for (std::size_t a = 0; a < 3; ++a) velocity[a][c] = static_cast<float>(world[static_cast<Eigen::Index>(a)]);
       }

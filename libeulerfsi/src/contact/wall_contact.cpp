@@ -400,6 +400,16 @@ void add_pressure_reactions(const Reaction& reaction, std::vector<WallRow>& rows
     if (row.on_wall) add(reaction(row.solid, row.node), row);
 }
 
+void add_projection_reactions(const Reaction& reaction, std::vector<WallRow>& rows) {
+  for (WallRow& row : rows)
+    if (row.on_wall && !row.holds) row.normal_impulse += row.out * reaction(row.solid, row.node)[row.axis];
+}
+
+void add_coupling_reactions(const Reaction& reaction, std::vector<WallRow>& rows) {
+  for (WallRow& row : rows)
+    if (!row.on_wall && row.holds) add(reaction(row.solid, row.node), row);
+}
+
 void reset_above_walls(const std::vector<Real>& mass, NodeVelocity& velocity, std::vector<WallRow>& rows) {
   for (WallRow& row : rows) {
     if (row.on_wall || !row.holds) continue;

@@ -59,11 +59,14 @@ std::vector<RigidImpulse> missing_friction(const Scene& scene, const std::vector
                                            const std::vector<solid::Momenta>& momenta) {
   std::map<std::pair<std::size_t, int>, FaceContact> faces;  // solid, face of the box
   for (const WallRow& row : rows) {
-    if (!row.holds || !(scene.solids[row.solid].friction > 0.0)) continue;
+    if (!(scene.solids[row.solid].friction > 0.0)) continue;
+    FaceContact& face = faces[{row.solid, 2 * row.axis + (row.out > 0 ? 0 : 1)}];
     const auto [i, j, k] = common.node_place(row.node);
-    add(row, common.node_position(i, j, k),
-        velocity.slip.velocity_of(row.solid, row.node, velocity.field).cast<double>(),
-        faces[{row.solid, 2 * row.axis + (row.out > 0 ? 0 : 1)}]);
+    if (row.holds)
+      add(row, common.node_position(i, j, k),
+          velocity.slip.velocity_of(row.solid, row.node, velocity.field).cast<double>(), face);
+    else
+      face.normal += static_cast<double>(row.normal_impulse);
   }
   std::vector<RigidImpulse> impulses(faces.empty() ? 0 : momenta.size());
   for (const auto& [key, face] : faces) {

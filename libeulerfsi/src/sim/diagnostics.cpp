@@ -56,6 +56,7 @@ FluidDiagnostics Simulation::diagnose_fluid() {
     double energy = 0.0, smoke = 0.0, speed = 0.0, divergence = 0.0;
     Vec3d momentum = Vec3d::Zero();
   };
+  const grid::VectorField& velocity = fluid_velocity();
   const double h3 = grid_.h * grid_.h * grid_.h;
   const auto corner = grid::corner_offsets(grid_);
   std::vector<Sums> planes(static_cast<std::size_t>(grid_.cells[2]));
@@ -69,7 +70,7 @@ FluidDiagnostics Simulation::diagnose_fluid() {
         if (!state_.fluid.smoke.empty()) s.smoke += h3 * static_cast<double>(state_.fluid.smoke[c]);
         double divergence = 0.0;
         for (std::size_t a = 0; a < 8; ++a) {
-          const Vec3d v = state_.fluid.velocity.at(n + corner[a]).cast<double>();
+          const Vec3d v = velocity.at(n + corner[a]).cast<double>();
           const double m = params_.fluid.density * h3 * part / 8.0;
           s.energy += 0.5 * m * v.squaredNorm();
           s.momentum += m * v;

@@ -15,6 +15,7 @@
 #include "solid/element/mass.hpp"
 #include "solid/map/displacement.hpp"
 #include "solid/surface/surface.hpp"
+#include "solve/carried_pressure.hpp"
 
 namespace efsi::sim {
 namespace {
@@ -300,9 +301,17 @@ const std::vector<Real>& Simulation::pressure() {
 }
 
 const grid::VectorField& Simulation::fluid_velocity() {
-  if (fills_box()) return state_.fluid.velocity;
-  box_.velocity.assign(grid_.node_count());
-  return box_.velocity;
+  if (!fills_box()) {
+    box_.velocity.assign(grid_.node_count());
+    return box_.velocity;
+  }
+  const fluid::FluidState& fluid = state_.fluid;
+  if (!(fluid.carried_time > 0.0)) return fluid.velocity;
+  grid::VectorField& velocity = work_.velocity.field;  // of no use between two steps
+  velocity = fluid.velocity;
+  act_once_more(parallel_, {grid_, params_.walls}, state_.solids, fluid.pressure, fluid.carried_time,
+                params_.fluid.density, work_.pressure.q, velocity);
+  return velocity;
 }
 
 void Simulation::set_velocity(const float* values) {

@@ -2,7 +2,10 @@
 
 #include <algorithm>
 
+#include "frame/grid_loops.hpp"
+#include "grid/boundary.hpp"
 #include "linalg/reduce.hpp"
+#include "system/divergence.hpp"
 
 namespace efsi::sim {
 
@@ -107,6 +110,27 @@ void take_carried_pressure(const Parallel& parallel, const CommonGrid& common, c
   parallel.for_each(common.grid.cells[2], [&](std::int64_t k) {
     for_faded(common.grid, fade, static_cast<int>(k),
               [&](std::size_t c, Real part) { carried[c] = level + part * (carried[c] - level); });
+  });
+}
+
+void act_once_more(const Parallel& parallel, const CommonGrid& common, const SolidStates& states,
+                   const std::vector<Real>& pressure, double dt, double density, std::vector<Real>& q,
+                   grid::VectorField& velocity) {
+  const auto& [g, walls] = common;
+  take_carried_pressure(parallel, common, states, pressure, q);
+  linalg::scale(parallel, q, -dt);
+  grid::fill_ghosts(g, q, Real(0));
+  const double eighth = density * g.h * g.h * g.h / 8.0;  // mass [kg]
+  parallel.for_each(g.cells[2] + 1, [&](std::int64_t kk) {
+    const int k = static_cast<int>(kk);
+    for (int j = 0; j <= g.cells[1]; ++j)
+      for (int i = 0; i <= g.cells[0]; ++i) {
+        const unsigned fixed = grid::fixed_components(g, walls, i, j, k);
+        const Vec3 change =
+            static_cast<Real>(1.0 / (eighth * adjacent_cells(g, i, j, k))) * system::pressure_impulse(g, q, i, j, k);
+        for (std::size_t a = 0; a < 3; ++a)
+          if (!(fixed & (1u << a))) velocity.c[a][g.node(i, j, k)] -= change[static_cast<Eigen::Index>(a)];
+      }
   });
 }
 

@@ -20,6 +20,7 @@
 #include "sources/jets.hpp"
 #include "sources/volume_source.hpp"
 #include "sources/wall_inflow.hpp"
+#include "system/divergence.hpp"
 
 namespace efsi::sim {
 
@@ -222,6 +223,7 @@ void solve_pressure(const StepContext& step, const SolidStates& states, const So
     step.info.divergence_before_solid = before.solid;
   }
   pressure.coupled = 0;
+  pressure.left_over.clear();
   pressure.largest = 0.0;
   // A body at rest that the step now serves and now does not would never come to rest.
   std::vector<Real> direction;  // of the next coupling step
@@ -264,11 +266,23 @@ void project_velocity(const StepContext& step, const Grid& g, VelocityEquation& 
   }
   deform_by_pressure(step.parallel, g, pressure.q, pressure);
   ScopedTimer timer(step.profile, Stage::kPressureSolve);
+  if (!elasticity.walls.empty()) {
+    grid::fill_ghosts(g, pressure.q, Real(0));
+    add_projection_reactions(
+        [&](std::size_t, std::size_t node) {
+          const auto [i, j, k] = g.node_place(node);
+          return system::pressure_impulse(g, pressure.q, i, j, k);
+        },
+        elasticity.walls);
+  }
   if (pressure.takes) linalg::add_scaled(step.parallel, pressure.q, 1.0, pressure.taken);  // the q of all the step
   if (!elasticity.walls.empty() || !elasticity.given.empty()) {
     grid::fill_ghosts(g, pressure.q, Real(0));
     const Reaction reaction = pressure_reaction(step.parallel, g, pressure, velocity.slip, elasticity);
     add_pressure_reactions(reaction, elasticity.walls);
+    if (!pressure.left_over.empty())
+      share_remainder(
+          pressure.left_over, [](std::size_t, std::size_t) { return Vec3::Zero(); }, elasticity.walls);
     add_pin_reactions(reaction, elasticity.given);
   }
   linalg::scale(step.parallel, pressure.q, -1.0 / step.dt);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "contact/wall_contact.hpp"
 #include "frame/grid_loops.hpp"
 #include "grid/boundary.hpp"
 #include "linalg/reduce.hpp"
@@ -45,6 +46,33 @@ bool leads_astray(const std::vector<system::ContactRow>& rows, const std::vector
   return std::any_of(rows.begin(), rows.end(), [&](const system::ContactRow& row) {
     return row.normal_impulse > 0.0 && row.normal.dot(system::row_velocity(row, change)) > most;
   });
+}
+
+// What walls have of a step along the last direction: the reaction at nodes above them, which the projection is free to
+// move, and of each solid what its solve of G c = J^T q leaves.
+void add_wall_reactions(const StepContext& step, const Grid& g, Real length, VelocityEquation& elasticity,
+                        PressureEquation& pressure) {
+  if (elasticity.walls.empty()) return;
+  system::VelocitySystem& system = elasticity.system;
+  std::vector<Real> answer;
+  system.multiply(step.parallel, pressure.correction, answer);
+  if (elasticity.given.empty()) {
+    std::vector<Real>& left = pressure.impulse;  // without that of contact
+    linalg::add_scaled(step.parallel, left, -1.0, answer);
+    linalg::multiply(step.parallel, left, system.moves(), left);
+    const std::vector<Vec3d> sums = system.sum_by_solid(step.parallel, left);
+    pressure.left_over.resize(sums.size(), Vec3d::Zero());
+    for (std::size_t l = 0; l < sums.size(); ++l) pressure.left_over[l] += static_cast<double>(length) * sums[l];
+  }
+  system.add_penalty_impulses(1, pressure.answers, answer, true);
+  grid::fill_ghosts(g, pressure.direction, Real(0));
+  const auto reaction = [&](std::size_t solid, std::size_t node) -> Vec3 {
+    const auto [i, j, k] = g.node_place(node);
+    const std::size_t u = 3 * system.unknown_of(solid, node);
+    return length *
+           (system::pressure_impulse(g, pressure.direction, i, j, k) - Vec3(answer[u], answer[u + 1], answer[u + 2]));
+  };
+  add_coupling_reactions(reaction, elasticity.walls);
 }
 
 }  // namespace
@@ -152,6 +180,7 @@ void couple_pressure(const StepContext& step, const SolidStates& states, const S
   const Real length =
       static_cast<Real>(pressure.system.step_length(step.parallel, velocity.field, pressure.source, direction));
   pressure.gain = 0.5 * length * pressure.slope;
+  add_wall_reactions(step, matter.common.grid, length, elasticity, pressure);
   if (!pressure.takes) linalg::fill(step.parallel, pressure.taken, direction.size(), Real(0));
   pressure.takes = true;
   linalg::add_scaled(step.parallel, pressure.taken, length, direction);

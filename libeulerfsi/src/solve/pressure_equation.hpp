@@ -24,6 +24,7 @@ struct PressureEquation {
   std::vector<Real> correction;  // G^-1 J^T q on them [m/s]
   std::vector<Vec3> answers;     // of contact to the correction, per penalty in G [kg m/s]
   Real coupled = 0;              // how much of it coupling steps have taken off; 0: there was none
+  std::vector<Vec3d> left_over;  // of each solid's J^T q, by the solves of coupling steps; empty: not counted [kg m/s]
   std::vector<Real> corrected;   // v* less a share of the correction on them [m/s]
   std::vector<Real> direction;   // of q that the last coupling step went, padded cells
   std::vector<Real> left;        // the right-hand side of Eq. 12 before it [m^3/s]

@@ -179,6 +179,7 @@ void solve_velocity(const StepContext& step, VelocityEquation& elasticity, NodeV
   }
   system::add_impulses(elasticity.contacts.rows, elasticity.f_star);
   system::add_impulses(elasticity.contacts.rows, elasticity.momentum);
+  if (numerics.conserve_momentum) system.conserve_momentum(step.parallel, elasticity.momentum, elasticity.v_star);
   elasticity.holds = find_constraints(step.scene.solids.size(), system, active_pairs(elasticity.contacts));
   if (!elasticity.walls.empty() || !elasticity.given.empty()) {
     std::vector<Vec3d> sums;
@@ -189,7 +190,6 @@ void solve_velocity(const StepContext& step, VelocityEquation& elasticity, NodeV
   }
   step.info.velocity_residual = stats.residual;
   step.info.unconverged += !stats.converged;
-  if (numerics.conserve_momentum) system.conserve_momentum(step.parallel, elasticity.momentum, elasticity.v_star);
   write_back(step.parallel, system, elasticity.v_star, velocity);
   timer.visited(static_cast<std::uint64_t>(system.unknowns()), 15 * sizeof(Real));
 }
