@@ -309,8 +309,8 @@ const grid::VectorField& Simulation::fluid_velocity() {
   if (!(fluid.carried_time > 0.0)) return fluid.velocity;
   grid::VectorField& velocity = work_.velocity.field;  // of no use between two steps
   velocity = fluid.velocity;
-  act_once_more(parallel_, {grid_, params_.walls}, state_.solids, fluid.pressure, fluid.carried_time,
-                params_.fluid.density, work_.pressure.q, velocity);
+  take_back_carried(parallel_, {grid_, params_.walls}, state_.solids, fluid.pressure, fluid.carried_time,
+                    params_.fluid.density, work_.pressure.q, velocity);
   return velocity;
 }
 

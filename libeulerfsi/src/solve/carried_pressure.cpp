@@ -113,12 +113,12 @@ void take_carried_pressure(const Parallel& parallel, const CommonGrid& common, c
   });
 }
 
-void act_once_more(const Parallel& parallel, const CommonGrid& common, const SolidStates& states,
-                   const std::vector<Real>& pressure, double dt, double density, std::vector<Real>& q,
-                   grid::VectorField& velocity) {
+void take_back_carried(const Parallel& parallel, const CommonGrid& common, const SolidStates& states,
+                       const std::vector<Real>& pressure, double dt, double density, std::vector<Real>& q,
+                       grid::VectorField& velocity) {
   const auto& [g, walls] = common;
   take_carried_pressure(parallel, common, states, pressure, q);
-  linalg::scale(parallel, q, -dt);
+  linalg::scale(parallel, q, dt);
   grid::fill_ghosts(g, q, Real(0));
   const double eighth = density * g.h * g.h * g.h / 8.0;  // mass [kg]
   parallel.for_each(g.cells[2] + 1, [&](std::int64_t kk) {

@@ -15,10 +15,10 @@ namespace efsi::sim {
 void take_carried_pressure(const Parallel& parallel, const CommonGrid& common, const SolidStates& states,
                            const std::vector<Real>& pressure, std::vector<Real>& carried);
 
-// A velocity between two steps has half of what the pressure makes of it at one time: the carried part. It gets the
-// other half, with which its divergence is of second order in dt. density: of the fluid; q: scratch.
-void act_once_more(const Parallel& parallel, const CommonGrid& common, const SolidStates& states,
-                   const std::vector<Real>& pressure, double dt, double density, std::vector<Real>& q,
-                   grid::VectorField& velocity);
+// Takes the part that was carried in a step of dt out of the velocity after it: forces and solids are not ahead by half
+// a step. density: of the fluid; q: scratch.
+void take_back_carried(const Parallel& parallel, const CommonGrid& common, const SolidStates& states,
+                       const std::vector<Real>& pressure, double dt, double density, std::vector<Real>& q,
+                       grid::VectorField& velocity);
 
 }  // namespace efsi::sim
