@@ -24,6 +24,18 @@ pytestmark = pytest.mark.usefixtures("library")
 
 KINDS = [(suffix, kind) for suffix, makers in mesh_samples.MAKERS.items() for kind in range(len(makers))]
 MEBIBYTE = 1 << 20
+# Names of the ball, as the samples have them; "nodes[1]" and "3DSMesh_0" are the reader's for what has none.
+OBJECTS = {
+    "obj": ["ball"],
+    "ply": ["", ""],
+    "stl": ["ball", ""],
+    "off": [""],
+    "gltf": ["nodes[1]"],
+    "glb": ["nodes[1]"],
+    "fbx": ["ball", "ball"],
+    "dae": ["node"],
+    "3ds": ["3DSMesh_0"],
+}
 
 
 def refusal(path: Path, status: int, memory: int | None = None) -> str:
@@ -76,6 +88,7 @@ def test_every_format_gives_the_closed_ball(tmp_path, suffix, kind):
     corners = points[faces].astype(float)
     volume = np.linalg.det(corners).sum() / 6
     assert report["closed"] == 1 and report["surface_volume"] == pytest.approx(volume, rel=1e-5)
+    assert mesh.objects == [(OBJECTS[suffix][kind], len(faces))]
 
 
 def test_list_of_formats_is_the_librarys(tmp_path, cli):

@@ -112,24 +112,91 @@ def test_new_for_a_tiny_thing_is_slow_motion(cli, tmp_path):
     assert run.returncode == 0, run.stderr
 
 
-def two_boxes(path):
-    """An obj file with two boxes apart, and one within the box around the second."""
-    lines, count = [], 0
-    for low, edge in ((0.0, 0.2), (0.5, 0.3), (0.6, 0.05)):
+def write_boxes(path, *boxes: tuple[str, float, float]):
+    """An obj file with cubes: (line before each, where it begins along x, its edge)."""
+    lines = []
+    for number, (head, low, edge) in enumerate(boxes):
+        lines += [head] if head else []
         for line in BAR_OBJ.splitlines():
             word, *numbers = line.split()
             if word == "v":
                 numbers = [f"{float(n) * edge + (low if axis == 0 else 0):.6g}" for axis, n in enumerate(numbers)]
             else:
-                numbers = [str(int(n) + count) for n in numbers]
+                numbers = [str(int(n) + 8 * number) for n in numbers]
             lines.append(" ".join([word, *numbers]))
-        count += 8
-    path.write_text("\n".join(lines) + "\n")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path
 
 
-def test_one_solid_per_object_of_a_file_where_it_is_in_the_file(cli, tmp_path):
-    two_boxes(tmp_path / "two.obj")
+def solids_of(scene) -> dict[str, int]:
+    """{path: number of points} of the solids that are Meshes."""
+    stage = Usd.Stage.Open(str(scene))
+    solids = [prim for prim in stage.Traverse() if "EulerFsiSolidAPI" in prim.GetAppliedSchemas()]
+    return {str(p.GetPath()): len(UsdGeom.Mesh(p).GetPointsAttr().Get() or ()) for p in solids}
+
+
+def test_solids_have_the_names_of_the_objects_and_run(cli, tmp_path):
+    """Names that USD does not take are shown; those that come again are told apart; shells of an object are one."""
+    write_boxes(
+        tmp_path / "toys.obj",
+        ("o Big ball", 0.0, 0.2),
+        ("o Big_ball", 0.5, 0.2),
+        ("o 3. Würfel", 1.0, 0.2),
+        ("", 1.05, 0.05),  # another shell of the same object
+        ("o Big ball", 1.5, 0.2),
+        ("o Domain", 2.0, 0.2),
+    )
+    done = cli("new", "shot.usda", "--solid", "toys.obj", "--smoke", "none")
+    assert done.returncode == 0 and "5 solid(s)" in done.stdout, done.stderr
+    names = ["Big_ball", "Big_ball2", "_3__W_rfel", "Big_ball3", "Domain2"]  # the box is the only Domain
+    assert list(solids_of(tmp_path / "shot.usda").items()) == [
+        (f"/World/Toys/{name}", 16 if name.startswith("_3") else 8) for name in names
+    ]
+    scene = Usd.Stage.Open(str(tmp_path / "shot.usda"))
+    shown = [child.GetDisplayName() for child in scene.GetPrimAtPath("/World/Toys").GetChildren()]
+    assert shown == ["Big ball", "Big_ball", "3. Würfel", "Big ball", "Domain"]
+    run = cli("simulate", "shot.usda", "--frames", "1-2", "--set", "Domain.voxelSize=0.05", "--progress", "none")
+    assert run.returncode == 0, run.stderr
+    cache = Usd.Stage.Open(str(tmp_path / "shot_cache" / "shot.usda"))
+    points = UsdGeom.Mesh(cache.GetPrimAtPath("/World/Toys/Big_ball3")).GetPointsAttr()
+    assert len(points.Get(2)) == 8 and points.Get(2) != points.Get(1)
+
+
+def test_groups_are_objects_where_a_file_has_no_others_and_halves_of_one_surface_are_one(cli, tmp_path):
+    half = "usemtl metal\ng ball_bottom\n"
+    lines = write_boxes(tmp_path / "maya.obj", ("g pCube1", 0.0, 0.2), ("g pCube2", 0.5, 0.2)).read_text().splitlines()
+    lines.insert(lines.index("f 1 3 7 5"), half.strip())  # a group within the first cube: two open halves
+    (tmp_path / "maya.obj").write_text("\n".join(lines) + "\n")
+    assert cli("new", "maya.usda", "--solid", "maya.obj").returncode == 0
+    assert solids_of(tmp_path / "maya.usda") == {"/World/Maya/pCube1": 8, "/World/Maya/pCube2": 8}
+
+
+def test_an_object_that_cannot_be_simulated_is_refused_by_its_name(cli, tmp_path):
+    write_boxes(tmp_path / "duck.obj", ("o body", 0.0, 0.4), ("o left eye", 0.3, 0.3))
+    done = cli("new", "duck.usda", "--solid", "duck.obj")
+    assert done.returncode == 3 and not (tmp_path / "duck.usda").exists()
+    error = without_progress(done.stderr)
+    assert error.startswith('error: duck.obj: object "body" and duck.obj: object "left eye": the solids overlap by 0.1')
+    assert "move them apart, or make one solid of a file with --join" in error
+    done = cli("new", "duck.usda", "--solid", "duck.obj", "--join")
+    assert done.returncode == 0 and solids_of(tmp_path / "duck.usda") == {"/World/Duck": 0}  # it refers to the file
+    assert cli("new", "other.usda", "--from-usd", "duck.usda", "--join").returncode == 2
+    write_boxes(tmp_path / "crumb.obj", ("o house", 0.0, 10.0), ("o speck", 12.0, 0.001))
+    done = cli("new", "crumb.usda", "--solid", "crumb.obj")
+    assert done.returncode == 3 and 'error: crumb.obj: object "speck": cannot be simulated at' in done.stderr
+
+
+def test_flat_objects_are_left_out_with_a_warning(cli, tmp_path):
+    path = write_boxes(tmp_path / "room.obj", ("o Ball", 0.0, 0.2))
+    path.write_text(path.read_text() + "o Ground\nv -1 -1 0\nv 1 -1 0\nv 0 -1 1\nf 9 10 11\n")
+    done = cli("new", "room.usda", "--solid", "room.obj")
+    assert done.returncode == 0, done.stderr
+    assert 'warning: room.obj: object "Ground" is flat, without extent along y: it is left out' in done.stderr
+    assert solids_of(tmp_path / "room.usda") == {"/World/Room/Ball": 8}
+
+
+def test_pieces_are_solids_where_a_file_names_no_object_and_stay_where_they_are(cli, tmp_path):
+    write_boxes(tmp_path / "two.obj", ("", 0.0, 0.2), ("", 0.5, 0.3), ("", 0.6, 0.05))
     done = cli("new", "shot.usda", "--solid", "two.obj", "--smoke", "none")
     assert done.returncode == 0 and "2 solid(s)" in done.stdout, done.stderr
     assert "SeparatePieces" not in done.stderr and "do not touch" not in done.stderr

@@ -164,6 +164,8 @@ def build_parser() -> argparse.ArgumentParser:
     source.add_argument("--from-usd", type=Path, metavar="FILE", help=text)
     units = ("m", "cm", "mm", "km", "in", "ft")
     new.add_argument("--units", choices=units, help="of the mesh files and the scene; default: m")
+    text = "one solid per file; default: one per object that a file names, else per group of its pieces"
+    new.add_argument("--join", action="store_true", help=text)
     new.add_argument("--up-axis", choices=("y", "z"), help="of the mesh files and the scene; default: y")
     new.add_argument("--smoke", choices=("carpet", "none"), default="carpet", help="default: carpet")
 
@@ -421,9 +423,11 @@ def _new(options: argparse.Namespace) -> int:
 
     if options.from_usd and (options.units or options.up_axis):
         raise UsageError("--units, --up-axis: must not be given with --from-usd, whose file has its own")
-    unit, up = options.units or "m", options.up_axis or "y"
+    if options.from_usd and options.join:
+        raise UsageError("--join: must not be given with --from-usd: it joins the objects of mesh files")
+    unit, up, solids = options.units or "m", options.up_axis or "y", options.solid or ()
     with usd_messages():
-        layout, warnings = new_scene(options.scene, options.solid or (), options.smoke, unit, up, options.from_usd)
+        layout, warnings = new_scene(options.scene, solids, options.smoke, unit, up, options.from_usd, options.join)
     for line in warnings:
         say(line, sys.stderr)
     stiff = "" if options.from_usd else f"Young's modulus up to {max(layout.moduli):g} Pa, "

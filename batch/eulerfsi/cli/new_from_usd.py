@@ -21,8 +21,10 @@ from .new_layout import Layout, lay_out, margin_of, moduli_of, refine
 from .new_stage import NewStage, author
 
 
-def wrap(layer: Sdf.Layer, path: Path, asset: Path, smoke: str) -> tuple[Layout, dict[str, Path]]:
-    """Fills the layer of the scene `path`, with the asset as its sublayer. Returns what was chosen, and {} of files.
+def wrap(layer: Sdf.Layer, path: Path, asset: Path, smoke: str) -> tuple[Layout, dict[str, str]]:
+    """Fills the layer of the scene `path`, with the asset as its sublayer.
+
+    Returns what was chosen, and {}: no prim is of a mesh file.
 
     The box is put around the solids of the asset: bodies of the standard and prims with our schema; where there is
     neither every Mesh becomes a solid. Raises SceneError.

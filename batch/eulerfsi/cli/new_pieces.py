@@ -1,10 +1,12 @@
-"""The objects of a mesh file: groups of pieces whose boxes do not overlap, each of which becomes a solid.
+"""The objects of a mesh file, each of which becomes a solid.
 
-Crumbs, much smaller than the largest, stay with the object that is nearest to them.
+They are those that the file names. Where it names none they are groups of pieces whose boxes do not overlap; crumbs,
+much smaller than the largest, stay with the one that is nearest to them.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -17,28 +19,75 @@ from ..solver.simulation import Mesh
 _CRUMB = 0.05  # of the longest edge of the largest group
 
 
-def read_objects(file: Path) -> list[Mesh]:
-    """The objects of a file, in the order of their first points. Raises SceneError."""
+@dataclasses.dataclass(frozen=True)
+class Object:
+    """What becomes a solid. name: "" where it is the whole file."""
+
+    name: str
+    mesh: Mesh
+
+
+def read_objects(file: Path, joined: bool = False) -> tuple[list[Object], list[str]]:
+    """The objects of a file in the order of their faces, and a warning for each that is left out as it is flat.
+
+    joined: the whole file is one. Raises SceneError.
+    """
     if not file.is_file():
         raise SceneError(f"{file}: {'is a folder, not a mesh file' if file.is_dir() else 'no such file'}")
     try:
         mesh = solver.load_mesh(file)
     except LibraryError as error:
         raise SceneError(f"{file}: {mesh_reason(file, error)}") from error
-    demand_volume(str(file), mesh.points)
-    objects = split(mesh)
-    return [mesh] if any(_is_flat(part.points) for part in objects) else objects
+    _demand_volume(str(file), mesh.points)
+    if joined:
+        return [Object("", mesh)], []
+    if any(name for name, _ in mesh.objects):
+        objects = named(mesh)
+    else:
+        pieces = split(mesh)
+        objects = [Object(f"Part{i}", piece) for i, piece in enumerate(pieces, 1)] if len(pieces) > 1 else []
+        objects = [] if any(_flat_axes(one.mesh.points) for one in objects) else objects
+    solids = [one for one in objects if not _flat_axes(one.mesh.points)]
+    flat = [
+        f'warning: {file}: object "{one.name}" is flat, without extent along {" and ".join(axes)}: it is left out'
+        for one in objects
+        if (axes := _flat_axes(one.mesh.points))
+    ]
+    return (solids, flat) if len(objects) > 1 and solids else ([Object("", mesh)], [])
 
 
-def demand_volume(name: str, points: np.ndarray) -> None:
+def named(mesh: Mesh) -> list[Object]:
+    """The objects that a file names. Those whose open edges meet bound one volume: they are one, named as the first."""
+    names, faces = zip(*mesh.objects, strict=True)
+    number = np.repeat(np.arange(len(names)), faces)  # of the object of each face
+    owner = np.repeat(np.arange(len(mesh.counts)), mesh.counts)
+    group = _join_open_edges(mesh, number[owner], len(names))
+    heads = np.unique(group)
+    return [Object(names[k] or f"Part{k + 1}", _part(mesh, group[number] == k, owner)) for k in heads]
+
+
+def _join_open_edges(mesh: Mesh, number: np.ndarray, count: int) -> np.ndarray:
+    """(count,) the first of the objects that each one is joined with. number: (corners,) object of each corner."""
+    ends = np.cumsum(mesh.counts)
+    following = np.arange(1, len(mesh.indices) + 1)
+    following[ends - 1] = ends - mesh.counts
+    corners = np.stack([mesh.indices, mesh.indices[following]])
+    edges = np.stack([corners.min(axis=0), corners.max(axis=0), number], axis=1)
+    edges, faces = np.unique(edges, axis=0, return_counts=True)
+    edges = edges[faces == 1]
+    same = (edges[1:, :2] == edges[:-1, :2]).all(axis=1)
+    group = np.arange(count)
+    for a, b in np.unique(np.stack([edges[:-1, 2][same], edges[1:, 2][same]], axis=1), axis=0):
+        first, second = sorted((group[a], group[b]))
+        group[group == second] = first
+    return group
+
+
+def _demand_volume(name: str, points: np.ndarray) -> None:
     """Raises SceneError for points in a plane."""
     flat = _flat_axes(points)
     if flat:
         raise SceneError(f"{name}: the mesh is flat, without extent along {' and '.join(flat)}: a solid needs a volume")
-
-
-def _is_flat(points: np.ndarray) -> bool:
-    return bool(_flat_axes(points))
 
 
 def _flat_axes(points: np.ndarray) -> list[str]:

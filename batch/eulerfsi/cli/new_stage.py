@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -77,23 +78,23 @@ class NewStage:
         text = "A layer of smoke on the floor, which shows how the fluid moves."
         author(self._box("Carpet", center, size, EMITTER_API, text), "emitter", mode="initial", smokeDensity=0.8)
 
-    def add_mesh(self, path: str, mesh: Mesh) -> Usd.Prim:
-        """A Mesh of polygons, its points as they are."""
-        prim = UsdGeom.Mesh.Define(self.stage, path)
+    def add_mesh(self, parent: Sdf.Path, name: str, mesh: Mesh) -> Usd.Prim:
+        """A Mesh of polygons, its points as they are. name: any text, shown where the prim has to have another."""
+        taken = {child.GetName() for child in self.stage.GetPrimAtPath(parent).GetAllChildren()}
+        valid = _distinct(_identifier(name, "_"), taken | _RESERVED)
+        prim = UsdGeom.Mesh.Define(self.stage, parent.AppendChild(valid))
         prim.CreatePointsAttr([Gf.Vec3f(*map(float, point)) for point in mesh.points])
         prim.CreateFaceVertexCountsAttr(mesh.counts.tolist())
         prim.CreateFaceVertexIndicesAttr(mesh.indices.tolist())
         prim.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
         prim.CreateExtentAttr(UsdGeom.Mesh.ComputeExtent(prim.GetPointsAttr().Get()))
+        if valid != name:
+            prim.GetPrim().SetDisplayName(name)
         return prim.GetPrim()
 
     def unique(self, name: str) -> str:
-        """A name below the root, or beside others, that is not taken."""
-        base = "".join(c if c.isalnum() and c.isascii() else "_" for c in name.title()) or "Solid"
-        base = base if not base[0].isdigit() else f"Solid_{base}"
-        number, result = 1, base
-        while result in self._names | _RESERVED:
-            number, result = number + 1, f"{base}{number + 1}"
+        """A name below the root that is not taken."""
+        result = _distinct(_identifier(name.title(), "Solid_"), self._names | _RESERVED)
         self._names.add(result)
         return result
 
@@ -110,6 +111,18 @@ class NewStage:
         prim.AddAppliedSchema(api)
         comment(prim, text)
         return prim
+
+
+def _identifier(name: str, prefix: str) -> str:
+    """A name that USD takes; prefix: of one that begins with a digit."""
+    valid = "".join(c if c.isalnum() and c.isascii() else "_" for c in name) or prefix.strip("_")
+    return f"{prefix}{valid}" if valid[:1].isdigit() else valid
+
+
+def _distinct(name: str, taken: set[str]) -> str:
+    """The name itself, else with the first number from 2 on with which it is not taken."""
+    numbered = (f"{name}{number}" for number in itertools.count(2))
+    return next(one for one in itertools.chain([name], numbered) if one not in taken)
 
 
 def author(prim: Usd.Prim, scope: str, **values: float | str | bool) -> None:

@@ -75,6 +75,13 @@ class MeshReport(Structure):
         ("padding", c_uint32),
     ]
 
+class MeshObject(Structure):
+    _fields_ = [
+        ("name", c_char_p),
+        ("first_face", c_uint64),
+        ("face_count", c_uint64),
+    ]
+
 class SolidDef(Structure):
     _fields_ = [
         ("struct_size", c_uint32),
@@ -346,6 +353,7 @@ STRUCTURES = {
     "EfsiFieldView": FieldView,
     "EfsiMeshView": MeshView,
     "EfsiMeshReport": MeshReport,
+    "EfsiMeshObject": MeshObject,
     "EfsiSolidDef": SolidDef,
     "EfsiSolidDiagnostics": SolidDiagnostics,
     "EfsiTransportError": TransportError,
@@ -375,6 +383,7 @@ FUNCTIONS = {
     "efsi_field_set": (c_int32, [c_void_p, c_int32, c_uint32, c_void_p, c_uint64]),
     "efsi_mesh_load": (c_int32, [c_char_p, POINTER(c_void_p), POINTER(Error)]),
     "efsi_mesh_get_view": (c_int32, [c_void_p, POINTER(MeshView)]),
+    "efsi_mesh_get_objects": (c_int32, [c_void_p, POINTER(MeshObject), c_size_t, c_uint64, POINTER(c_uint64), POINTER(Error)]),
     "efsi_mesh_destroy": (None, [c_void_p]),
     "efsi_surface_create": (c_int32, [POINTER(MeshView), c_double, c_int32, SurfaceProgress, c_void_p, POINTER(c_void_p), POINTER(Error)]),
     "efsi_surface_get_report": (c_int32, [c_void_p, POINTER(MeshReport), c_size_t]),

@@ -22,11 +22,12 @@ from . import binding
 
 FORMATS = ("obj", "ply", "stl", "off", "gltf", "glb", "fbx", "dae", "3ds")
 
-Arrays = tuple[np.ndarray, np.ndarray, np.ndarray]
+Content = tuple[np.ndarray, np.ndarray, np.ndarray, list[tuple[str, int]]]
 
 
-def read(path: str | Path, memory_limit: int | None = None) -> Arrays:
-    """Points (n, 3) float32 in the file's own units, corners per face (faces,) int32, indices (corners,) int32.
+def read(path: str | Path, memory_limit: int | None = None) -> Content:
+    """Points (n, 3) float32 in the file's own units, corners per face (faces,) int32, indices (corners,) int32, and
+    name and number of faces of each object.
 
     memory_limit: bytes that reading may take, default what a simulation may. Raises LibraryError that names the file
     for one that is missing or refused, needs more memory or time than that, or makes the reader crash.
@@ -50,7 +51,7 @@ def read(path: str | Path, memory_limit: int | None = None) -> Arrays:
             last = child.last_line(noise)
             raise EulerFsiError(f"{path}: the process reading it failed with code {code}: {last}")
         answer.seek(0)
-        return _arrays(path, answer, memory)
+        return _content(path, answer, memory)
 
 
 def time_limit(path: str | Path) -> float:
@@ -64,7 +65,7 @@ def time_limit(path: str | Path) -> float:
     return child.time_limit(size)
 
 
-def _arrays(path: str | Path, answer: BinaryIO, memory: int) -> Arrays:
+def _content(path: str | Path, answer: BinaryIO, memory: int) -> Content:
     facts = json.loads(answer.readline())
     if facts.get("status") == binding.ERROR_MEMORY:
         message = f"{path}: needs more than {format_bytes(memory)} of memory to be read, the limit of this run"
@@ -76,4 +77,4 @@ def _arrays(path: str | Path, answer: BinaryIO, memory: int) -> Arrays:
     indices = np.fromfile(answer, np.int32, facts["corners"])
     if (len(points), len(counts), len(indices)) != (facts["points"], facts["faces"], facts["corners"]):
         raise EulerFsiError(f"{path}: the process reading it returned fewer values than announced")
-    return points, counts, indices
+    return points, counts, indices, [(name, faces) for name, faces in facts["objects"]]

@@ -28,12 +28,15 @@ class Mesh:
     """A polygon mesh.
 
     points: (n, 3) float32 [m]; counts: corners of each face, (faces,) int32; indices: points of the faces, one face
-    after the other, (sum of counts,) int32. Other arrays and lists are converted.
+    after the other, (sum of counts,) int32. Other arrays and lists are converted. objects: of a mesh that was read from
+    a file, the name and the number of faces of each of its objects, in the order of the faces; names may repeat, and
+    are "" where the file has none.
     """
 
     points: np.ndarray
     counts: np.ndarray
     indices: np.ndarray
+    objects: Sequence[tuple[str, int]] = ()
 
     def __post_init__(self) -> None:
         self.points = np.ascontiguousarray(self.points, np.float32).reshape(-1, 3)

@@ -3,6 +3,7 @@
 #include "capi/definition.hpp"
 #include "capi/guard.hpp"
 #include "capi/mesh_view.hpp"
+#include "capi/sized.hpp"
 #include "geometry/mesh_sdf.hpp"
 #include "geometry/nearest_triangle.hpp"
 #include "geometry/overlap.hpp"
@@ -33,6 +34,21 @@ EfsiStatus efsi_mesh_get_view(const EfsiMesh* mesh, EfsiMeshView* view) {
   view->face_vertex_indices = polygons.face_vertex_indices.data();
   view->index_count = polygons.face_vertex_indices.size();
   return EFSI_OK;
+}
+
+EfsiStatus efsi_mesh_get_objects(const EfsiMesh* mesh, EfsiMeshObject* objects, size_t object_size, uint64_t capacity,
+                                 uint64_t* count, EfsiError* error) {
+  return guarded(error, [&] {
+    demand(mesh, "efsi_mesh_get_objects: mesh");
+    demand(count, "efsi_mesh_get_objects: count");
+    *count = mesh->polygons.objects.size();
+    if (capacity == 0) return;
+    demand(objects, "efsi_mesh_get_objects: objects");
+    std::vector<EfsiMeshObject> all;
+    for (const efsi::io::MeshObject& object : mesh->polygons.objects)
+      all.push_back({object.name.c_str(), object.first_face, object.face_count});
+    give_array(all, objects, object_size, capacity, "efsi_mesh_get_objects");
+  });
 }
 
 void efsi_mesh_destroy(EfsiMesh* mesh) { delete mesh; }

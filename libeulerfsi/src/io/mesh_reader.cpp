@@ -3,6 +3,7 @@
 
 #include <assimp/BaseImporter.h>
 #include <assimp/DefaultIOSystem.h>
+#include <assimp/MemoryIOWrapper.h>
 #include <assimp/config.h>
 #include <assimp/importerdesc.h>
 #include <assimp/postprocess.h>
@@ -28,6 +29,7 @@
 
 #include "base/error.hpp"
 #include "io/mesh_header.hpp"
+#include "io/obj_objects.hpp"
 
 namespace efsi::io {
 
@@ -102,6 +104,20 @@ class UriFileSystem : public Assimp::DefaultIOSystem {
   }
 };
 
+// An .obj file with its objects numbered; files that it names are those beside it.
+class ObjFileSystem : public Assimp::DefaultIOSystem {
+ public:
+  ObjFileSystem(const std::string& path, const std::string& text) : path_(path), text_(text) {}
+  Assimp::IOStream* Open(const char* file, const char* mode) override {
+    if (file != path_) return DefaultIOSystem::Open(file, mode);
+    return new Assimp::MemoryIOStream(reinterpret_cast<const std::uint8_t*>(text_.data()), text_.size());
+  }
+
+ private:
+  const std::string& path_;
+  const std::string& text_;
+};
+
 // assimp catches what its readers throw. Want of memory is no fault of the file's form.
 void rethrow_want_of_memory(const std::exception_ptr& error) {
   try {
@@ -114,15 +130,30 @@ void rethrow_want_of_memory(const std::exception_ptr& error) {
   }
 }
 
-void append_mesh(const aiMesh& source, const aiMatrix4x4& to_scene, const std::string& path, PolygonMesh& mesh) {
+struct Source {
+  const aiScene& scene;
+  const std::string& path;
+  const NumberedObj* obj;  // nullptr: another format
+};
+
+// assimp has names in angle brackets for what has none in the file.
+std::string name_of(const aiNode& node, const NumberedObj* obj) {
+  const std::string_view name(node.mName.C_Str());
+  if (!obj) return name.starts_with('<') ? "" : std::string(name);
+  std::size_t number = obj->names.size();
+  std::from_chars(name.data(), name.data() + name.size(), number);
+  return number < obj->names.size() ? obj->names[number] : "";
+}
+
+void append_mesh(const aiMesh& source, const aiMatrix4x4& to_scene, const std::string& name, const std::string& path,
+                 PolygonMesh& mesh) {
   if (mesh.points.size() + source.mNumVertices > kMostCorners)
     throw Error(ErrorCode::kMesh, path + ": has more than 2147483647 points");
   const std::int32_t first = static_cast<std::int32_t>(mesh.points.size());
   for (unsigned i = 0; i < source.mNumVertices; ++i) {
     const aiVector3D p = to_scene * source.mVertices[i];
     if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z))
-      throw Error(ErrorCode::kMesh,
-                  path + ": point " + std::to_string(i) + " of mesh \"" + source.mName.C_Str() + "\" is not finite");
+      throw Error(ErrorCode::kMesh, path + ": point " + std::to_string(i) + " of mesh \"" + name + "\" is not finite");
     mesh.points.push_back({p.x, p.y, p.z});
   }
   const bool mirrored = aiMatrix3x3(to_scene).Determinant() < 0;
@@ -137,11 +168,15 @@ void append_mesh(const aiMesh& source, const aiMatrix4x4& to_scene, const std::s
   }
 }
 
-void append_node(const aiScene& scene, const aiNode& node, const aiMatrix4x4& parent, const std::string& path,
-                 PolygonMesh& mesh) {
+void append_node(const Source& source, const aiNode& node, const aiMatrix4x4& parent, PolygonMesh& mesh) {
   const aiMatrix4x4 to_scene = parent * node.mTransformation;
-  for (unsigned i = 0; i < node.mNumMeshes; ++i) append_mesh(*scene.mMeshes[node.mMeshes[i]], to_scene, path, mesh);
-  for (unsigned i = 0; i < node.mNumChildren; ++i) append_node(scene, *node.mChildren[i], to_scene, path, mesh);
+  const std::string name = name_of(node, source.obj);
+  const std::size_t first = mesh.face_vertex_counts.size();
+  for (unsigned i = 0; i < node.mNumMeshes; ++i)
+    append_mesh(*source.scene.mMeshes[node.mMeshes[i]], to_scene, name, source.path, mesh);
+  const std::size_t count = mesh.face_vertex_counts.size() - first;
+  if (count > 0) mesh.objects.push_back({name, first, count});
+  for (unsigned i = 0; i < node.mNumChildren; ++i) append_node(source, *node.mChildren[i], to_scene, mesh);
 }
 
 // assimp gives most formats with points of their own for every face: equal ones become one, in order of appearance.
@@ -175,9 +210,12 @@ PolygonMesh read_mesh(const std::string& path) {
   const std::string suffix = suffix_of(path);
   check_suffix(path, suffix);
   check_header(path, suffix);
+  const bool is_obj = suffix == "obj";
+  const NumberedObj obj = is_obj ? number_objects(path) : NumberedObj{};
   Assimp::Importer importer;
   keep_only(importer, suffix);
-  importer.SetIOHandler(new UriFileSystem);  // the importer deletes it
+  // The importer deletes it.
+  importer.SetIOHandler(is_obj ? static_cast<Assimp::IOSystem*>(new ObjFileSystem(path, obj.text)) : new UriFileSystem);
   importer.SetPropertyBool(AI_CONFIG_IMPORT_NO_SKELETON_MESHES, true);
   const aiScene* scene = importer.ReadFile(path, aiProcess_ValidateDataStructure);
   if (scene == nullptr) {
@@ -185,7 +223,8 @@ PolygonMesh read_mesh(const std::string& path) {
     throw Error(ErrorCode::kMesh, path + ": not a readable ." + suffix + " file: " + importer.GetErrorString());
   }
   PolygonMesh mesh;
-  if (scene->mRootNode != nullptr) append_node(*scene, *scene->mRootNode, aiMatrix4x4(), path, mesh);
+  if (scene->mRootNode != nullptr)
+    append_node({*scene, path, is_obj ? &obj : nullptr}, *scene->mRootNode, aiMatrix4x4(), mesh);
   if (mesh.face_vertex_counts.empty()) throw Error(ErrorCode::kMesh, path + ": has no faces");
   join_equal_points(mesh);
   return mesh;

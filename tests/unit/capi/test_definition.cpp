@@ -195,6 +195,7 @@ TEST_CASE("NULL is refused and never followed") {
            efsi_simulation_create(&def, nullptr, nullptr),
            efsi_mesh_load(nullptr, nullptr, nullptr),
            efsi_mesh_get_view(nullptr, nullptr),
+           efsi_mesh_get_objects(nullptr, nullptr, 0, 0, nullptr, nullptr),
            efsi_surface_create(nullptr, 0.1, 0, nullptr, nullptr, nullptr, nullptr),
            efsi_surface_get_report(nullptr, nullptr, 0),
            efsi_surface_get_overlap(nullptr, nullptr, nullptr, nullptr, nullptr),

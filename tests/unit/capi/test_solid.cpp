@@ -128,6 +128,7 @@ TEST_CASE("A mesh file gives the view of its polygons") {
   const std::string path = folder.file("cube.obj");
   {
     std::ofstream out(path);
+    out << "o a cube\n";
     for (int i = 0; i < 24; i += 3) out << "v " << kPoints[i] << ' ' << kPoints[i + 1] << ' ' << kPoints[i + 2] << '\n';
     for (int f = 0; f < 24; f += 4)
       out << "f " << kIndices[f] + 1 << ' ' << kIndices[f + 1] + 1 << ' ' << kIndices[f + 2] + 1 << ' '
@@ -143,6 +144,18 @@ TEST_CASE("A mesh file gives the view of its polygons") {
   REQUIRE(check_mesh(&view, 0.05, &report, &error) == EFSI_OK);
   CHECK(report.surface_volume == Approx(0.008).epsilon(1e-6));
   CHECK(report.closed == 1);
+  EfsiMeshObject object;
+  std::uint64_t count = 0;
+  REQUIRE(efsi_mesh_get_objects(mesh, nullptr, 0, 0, &count, nullptr) == EFSI_OK);
+  CHECK(count == 1);
+  REQUIRE(efsi_mesh_get_objects(mesh, &object, sizeof object, 1, &count, &error) == EFSI_OK);
+  CHECK(object.name == std::string("a cube"));
+  CHECK(object.first_face == 0);
+  CHECK(object.face_count == view.face_count);
+  CHECK(efsi_mesh_get_objects(mesh, nullptr, sizeof object, 1, &count, &error) == EFSI_ERROR_ARGUMENT);
+  CHECK_THAT(error.message, Contains("efsi_mesh_get_objects: objects"));
+  CHECK(efsi_mesh_get_objects(mesh, &object, sizeof object + 8, 1, &count, &error) == EFSI_ERROR_ARGUMENT);
+  CHECK_THAT(error.message, Contains("ends with `face_count`"));
   efsi_mesh_destroy(mesh);
 
   const std::string missing = folder.file("missing.obj");

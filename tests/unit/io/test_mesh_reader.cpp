@@ -1,5 +1,6 @@
 // Purpose: mesh files of several formats give one polygon mesh; bad files are refused with path and reason.
 #include <catch2/catch.hpp>
+#include <cctype>
 #include <cstring>
 #include <fstream>
 #include <numeric>
@@ -58,7 +59,8 @@ std::string base64(const std::string& bytes) {
 }
 
 // A glTF scene with the unit cube under a node moved by (10, 0, 0) whose child scales by (-2, 1, 1).
-std::string cube_gltf() {
+std::string cube_gltf(
+    const std::string& nodes = R"([{"translation":[10,0,0],"children":[1]},{"scale":[-2,1,1],"mesh":0}])") {
   const int faces[6][4] = {{0, 2, 3, 1}, {0, 1, 5, 4}, {1, 3, 7, 5}, {3, 2, 6, 7}, {2, 0, 4, 6}, {4, 5, 7, 6}};
   std::string bytes;
   const auto append = [&](const auto& value) { bytes.append(reinterpret_cast<const char*>(&value), sizeof value); };
@@ -67,13 +69,36 @@ std::string cube_gltf() {
   for (const auto& face : faces)
     for (const int n : {0, 1, 2, 0, 2, 3}) append(static_cast<std::uint16_t>(face[n]));
   return R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],
-    "nodes":[{"translation":[10,0,0],"children":[1]},{"scale":[-2,1,1],"mesh":0}],
+    "nodes":)" +
+         nodes + R"(,
     "meshes":[{"primitives":[{"attributes":{"POSITION":0},"indices":1}]}],
     "accessors":[{"bufferView":0,"componentType":5126,"count":8,"type":"VEC3","min":[0,0,0],"max":[1,1,1]},
                  {"bufferView":1,"componentType":5123,"count":36,"type":"SCALAR"}],
     "bufferViews":[{"buffer":0,"byteOffset":0,"byteLength":96},{"buffer":0,"byteOffset":96,"byteLength":72}],
     "buffers":[{"byteLength":168,"uri":"data:application/octet-stream;base64,)" +
          base64(bytes) + R"("}]})";
+}
+
+// Faces of a cube whose points are the n-th eight of a file.
+std::string cube_faces(int n) {
+  std::string text;
+  for (const char* c = kCubeFaces; *c; ++c)
+    text += std::isdigit(*c) ? std::to_string(8 * n + *c - '0') : std::string(1, *c);
+  return text;
+}
+
+// Name and number of faces of each object.
+std::vector<std::pair<std::string, std::size_t>> objects_of(const std::string& path) {
+  std::vector<std::pair<std::string, std::size_t>> objects;
+  std::size_t faces = 0;
+  const PolygonMesh mesh = read_mesh(path);
+  for (const MeshObject& object : mesh.objects) {
+    CHECK(object.first_face == faces);
+    faces += object.face_count;
+    objects.emplace_back(object.name, object.face_count);
+  }
+  CHECK(faces == mesh.face_vertex_counts.size());
+  return objects;
 }
 
 std::string refusal(const std::string& path, ErrorCode code) {
@@ -102,6 +127,46 @@ TEST_CASE("An OBJ file keeps its polygons, joins split points and leaves lines o
   const PolygonMesh two = read_mesh(scratch / "two.obj");
   CHECK(two.points.size() == 4);
   CHECK(two.face_vertex_counts == std::vector<std::int32_t>{3, 3});
+}
+
+TEST_CASE("Objects of an OBJ file have its names and faces, also where names repeat, hold spaces or groups") {
+  const Scratch scratch;
+  using Objects = std::vector<std::pair<std::string, std::size_t>>;
+  const std::string points = kCubePoints, faces = cube_faces(0), half = faces.substr(0, faces.size() / 2);
+  const auto objects = [&](const std::string& text) {
+    write_text(scratch / "objects.obj", text);
+    return objects_of(scratch / "objects.obj");
+  };
+  CHECK(objects(points + faces) == Objects{{"", 6}});
+  CHECK(objects("o Big ball \r\n" + points + faces + "\no\tBig_ball\n" + points + cube_faces(1) + "o Big ball\n" +
+                points + cube_faces(2)) == Objects{{"Big ball", 6}, {"Big_ball", 6}, {"Big ball", 6}});
+  // Groups and materials divide no object; an object without faces is none; o alone has no name.
+  CHECK(objects("g before\no Kugel \u00e4\ng top\n" + points + "usemtl a\n" + half + "g bottom\nusemtl b\n" +
+                faces.substr(half.size()) + "o empty\no\n" + points + "g top\n" + cube_faces(1)) ==
+        Objects{{"Kugel \u00e4", 6}, {"", 6}});
+  // The same name again, with another between: assimp would give the last faces to B.
+  CHECK(objects("o A\n" + points + half + "o B\n" + points + cube_faces(1) + "o A\n" + faces.substr(half.size())) ==
+        Objects{{"A", 3}, {"B", 6}, {"A", 3}});
+  // Without objects groups count, as some programs write them.
+  CHECK(objects("g default\n" + points + "g pCube1\n" + faces + "g default\n" + points + "g pCube2\n" +
+                cube_faces(1)) == Objects{{"pCube1", 6}, {"pCube2", 6}});
+  // Words that only begin so are no lines of objects; no line end at the end.
+  CHECK(objects("ox\ngood\n" + points + faces + "o last") == Objects{{"", 6}});
+  write_text(scratch / "nan.obj", "o 1 bad\nv 0 0 0\nv 1e39 0 0\nv 0 1 0\nf 1 2 3\n");
+  CHECK_THAT(refusal(scratch / "nan.obj", ErrorCode::kMesh), Contains("point 1 of mesh \"1 bad\" is not finite"));
+}
+
+TEST_CASE("Objects of other files are their nodes with faces") {
+  const Scratch scratch;
+  using Objects = std::vector<std::pair<std::string, std::size_t>>;
+  write_text(scratch / "cube.gltf",
+             cube_gltf(R"([{"name":"root","children":[1,2]},{"name":"Ball","mesh":0},{"name":"Ball","mesh":0,
+                           "translation":[3,0,0]}])"));
+  CHECK(objects_of(scratch / "cube.gltf") == Objects{{"Ball", 12}, {"Ball", 12}});
+  write_text(scratch / "cube.stl", cube_stl());
+  CHECK(objects_of(scratch / "cube.stl") == Objects{{"", 12}});
+  write_text(scratch / "one.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
+  CHECK(objects_of(scratch / "one.off") == Objects{{"", 1}});
 }
 
 TEST_CASE("STL, PLY and glTF files give the same closed cube") {
