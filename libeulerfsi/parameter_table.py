@@ -32,6 +32,7 @@ KNOWN_KEYS = REQUIRED_KEYS | {
     "stage_unit",
     "usd_physics",
     "animated",
+    "initial",
     "member",
 }
 

@@ -17,7 +17,7 @@ NAMESPACE = "eulerfsi:"
 @dataclasses.dataclass(frozen=True)
 class Parameter:
     """One row of the table. `default` and `hard` are SI; `field` is the member of the C definition.
-    names: of values, which `--set` takes too."""
+    names: of values, which `--set` takes too; initial: it acts at the start alone."""
 
     scope: str
     name: str
@@ -32,6 +32,7 @@ class Parameter:
     usd_physics: bool = False
     unit: str = ""
     animated: bool = False
+    initial: bool = False
 
     @property
     def attribute(self) -> str:

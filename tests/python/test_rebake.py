@@ -15,6 +15,7 @@ from eulerfsi.log import Log
 from eulerfsi.run.simulate import Options, Result, simulate
 from eulerfsi.solver.volume_file import VolumeFile
 from pxr import Gf, Sdf, Usd, UsdGeom
+from standard_stages import add_body, new_stage, vec_array
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -172,6 +173,7 @@ def test_what_cannot_be_made_anew_is_refused_by_name(baked: tuple[Path, Path], t
         "/World/Lift: its pose in frame 3 is another one",
         moving_scene(tmp_path / "b.usda", lift_until=2),
     )
+    refused(MismatchError, r"ambient_fluid = 0: must be 1", settings=("/World/Domain.eulerfsi:ambientFluid=0",))
     two = Usd.Stage.Open(str(moving_scene(tmp_path / "c.usda")))
     Sdf.CopySpec(two.GetRootLayer(), "/World/Lift", two.GetRootLayer(), "/World/Lift2")
     two.GetRootLayer().Save()
@@ -187,6 +189,81 @@ def test_what_cannot_be_made_anew_is_refused_by_name(baked: tuple[Path, Path], t
     damaged.write_bytes(damaged.read_bytes()[:-5])
     with pytest.raises(CacheIOError, match="--rebake-from 3: frame 2 is missing or damaged"):
         run(scene, folder, rebake_from=CHANGE)
+
+
+@pytest.mark.parametrize(
+    ("setting", "text"),
+    [
+        (
+            "Ball.velocity=(0,0,1)",
+            r"eulerfsi:velocity was \(0, -2, 0\), is \(0, 0, 1\) m/s: it acts at the start alone",
+        ),
+        ("Ball.angularVelocity=(0,180,0)", r"eulerfsi:angularVelocity was \(0, 0, 0\), is \(0, 3.14159, 0\) rad/s: it"),
+        ("Ball.stretch=(1,1.1,1)", r"eulerfsi:stretch was \(1, 1, 1\), is \(1, 1.1, 1\): it acts at the start alone"),
+        ("Carpet.smokeDensity=0.2", r"density was 0.8, is 0.2: it acts at the start alone"),
+        ("Carpet.enabled=false", r"is gone: it acts at the start alone"),
+        ("Puff.mode=initial", r"mode was 1, is 0: it acts at the start alone"),
+        ("Puff.startTime=0.05", r"start_time was 0.0, is 0.05: it acts up to frame 3 alone"),
+    ],
+)
+def test_a_value_that_acts_before_the_frame_alone_is_refused_by_name(
+    baked: tuple[Path, Path], tmp_path: Path, setting: str, text: str
+) -> None:
+    scene, cache = baked
+    folder = copy_of(cache, tmp_path / "cache")
+    before = files_until(folder, LAST), manifest(folder)
+    prim = "/World/" + setting.partition(".")[0]
+    with pytest.raises(MismatchError, match=f"--rebake-from {CHANGE}: {prim}: {text}") as caught:
+        run(scene, folder, rebake_from=CHANGE, settings=(setting,))
+    assert caught.value.prim == prim
+    assert (files_until(folder, LAST), manifest(folder)) == before
+
+
+def test_what_acts_later_too_is_not_refused(baked: tuple[Path, Path], tmp_path: Path) -> None:
+    """An emitter that lasts until another time, and a key that changes what follows it."""
+    scene, cache = baked
+    folder = copy_of(cache, tmp_path / "cache")
+    run(scene, folder, rebake_from=CHANGE, settings=("Puff.endTime=0.1",))
+    assert content_hashes(folder)[str(LAST)] != content_hashes(cache)[str(LAST)]
+    run(scene, folder, rebake_from=CHANGE, settings=("Carpet.mode=continuous",))
+    run(scene, folder, rebake_from=CHANGE)  # and back, though the carpet is an initial one again
+    assert content_hashes(folder) == content_hashes(cache)
+    keys = copy_of(cache, tmp_path / "keys")
+    with pytest.raises(MismatchError, match="/World/Puff: its time samples have changed: it acts up to frame 3"):
+        run(_blinking(tmp_path / "early", (1, 0), (2, 1)), keys, rebake_from=CHANGE)
+    run(_blinking(tmp_path / "late", (1, 1), (3, 0)), keys, rebake_from=CHANGE)
+    assert content_hashes(keys)[str(LAST)] != content_hashes(cache)[str(LAST)]
+
+
+def _blinking(folder: Path, *keys: tuple[int, int]) -> Path:
+    folder.mkdir()
+    path = moving_scene(folder / "moving.usda")
+    stage = Usd.Stage.Open(str(path))
+    for frame, on in keys:
+        stage.GetPrimAtPath("/World/Puff").GetAttribute("eulerfsi:enabled").Set(bool(on), frame)
+    stage.GetRootLayer().Save()
+    return path
+
+
+def test_another_start_of_a_body_of_the_standard_is_refused(tmp_path: Path) -> None:
+    """Points that start with velocities of their own, which no parameter holds."""
+
+    def spinning(rate: float) -> Path:
+        (folder := tmp_path / f"{rate:g}").mkdir(exist_ok=True)
+        if (path := folder / "spin.usda").exists():
+            return path
+        stage = new_stage(path, voxel=0.05)
+        points = np.asarray(UsdGeom.TetMesh(sim := add_body(stage)).GetPointsAttr().Get(), float)
+        UsdGeom.TetMesh(sim).CreateVelocitiesAttr(vec_array(np.cross([0, 0, rate], points)))
+        stage.Save()
+        return path
+
+    run(spinning(3.0), tmp_path / "cache")
+    run(spinning(3.0), tmp_path / "cache", rebake_from=2)
+    with pytest.raises(
+        MismatchError, match="/World/Jelly: where its points start, or how they move then, has changed: it acts"
+    ):
+        run(spinning(4.0), tmp_path / "cache", rebake_from=2)
 
 
 def test_options_of_the_output(baked: tuple[Path, Path], tmp_path: Path, cli) -> None:

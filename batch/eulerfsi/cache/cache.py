@@ -64,6 +64,7 @@ class Cache:
             "fps": scene.fps,
             "grids": _grids(scene, output),
             "bodies": scene.bodies(),
+            "starts": scene.starts(),
             **({"start_from": start.facts()} if start else {}),
         }
         cache = cls(folder, scene, Manifest.new(folder, **facts))

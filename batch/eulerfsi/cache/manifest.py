@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 from collections.abc import Callable, Iterator
@@ -30,7 +31,7 @@ class Manifest:
     data["files"]: {relative path: {"bytes", "sha256"}} of the copied scene and the clips' manifest; once the run has
     ended also of the layer that opens the cache.
     data["stats"]: the extent of stats.jsonl when the last run ended; absent while one goes on, or was killed.
-    data["bodies"]: as Scene.bodies gives them; data["output"]: as cache.output.Output has it.
+    data["bodies"], data["starts"]: as Scene.bodies and Scene.starts give them; data["output"]: as Output has it.
     data["stretches"]: of a cache that was made anew in part (cache.rebake).
     data["warnings"]: what run.watch.Watch has found in the run so far, up to the last frame; absent before 0.2.0.
     """
@@ -122,13 +123,13 @@ class Manifest:
         if scene_hash == self.data["scene_hash"]:
             return
         found = changes(self.data["parameters"], parameters)
-        found += [
+        texts = [str(change) for change in found]
+        texts += [
             f"the {name} was {self.data[key]:g}, is {now:g}" for key, name, now in starts if self.data[key] != now
         ]
-        what = "; ".join(found[:5]) or "a mesh"
-        prim = what.partition(":")[0].partition(" ")[0] if what.startswith("/") else ""
+        what = "; ".join(texts[:5]) or "a mesh"
         text = f"{self.folder}: cannot resume, the scene has changed since the cache was started: {what}"
-        raise MismatchError(text, prim=prim)
+        raise MismatchError(text, prim=found[0].prim if found else "")
 
     def check_same_start(self, start: dict[str, Any] | None) -> None:
         """Raises MismatchError for another `--start-from` than the cache's, and none where the run must begin again."""
@@ -267,16 +268,28 @@ def _checksum(data: dict[str, Any]) -> str:
     return hashlib.sha256(json.dumps(data).encode()).hexdigest()
 
 
-def changes(before: dict[str, dict[str, Any]], now: dict[str, dict[str, Any]]) -> list[str]:
+@dataclasses.dataclass(frozen=True)
+class Change:
+    """A difference of two scenes. field: of the C definition, "" where the prim itself has come or gone."""
+
+    prim: str
+    field: str
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.prim}: {self.text}" if self.field else f"{self.prim} {self.text}"
+
+
+def changes(before: dict[str, dict[str, Any]], now: dict[str, dict[str, Any]]) -> list[Change]:
     """What differs between the parameters of two scenes, as Scene.parameters gives them."""
     result = []
     for path in sorted({*before, *now}):
         if path not in before or path not in now:
-            result.append(f"{path} is {'new' if path in now else 'gone'}")
+            result.append(Change(path, "", f"is {'new' if path in now else 'gone'}"))
             continue
         old, new = before[path], now[path]
         result += [
-            f"{path}: {key} was {old.get(key)}, is {new.get(key)}"
+            Change(path, key, f"{key} was {old.get(key)}, is {new.get(key)}")
             for key in sorted({*old, *new})
             if old.get(key) != new.get(key)
         ]

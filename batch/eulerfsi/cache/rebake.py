@@ -8,6 +8,7 @@ from ..errors import CacheIOError, LibraryError, MismatchError, UsageError
 from ..scene.parts import Scene
 from ..solver import binding
 from ..solver.simulation import Simulation
+from . import late_changes
 from .manifest import Manifest
 
 # What the manifest says of how frames were made.
@@ -31,14 +32,20 @@ def find_checkpoint(manifest: Manifest, frame: int, scene: Scene) -> dict[str, A
     damaged += [] if manifest.intact(found[-1]["file"], found[-1]) else [f"the checkpoint of frame {frame}"]
     if damaged:
         raise CacheIOError(f"{what}: {damaged[0]} is missing or damaged")
-    now, before = scene.poses(frame), found[-1].get("poses", {})
-    moved = [path for path in now if path in before and now[path] != before[path]]
-    if moved:
-        raise MismatchError(
-            f"{what}: {moved[0]}: its pose in frame {frame} is another one; animation may differ after that frame only",
-            prim=moved[0],
-        )
+    for checkpoint in manifest.data["checkpoints"]:
+        if checkpoint["frame"] <= frame and "stopped" not in checkpoint:
+            _check_same_poses(what, checkpoint, scene)
     return found[-1]
+
+
+def _check_same_poses(what: str, checkpoint: dict[str, Any], scene: Scene) -> None:
+    frame, before = checkpoint["frame"], checkpoint.get("poses", {})
+    for path, pose in scene.poses(frame).items():
+        if before.get(path, pose) != pose:
+            raise MismatchError(
+                f"{what}: {path}: its pose in frame {frame} is another one; animation may differ after that frame only",
+                prim=path,
+            )
 
 
 def _check_same_bodies(what: str, manifest: Manifest, scene: Scene) -> None:
@@ -61,14 +68,17 @@ def _check_same_bodies(what: str, manifest: Manifest, scene: Scene) -> None:
         raise MismatchError(f"{what}: the bodies stand in another order in the scene")
 
 
-def try_restore(manifest: Manifest, checkpoint: dict[str, Any], simulation: Simulation) -> None:
-    """Raises MismatchError where the simulation has no place for the checkpoint."""
+def restore(manifest: Manifest, checkpoint: dict[str, Any], simulation: Simulation, scene: Scene) -> None:
+    """Raises MismatchError where the simulation has no place for the checkpoint, or a change would have no effect."""
+    frame = checkpoint["frame"]
+    what = f"{manifest.folder}: --rebake-from {frame}"
     try:
         simulation.restore_state(manifest.folder / checkpoint["file"])
     except LibraryError as error:
         if error.status != binding.ERROR_CHECKPOINT:
             raise
-        raise MismatchError(f"{manifest.folder}: --rebake-from {checkpoint['frame']}: {error}") from error
+        raise MismatchError(f"{what}: {error}", prim=error.prim) from error
+    late_changes.demand_effect(what, manifest, made_with(manifest, frame)["parameters"], scene, frame)
 
 
 def begin_stretch(manifest: Manifest, frame: int, recipe: dict[str, Any]) -> None:
@@ -78,13 +88,18 @@ def begin_stretch(manifest: Manifest, frame: int, recipe: dict[str, Any]) -> Non
     is the last frame of each.
     """
     data = manifest.data
-    earlier = data.get("stretches", [])
-    kept = [stretch for stretch in earlier if stretch["last"] < frame]
-    made = next((stretch for stretch in earlier if stretch["last"] >= frame), data)
+    kept = [stretch for stretch in data.get("stretches", []) if stretch["last"] < frame]
+    made = made_with(manifest, frame)
     if made["scene_hash"] != recipe["scene_hash"] or made.get("output") != recipe.get("output"):
         kept.append({"last": frame, **{key: made[key] for key in _RECIPE if key in made}})
     data["stretches"] = kept
     data.update({key: recipe[key] for key in _RECIPE if key in recipe})
+
+
+def made_with(manifest: Manifest, frame: int) -> dict[str, Any]:
+    """What a frame was made with: the keys of _RECIPE."""
+    stretches = manifest.data.get("stretches", [])
+    return next((stretch for stretch in stretches if stretch["last"] >= frame), manifest.data)
 
 
 def foreign_until(manifest: Manifest, first: int) -> int:

@@ -14,7 +14,7 @@ from ..cache.cache import Cache
 from ..cache.lock import FolderLock
 from ..cache.manifest import Manifest
 from ..cache.output import Output
-from ..cache.rebake import find_checkpoint, try_restore
+from ..cache.rebake import find_checkpoint, restore
 from ..cache.start_from import find_start, take_over
 from ..errors import Cancelled, UsageError
 from ..frames import demand_start, parse_frames
@@ -139,7 +139,7 @@ def _simulate(path: Path, options: Options, log: Log, progress: Progress, stop: 
             if start:
                 take_over(start, build.simulation, scene)
             if checkpoint:
-                try_restore(Manifest.load(folder), checkpoint, build.simulation)
+                restore(Manifest.load(folder), checkpoint, build.simulation, scene)
             if mode == "resume":
                 cache = Cache.resume(folder, scene, options.written, start, options.allow_restart, log.warning)
             elif checkpoint:

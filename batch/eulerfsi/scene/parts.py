@@ -57,6 +57,13 @@ class Solid:
         """Fields of EfsiMeshReport."""
         return self.surface.report
 
+    def start_bytes(self) -> bytes:
+        """Where its points start and how they move then, where they do so one by one."""
+        if not self.tets or not (self.tets.deforms or self.tets.velocities is not None):
+            return b""
+        velocities = b"" if self.tets.velocities is None else self.tets.velocities.tobytes()
+        return self.tets.start.tobytes() + self.tets.corners.tobytes() + velocities
+
 
 @dataclasses.dataclass
 class Motion:
@@ -362,6 +369,14 @@ class Scene:
             result[given.path] = hashlib.sha256(np.ascontiguousarray(points).tobytes()).hexdigest()
         return result
 
+    def starts(self) -> dict[str, str]:
+        """{prim path: digest} of what acts at the start alone and is no parameter of a solid."""
+        parts = {solid.path: solid.start_bytes() for solid in self.solids}
+        for emitter in self.emitters:
+            if emitter.values["mode"] == binding.EMITTER_MODES["initial"]:
+                parts[emitter.path] = json.dumps(emitter.values).encode() + emitter.hull.points.tobytes()
+        return {path: hashlib.sha256(part).hexdigest() for path, part in parts.items() if part}
+
     def hash(self) -> str:
         """Hash of all that the simulation depends on: parameters, meshes, frame rate, first frame."""
         digest = hashlib.sha256()
@@ -371,9 +386,7 @@ class Scene:
             for array in (solid.mesh.points, solid.mesh.counts, solid.mesh.indices):
                 digest.update(array.tobytes())
         for solid in self.solids:
-            if solid.tets and (solid.tets.deforms or solid.tets.velocities is not None):
-                digest.update(solid.tets.start.tobytes() + solid.tets.corners.tobytes())
-                digest.update(b"" if solid.tets.velocities is None else solid.tets.velocities.tobytes())
+            digest.update(solid.start_bytes())
         for pin in self.pins:
             digest.update((pin.mesh.points if pin.mesh else pin.vertices).tobytes())
         for body in [*self.colliders, *(emitter for emitter in self.emitters if emitter.mesh)]:

@@ -1,0 +1,81 @@
+"""Values of a changed scene that cannot act on the frames after one of a cache, since they act before it alone."""
+
+from __future__ import annotations
+
+import bisect
+import itertools
+from typing import Any, NoReturn
+
+from ..errors import MismatchError
+from ..parameters import table
+from ..scene.parts import Scene
+from .manifest import Manifest, changes
+
+Parameters = dict[str, dict[str, Any]]
+
+_START = "it acts at the start alone"
+
+
+def demand_effect(what: str, manifest: Manifest, made: Parameters, scene: Scene, frame: int) -> None:
+    """Raises MismatchError where a value differs from that of the cache and later frames would not show it.
+
+    made: the parameters that the frame was made with.
+    """
+    now, time = scene.parameters(), (frame - scene.frames.first) / scene.fps
+    solids = [solid.path for solid in scene.solids]
+    starts = scene.starts()
+    before = manifest.data.get("starts", starts)
+    for path in sorted({*before, *starts}):
+        becomes_continuous = path in now and path not in starts
+        if before.get(path) == starts.get(path) or becomes_continuous:
+            continue
+        if path in solids:
+            _refuse(what, path, "where its points start, or how they move then, has changed", _START)
+        _refuse(what, path, _difference(path, made, now) or "its region has changed", _START)
+    initial = [row for row in table()["solid"].values() if row.initial]
+    for path, row in itertools.product(solids, initial):
+        old, new = made.get(path, {}).get(row.field), now[path][row.field]
+        if old != new:
+            numbers = f"{row.attribute} was {_show(old)}, is {_show(new)} {row.unit}".strip()
+            _refuse(what, path, numbers, _START)
+    for path in sorted({*made, *now} - {*starts}):
+        old, new = made.get(path, {}), now.get(path, {})
+        if old != new and "end_time" in old | new and _after(old, time) == _after(new, time):
+            _refuse(what, path, _difference(path, made, now), f"it acts up to frame {frame} alone")
+
+
+def _after(values: dict[str, Any], time: float) -> dict[str, Any]:
+    """What of an emitter or a force acts after a time [s]; {}: nothing."""
+    if not values or values["end_time"] <= time:
+        return {}
+    late = {**values, "start_time": max(values["start_time"], time)}
+    times = late.get("key_time")
+    if not times:
+        return late
+    passed = max(bisect.bisect_right(times, time) - 1, 0)  # the last one before the time counts after it
+    keys = {field: late.pop(field) for field in values if field.startswith("key_")}
+    for field, numbers in keys.items():
+        late[field] = numbers[passed * (len(numbers) // len(times)) :]
+    if len(late["key_time"]) > 1:
+        return late
+    on, _ = late.pop("key_on"), late.pop("key_time")  # it has one value from now on, as an emitter without keys has
+    for field in [field for field in late if field.startswith("key_")]:
+        numbers = late.pop(field)
+        late[field.removeprefix("key_")] = numbers if field == "key_velocity" else numbers[0]
+    return late if on[0] else {}
+
+
+def _difference(path: str, made: Parameters, now: Parameters) -> str:
+    """The first value of a prim that differs; "" for none."""
+    found = changes(*({path: of[path]} if path in of else {} for of in (made, now)))
+    if found and found[0].field.startswith("key_"):
+        return "its time samples have changed"
+    return found[0].text if found else ""
+
+
+def _show(value: Any) -> str:
+    return f"({', '.join(f'{number:g}' for number in value)})" if isinstance(value, list) else str(value)
+
+
+def _refuse(what: str, path: str, difference: str, why: str) -> NoReturn:
+    raise MismatchError(f"{what}: {path}: {difference}: {why}; --overwrite makes the whole cache anew", prim=path)
