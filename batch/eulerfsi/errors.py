@@ -120,8 +120,8 @@ class LibraryError(EulerFsiError):
     # EfsiStatus -> exit code: argument, mesh and memory faults come from the scene.
     _EXIT_CODES = {2: EXIT_SCENE, 3: EXIT_SCENE, 4: EXIT_DIVERGED, 5: EXIT_IO, 6: EXIT_SCENE, 8: EXIT_MISMATCH}
 
-    def __init__(self, status: int, message: str) -> None:
-        super().__init__(message)
+    def __init__(self, status: int, message: str, prim: str = "") -> None:
+        super().__init__(message, prim=prim)
         self.status = status
         self.exit_code = self._EXIT_CODES.get(status, EXIT_INTERNAL)
 

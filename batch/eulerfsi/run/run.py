@@ -214,9 +214,8 @@ class Run:
                 self._checkpoint_inside(frame, start, target)
                 raise self.stop.error() from error
             if error.status == binding.ERROR_DIVERGED:
-                bodies = [path for path in simulation.names.values() if f"({path})" in str(error)]
-                raise DivergedError(f"frame {frame}: {error}", prim=bodies[0] if bodies else "") from error
-            raise LibraryError(error.status, f"frame {frame}: {error}") from error
+                raise DivergedError(f"frame {frame}: {error}", prim=error.prim) from error
+            raise LibraryError(error.status, f"frame {frame}: {error}", error.prim) from error
         record(info)
         self.contacts.add(simulation.contacts(), info["velocity_iterations"])
         if info["unconverged"] or info["degenerate_cells"]:
@@ -239,7 +238,7 @@ class Run:
                     self.simulation.set_points(given.id, start, end, (shape.points(frame - 1), shape.points(frame)))
             except LibraryError as error:
                 driver = body.motion.driver or body.path
-                raise LibraryError(error.status, f"{driver}: frame {frame}: {error}") from error
+                raise LibraryError(error.status, f"{driver}: frame {frame}: {error}", driver) from error
 
     def _step_columns(self) -> dict[str, Any]:
         """What the last step did beside its counters: repairs, changes by the transport, energies if asked for."""

@@ -194,7 +194,7 @@ class Simulation:
     "wall[2]". log(level, message): receives the library's messages.
 
     Attribute names: {"solid 1": the caller's name for it}, likewise "collider 1" and "pin 1"; messages of the library
-    append it to the number.
+    append it to the number, and errors have the first that they name as their `prim`.
 
     A method that fails raises LibraryError. Its status (`binding.ERROR_*`) is ERROR_ARGUMENT for an unknown id, a value
     outside its limits and a call at the wrong time, ERROR_MEMORY when memory runs out; docstrings name the others. A
@@ -208,7 +208,7 @@ class Simulation:
         self._surface_points: dict[int, int] = {}  # number of points by id
         self._passenger_points: dict[int, int] = {}
         self._log = (
-            c_api.LogCallback(lambda _user, level, text: log(level, self._named(text.decode("utf-8", "replace"))))
+            c_api.LogCallback(lambda _user, level, text: log(level, self._named(text.decode("utf-8", "replace"))[0]))
             if log
             else None
         )
@@ -231,13 +231,20 @@ class Simulation:
     def _check(self, status: int) -> None:
         if status != binding.OK:
             text = self._lib.efsi_simulation_last_error(self._handle).decode("utf-8", "replace")
-            raise LibraryError(status, self._named(text) or binding.status_text(status))
+            text, names = self._named(text)
+            raise LibraryError(status, text or binding.status_text(status), names[0] if names else "")
 
-    def _named(self, text: str) -> str:
+    def _named(self, text: str) -> tuple[str, list[str]]:
+        """A message with the caller's names, and those that it has."""
+        found = []
+
         def with_name(match: re.Match[str]) -> str:
-            return f"{match[0]} ({self.names[match[0]]})" if match[0] in self.names else match[0]
+            if match[0] not in self.names:
+                return match[0]
+            found.append(self.names[match[0]])
+            return f"{match[0]} ({found[-1]})"
 
-        return re.sub(r"\b(?:solid|collider|pin) \d+\b", with_name, text)
+        return re.sub(r"\b(?:solid|collider|pin) \d+\b", with_name, text), found
 
     def add_solid(self, shape: Mesh | Surface, **values: Any) -> tuple[int, dict[str, Any]]:
         """Adds a solid before the first step. Returns its id and the fields of EfsiMeshReport.
