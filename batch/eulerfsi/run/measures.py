@@ -203,8 +203,8 @@ class _Energy:
         self._top = self._bottom = math.nan  # potential energy: in the first step, lowest so far
 
     def step(self, line: dict[str, Any]) -> None:
-        """The next step."""
-        if not self._on:
+        """The next step; one of a frame that was made before the ledger was switched on has none."""
+        if not self._on or "energy" not in line:
             return
         forms = {form: number(value) for form, value in line["energy"]["at_start"].items()}
         if math.isnan(self._top):
