@@ -91,6 +91,23 @@ def test_bodies_of_the_standard_by_instance(tmp_path):
     assert (np.asarray(mesh.GetPointsAttr().Get(3)) - points)[:, 1].max() < -0.01
 
 
+@pytest.mark.parametrize("visible", [True, False])
+def test_a_prototype_elsewhere_is_a_body_itself_where_it_is_seen(tmp_path, visible):
+    stage = new_stage(tmp_path / "many.usda", voxel=0.03)
+    many = instancer(stage, [0, 0])
+    many.GetPositionsAttr().Set(PLACES[:2])
+    library = UsdGeom.Xform.Define(stage, "/World/Library")
+    if not visible:
+        library.CreateVisibilityAttr("invisible")
+    points, corners = tet_box((2, 2, 2), (0.1, 0.1, 0.1))
+    add_body(stage, "/World/Library/Cube", points - np.array([0.0, 0.2, 0.0]), corners)
+    many.GetPrototypesRel().SetTargets(["/World/Library/Cube"])
+    stage.Save()
+    scene, _ = read(tmp_path / "many.usda")
+    copies = [f"/World/Many_instances/i{i}/Cube" for i in (0, 1)]
+    assert [solid.path for solid in scene.solids] == [*(["/World/Library/Cube"] if visible else []), *copies]
+
+
 def test_a_setting_of_the_prototype_holds_for_all_and_of_an_instance_for_one(tmp_path):
     from eulerfsi.log import Log
     from eulerfsi.run.simulate import Options, load_scene

@@ -314,3 +314,21 @@ def test_a_usd_file_of_the_standard_keeps_its_bodies(cli, tmp_path):
     assert done.returncode == 0 and "1 solid(s)" in done.stdout, done.stderr
     facts = json.loads(cli("validate", "asset_fsi.usda", "--json").stdout)
     assert facts["parameters"]["/World/Jelly"]["youngs_modulus"] == 1e6 and facts["last"] == 3
+
+
+def test_a_usd_file_with_instances_gets_a_box_around_them(cli, tmp_path):
+    stage = new_stage(tmp_path / "asset.usda")
+    add_body(stage, "/World/Library/Block")
+    UsdGeom.Xform.Define(stage, "/World/Library").CreateVisibilityAttr("invisible")
+    many = UsdGeom.PointInstancer.Define(stage, "/World/Many")
+    many.CreatePrototypesRel().SetTargets(["/World/Library/Block"])
+    many.CreateProtoIndicesAttr([0, 0])
+    many.CreatePositionsAttr([(1, 0, 0), (2, 0, 0)])
+    stage.RemovePrim("/World/Domain")
+    stage.Save()
+    done = cli("new", "shot.usda", "--from-usd", "asset.usda")
+    assert done.returncode == 0 and "2 solid(s)" in done.stdout, done.stderr
+    shot = Usd.Stage.Open(str(tmp_path / "shot.usda"))
+    bound = UsdGeom.BBoxCache(1, ["guide"]).ComputeWorldBound(shot.GetPrimAtPath("/EulerFsi/Domain"))
+    low, high = bound.ComputeAlignedRange().GetMin()[0], bound.ComputeAlignedRange().GetMax()[0]
+    assert 0 < low < 0.9 and 2.1 < high < 3

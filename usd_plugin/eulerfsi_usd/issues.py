@@ -64,12 +64,24 @@ def listed(names: Sequence[object]) -> str:
 
 
 def all_prims(stage: Usd.Stage) -> Iterable[Usd.Prim]:
-    """Prims that are there, those inside instances too, in stage order; not what only a PointInstancer shows."""
+    """Prims that are there, those inside instances too, in stage order; not what only a PointInstancer shows.
+
+    That is what lies below it, and prototypes elsewhere that are invisible.
+    """
+    found, hidden = [], set()
     prims = iter(Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)))
     for prim in prims:
         if prim.IsA(UsdGeom.PointInstancer):
             prims.PruneChildren()
-        yield prim
+            hidden |= set(UsdGeom.PointInstancer(prim).GetPrototypesRel().GetForwardedTargets())
+        found.append(prim)
+    hidden = {path for path in hidden if _is_invisible(stage.GetPrimAtPath(path))}
+    return [prim for prim in found if not any(prim.GetPath().HasPrefix(path) for path in hidden)]
+
+
+def _is_invisible(prim: Usd.Prim) -> bool:
+    time = first_time(prim.GetStage()) if prim else None
+    return bool(prim) and UsdGeom.Imageable(prim).ComputeVisibility(time) == UsdGeom.Tokens.invisible
 
 
 def instance_above(prim: Usd.Prim) -> Usd.Prim:

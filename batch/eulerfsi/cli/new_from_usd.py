@@ -14,6 +14,7 @@ from eulerfsi_usd.pose import Pose
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics
 
 from ..errors import SceneError
+from ..scene.instancers import expand_instancers
 from ..scene.read import open_stage
 from ..scene.references import is_usd_file
 from ..scene.values import SOLID_API
@@ -32,6 +33,7 @@ def wrap(layer: Sdf.Layer, path: Path, asset: Path, smoke: str) -> tuple[Layout,
     if asset.is_file() and not is_usd_file(asset):
         raise SceneError(f"{asset}: is not a USD file: give a mesh file by --solid")
     stage = open_stage(asset)
+    expand_instancers(stage)
     _copy_metadata(stage, layer)
     domains = [prim for prim in all_prims(stage) if "domain" in scopes_of(prim)]
     if domains:
