@@ -43,16 +43,17 @@ EXIT_CODES = {
 class EulerFsiError(Exception):
     """A failure with a message for the user. `exit_code`: what the command line returns.
 
-    issues: what a check has found, where one did; each is a line of the message. prim: what the error is about, "" for
-    nothing in particular.
+    issues: what a check has found, where one did; each is a line of the message. prim, field: what the error is about,
+    "" for nothing in particular.
     """
 
     exit_code = EXIT_INTERNAL
 
-    def __init__(self, message: str, issues: Sequence[Any] = (), prim: str = "") -> None:
+    def __init__(self, message: str, issues: Sequence[Any] = (), prim: str = "", field: str = "") -> None:
         super().__init__(message)
         self.issues = issues
         self.prim = prim
+        self.field = field
 
 
 class UsageError(EulerFsiError):

@@ -230,7 +230,8 @@ def findings(error: BaseException) -> list[dict[str, Any]]:
     """An error for programs: what a check has found, else the exit code's word and the message."""
     found = [finding(i.message, i.code, i.prim, i.field) for i in getattr(error, "issues", ())]
     word, _ = errors.EXIT_CODES[errors.exit_code(error)]
-    return found or [finding(errors.describe(error), word, getattr(error, "prim", ""), "")]
+    prim, field = (getattr(error, name, "") for name in ("prim", "field"))
+    return found or [finding(errors.describe(error), word, prim, field)]
 
 
 _KINDS = {"plain": _Plain, "bar": _Bar, "json": _Json, "openjd": _OpenJd, "alf": _Alf, "none": Progress}

@@ -166,6 +166,7 @@ def test_what_cannot_be_made_anew_is_refused_by_name(baked: tuple[Path, Path], t
 
     refused(UsageError, rf"--rebake-from {LAST}: must be from 1 to {LAST - 1}", frame=LAST)
     refused(UsageError, "--rebake-from 0: must be", frame=0)
+    refused(UsageError, "--start-from: must not be given with --rebake-from", start_from=str(cache))
     refused(MismatchError, r"voxel_size = 0\.05: must be 0\.06", settings=("/World/Domain.eulerfsi:voxelSize=0.05",))
     refused(MismatchError, "/World/Lift: its mesh is another one", moving_scene(tmp_path / "a.usda", moved=0.02))
     refused(
@@ -196,14 +197,14 @@ def test_what_cannot_be_made_anew_is_refused_by_name(baked: tuple[Path, Path], t
     [
         (
             "Ball.velocity=(0,0,1)",
-            r"eulerfsi:velocity was \(0, -2, 0\), is \(0, 0, 1\) m/s: it acts at the start alone",
+            r"velocity was \(0, -2, 0\) m/s, is \(0, 0, 1\) m/s: it acts at the start alone",
         ),
-        ("Ball.angularVelocity=(0,180,0)", r"eulerfsi:angularVelocity was \(0, 0, 0\), is \(0, 3.14159, 0\) rad/s: it"),
-        ("Ball.stretch=(1,1.1,1)", r"eulerfsi:stretch was \(1, 1, 1\), is \(1, 1.1, 1\): it acts at the start alone"),
-        ("Carpet.smokeDensity=0.2", r"density was 0.8, is 0.2: it acts at the start alone"),
+        ("Ball.angularVelocity=(0,180,0)", r"angularVelocity was \(0, 0, 0\) rad/s, is \(0, 3.14159, 0\) rad/s: it"),
+        ("Ball.stretch=(1,1.1,1)", r"stretch was \(1, 1, 1\), is \(1, 1.1, 1\): it acts at the start alone"),
+        ("Carpet.smokeDensity=0.2", r"smokeDensity was 0.8, is 0.2: it acts at the start alone"),
         ("Carpet.enabled=false", r"is gone: it acts at the start alone"),
-        ("Puff.mode=initial", r"mode was 1, is 0: it acts at the start alone"),
-        ("Puff.startTime=0.05", r"start_time was 0.0, is 0.05: it acts up to frame 3 alone"),
+        ("Puff.mode=initial", r"mode was continuous, is initial: it acts at the start alone"),
+        ("Puff.startTime=0.05", r"startTime was 0 s, is 0.05 s: it acts up to frame 3 alone"),
     ],
 )
 def test_a_value_that_acts_before_the_frame_alone_is_refused_by_name(
@@ -215,7 +216,9 @@ def test_a_value_that_acts_before_the_frame_alone_is_refused_by_name(
     prim = "/World/" + setting.partition(".")[0]
     with pytest.raises(MismatchError, match=f"--rebake-from {CHANGE}: {prim}: {text}") as caught:
         run(scene, folder, rebake_from=CHANGE, settings=(setting,))
+    gone = setting == "Carpet.enabled=false"
     assert caught.value.prim == prim
+    assert caught.value.field == ("" if gone else "eulerfsi:" + setting.partition(".")[2].partition("=")[0])
     assert (files_until(folder, LAST), manifest(folder)) == before
 
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import bisect
-import itertools
 from typing import Any, NoReturn
 
 from ..errors import MismatchError
 from ..parameters import table
 from ..scene.parts import Scene
-from .manifest import Manifest, changes
+from .manifest import Change, Manifest, changes
 
 Parameters = dict[str, dict[str, Any]]
 
@@ -30,18 +29,17 @@ def demand_effect(what: str, manifest: Manifest, made: Parameters, scene: Scene,
         if before.get(path) == starts.get(path) or becomes_continuous:
             continue
         if path in solids:
-            _refuse(what, path, "where its points start, or how they move then, has changed", _START)
-        _refuse(what, path, _difference(path, made, now) or "its region has changed", _START)
-    initial = [row for row in table()["solid"].values() if row.initial]
-    for path, row in itertools.product(solids, initial):
-        old, new = made.get(path, {}).get(row.field), now[path][row.field]
-        if old != new:
-            numbers = f"{row.attribute} was {_show(old)}, is {_show(new)} {row.unit}".strip()
-            _refuse(what, path, numbers, _START)
+            _refuse(what, Change(path, "", "", "where its points start, or how they move then, has changed"), _START)
+        _refuse(what, _first_change(path, made, now) or Change(path, "", "", "its region has changed"), _START)
+    initial = {row.field for row in table()["solid"].values() if row.initial}
+    for path in solids:
+        for change in changes({path: made.get(path, {})}, {path: now[path]}):
+            if change.field in initial:
+                _refuse(what, change, _START)
     for path in sorted({*made, *now} - {*starts}):
         old, new = made.get(path, {}), now.get(path, {})
         if old != new and "end_time" in old | new and _after(old, time) == _after(new, time):
-            _refuse(what, path, _difference(path, made, now), f"it acts up to frame {frame} alone")
+            _refuse(what, _first_change(path, made, now), f"it acts up to frame {frame} alone")
 
 
 def _after(values: dict[str, Any], time: float) -> dict[str, Any]:
@@ -65,17 +63,14 @@ def _after(values: dict[str, Any], time: float) -> dict[str, Any]:
     return late if on[0] else {}
 
 
-def _difference(path: str, made: Parameters, now: Parameters) -> str:
-    """The first value of a prim that differs; "" for none."""
+def _first_change(path: str, made: Parameters, now: Parameters) -> Change | None:
+    """The first value of a prim that differs."""
     found = changes(*({path: of[path]} if path in of else {} for of in (made, now)))
     if found and found[0].field.startswith("key_"):
-        return "its time samples have changed"
-    return found[0].text if found else ""
+        return Change(path, "", "", "its time samples have changed")
+    return found[0] if found else None
 
 
-def _show(value: Any) -> str:
-    return f"({', '.join(f'{number:g}' for number in value)})" if isinstance(value, list) else str(value)
-
-
-def _refuse(what: str, path: str, difference: str, why: str) -> NoReturn:
-    raise MismatchError(f"{what}: {path}: {difference}: {why}; --overwrite makes the whole cache anew", prim=path)
+def _refuse(what: str, change: Change, why: str) -> NoReturn:
+    text = f"{what}: {change.prim}: {change.text}: {why}; --overwrite makes the whole cache anew"
+    raise MismatchError(text, prim=change.prim, field=change.attribute)

@@ -11,6 +11,7 @@ from typing import Any
 
 from .. import files
 from ..errors import CacheIOError, MismatchError, SceneError
+from ..scene.shown import kind_of, row_of, shown
 from . import stats_file
 
 FILE_NAME = "manifest.json"
@@ -129,7 +130,7 @@ class Manifest:
         ]
         what = "; ".join(texts[:5]) or "a mesh"
         text = f"{self.folder}: cannot resume, the scene has changed since the cache was started: {what}"
-        raise MismatchError(text, prim=found[0].prim if found else "")
+        raise MismatchError(text, prim=found[0].prim if found else "", field=found[0].attribute if found else "")
 
     def check_same_start(self, start: dict[str, Any] | None) -> None:
         """Raises MismatchError for another `--start-from` than the cache's, and none where the run must begin again."""
@@ -270,10 +271,12 @@ def _checksum(data: dict[str, Any]) -> str:
 
 @dataclasses.dataclass(frozen=True)
 class Change:
-    """A difference of two scenes. field: of the C definition, "" where the prim itself has come or gone."""
+    """A difference of two scenes. field: of the C definition, "" where the prim itself has come or gone; attribute: of
+    the stage, "" where there is none."""
 
     prim: str
     field: str
+    attribute: str
     text: str
 
     def __str__(self) -> str:
@@ -285,12 +288,17 @@ def changes(before: dict[str, dict[str, Any]], now: dict[str, dict[str, Any]]) -
     result = []
     for path in sorted({*before, *now}):
         if path not in before or path not in now:
-            result.append(Change(path, "", f"is {'new' if path in now else 'gone'}"))
+            result.append(Change(path, "", "", f"is {'new' if path in now else 'gone'}"))
             continue
         old, new = before[path], now[path]
-        result += [
-            Change(path, key, f"{key} was {old.get(key)}, is {new.get(key)}")
-            for key in sorted({*old, *new})
-            if old.get(key) != new.get(key)
-        ]
+        result += [_change(path, key, old, new) for key in sorted({*old, *new}) if old.get(key) != new.get(key)]
     return result
+
+
+def _change(path: str, key: str, old: dict[str, Any], new: dict[str, Any]) -> Change:
+    kind = kind_of(new)
+    row = row_of(kind, key)
+    was, now = (shown(kind, key, values[key]) if key in values else [(key, "none")] for values in (old, new))
+    pairs = [(name, a, b) for (name, a), (_, b) in zip(was, now, strict=False) if a != b]
+    name, a, b = pairs[0] if pairs else (key, old.get(key), new.get(key))
+    return Change(path, key, row.attribute if row else "", f"{name} was {a}, is {b}")

@@ -6,18 +6,16 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from .. import __version__
 from ..cache.manifest import FILE_NAME, Manifest, changes
 from ..cache.verify import status as status_of
 from ..errors import CacheIOError, EulerFsiError
 from ..frames import FrameRange
-from ..parameters import Parameter, table
 from ..run.watch import last_text
 from ..scene import checks
 from ..scene.instancers import expand_instancers
 from ..scene.read import open_stage, read_scene, set_frames
+from ..scene.shown import parameter_rows
 from ..solver import binding
 from ..system import available_memory, available_threads, format_bytes
 from .report import describe_scene, scene_facts
@@ -102,55 +100,3 @@ def describe_parameters(path: str, values: dict[str, Any]) -> list[str]:
     """The prim, then one indented line per value that a run used: name, value with its unit, tokens by name."""
     kind, rows = parameter_rows(values)
     return [f"{path}: {kind}", *(f"  {name:<22} {text}" for name, text in rows)]
-
-
-def parameter_rows(values: dict[str, Any]) -> tuple[str, list[tuple[str, str]]]:
-    """What a prim is, and the name and text of every value that a run used.
-
-    values: {field of the C definition: SI value}, as a manifest holds them. What has no row in the parameter table is
-    named by its field.
-    """
-    kind = next((name for name, field in _KINDS.items() if field in values), "prim")
-    rows = {row.field: row for row in table().get(kind, {}).values() if row.field}
-    result = []
-    for field, value in values.items():
-        row = rows.get(field)
-        if field == "transform":
-            corner = np.reshape(value, (4, 4))
-            result.append(("center", f"{_text(corner[:3, 3])} m"))
-            result.append(("edges", f"{_text(np.linalg.norm(corner[:3, :3], axis=0))} m"))
-            continue
-        name, unit = (row.name, row.unit) if row else (field.replace("_", " "), _UNITS.get(field, ""))
-        result.append((name, f"{_text(_token(field, row, value))} {unit}".rstrip()))
-    return kind, result
-
-
-# What a prim is, by a field that only such prims have; the first that fits.
-_KINDS = {
-    "domain": "voxel_size",
-    "solid": "youngs_modulus",
-    "force": "acts_on",
-    "emitter": "mode",
-    "passenger": "carried_by",
-    "pin": "driver",
-    "collider": "friction",
-}
-# Fields that are no parameters: they follow from prims.
-_UNITS = {"domain_min": "m", "domain_size": "m", "gravity": "m/s^2"}
-
-
-def _token(field: str, row: Parameter | None, value: Any) -> Any:
-    """A number of the C API as the name that a stage has for it."""
-    if field == "shape":
-        return next(name for name, number in binding.REGION_SHAPES.items() if number == value)
-    if row and row.type == "token":
-        return row.tokens[value]
-    return bool(value) if row and row.type == "bool" else value
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, bool):
-        return "on" if value else "off"
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return f"({', '.join(f'{float(x):.6g}' for x in value)})"
-    return f"{value:.6g}" if isinstance(value, (int, float)) else str(value)

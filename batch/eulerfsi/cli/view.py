@@ -20,12 +20,12 @@ from ..frames import file_number
 from ..run.watch import last_text
 from ..scene.parts import open_faces
 from ..scene.read import open_stage
+from ..scene.shown import parameter_rows
 from ..scene.space import transform_points
 from ..view.packing import Blobs
 from ..view.page import frame_size, write_page
 from ..view.shapes import FrameLayer, Item, Reader, drawn_prims, radius
 from ..view.smoke import MOST_CELLS, Volumes, find_volumes, pack_smoke
-from .info import parameter_rows
 
 _SUFFIX = ".html"
 _MEGABYTE = 1_000_000

@@ -111,6 +111,8 @@ def simulate(path: Path, options: Options, log: Log | None = None) -> Result:
 def _simulate(path: Path, options: Options, log: Log, progress: Progress, stop: Stop) -> Result:
     if not 0 <= options.wait < math.inf:
         raise UsageError(f"--wait {options.wait:g}: must be a finite number >= 0")
+    if options.start_from and options.rebake_from is not None:
+        raise UsageError("--start-from: must not be given with --rebake-from: it acts at the start alone")
     checkpoints = Checkpoints(options.checkpoint_every, options.keep_checkpoints)
     threads, memory_limit = options.threads or available_threads(), available_memory()
     folder = options.output or Path.cwd() / f"{path.stem}_cache"
