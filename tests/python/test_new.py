@@ -186,6 +186,12 @@ def test_an_object_that_cannot_be_simulated_is_refused_by_its_name(cli, tmp_path
     assert done.returncode == 3 and 'error: crumb.obj: object "speck": cannot be simulated at' in done.stderr
 
 
+def test_more_objects_than_a_scene_takes_are_refused(cli, tmp_path):
+    write_boxes(tmp_path / "many.obj", *((f"o s{n}", 0.2 * n, 0.1) for n in range(256)))
+    done = cli("new", "many.usda", "--solid", "many.obj")
+    assert done.returncode == 3 and "many.obj: 256 objects: must be at most 255; --join makes one" in done.stderr
+
+
 def test_flat_objects_are_left_out_with_a_warning(cli, tmp_path):
     path = write_boxes(tmp_path / "room.obj", ("o Ball", 0.0, 0.2))
     path.write_text(path.read_text() + "o Ground\nv -1 -1 0\nv 1 -1 0\nv 0 -1 1\nf 9 10 11\n")

@@ -15,6 +15,7 @@ from ..files import export_layer, replacing
 from ..log import Log
 from ..run.build import build_simulation
 from ..run.simulate import Options, load_scene
+from ..scene.instancers import MOST_BODIES
 from ..scene.read import open_stage
 from ..scene.references import how_to_reference, is_usd_file
 from ..scene.values import SOLID_API
@@ -55,6 +56,12 @@ def new_scene(
     else:
         read = [_read(file, path, joined) for file in solids]
         told = [line for _, lines in read for line in lines]
+        count = sum(len(objects) for objects, _ in read)
+        if count > MOST_BODIES:
+            names = ", ".join(map(str, solids))
+            raise SceneError(
+                f"{names}: {count} objects: must be at most {MOST_BODIES}; --join makes one solid of a file"
+            )
         layout, prims = _around_files(layer, path, solids, [objects for objects, _ in read], smoke, UNITS[unit], up)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
