@@ -37,8 +37,10 @@ def files_until(folder: Path, frame: int) -> dict[str, bytes]:
     return {name: (folder / name).read_bytes() for n in frames if int(n) <= frame for name in frames[n]["files"]}
 
 
-def moving_scene(path: Path, *, puff_until: int | None = None, lift_until: int = LAST, moved: float = 0.0) -> Path:
-    """The small scene with an emitter that is on until a frame, and a floor that rises until another."""
+def moving_scene(
+    path: Path, *, puff_until: int | None = None, lift_until: int = LAST, moved: float = 0.0, dip: float = 0.0
+) -> Path:
+    """The small scene with an emitter that is on until a frame, and a floor that rises until another, but dips at 2."""
     stage = make_scene(path, frames=(1, LAST), voxel=0.06)
     puff = box(stage, "/World/Puff", (0.1, -0.2, 0.0), (0.15, 0.15, 0.15), 1.0, "EulerFsiEmitterAPI")
     author(puff, mode="continuous", smokeDensity=0.5)
@@ -49,7 +51,8 @@ def moving_scene(path: Path, *, puff_until: int | None = None, lift_until: int =
     floor = box(stage, "/World/Lift", (moved, -0.42, 0.0), (0.3, 0.1, 0.3), 1.0, "EulerFsiColliderAPI")
     translate = UsdGeom.XformCommonAPI(UsdGeom.Xformable(floor))
     for frame in range(1, LAST + 1):
-        translate.SetTranslate(Gf.Vec3d(moved, -0.42 + 0.01 * min(frame - 1, lift_until - 1), 0.0), frame)
+        height = -0.42 + 0.01 * min(frame - 1, lift_until - 1) - (dip if frame == 2 else 0.0)
+        translate.SetTranslate(Gf.Vec3d(moved, height, 0.0), frame)
     stage.GetRootLayer().Save()
     return path
 
@@ -174,6 +177,8 @@ def test_what_cannot_be_made_anew_is_refused_by_name(baked: tuple[Path, Path], t
         "/World/Lift: its pose in frame 3 is another one",
         moving_scene(tmp_path / "b.usda", lift_until=2),
     )
+    early = moving_scene(tmp_path / "d.usda", dip=0.01)  # and back at frame 3
+    refused(MismatchError, "/World/Lift: its pose in frame 2 is another one", early)
     refused(MismatchError, r"ambient_fluid = 0: must be 1", settings=("/World/Domain.eulerfsi:ambientFluid=0",))
     two = Usd.Stage.Open(str(moving_scene(tmp_path / "c.usda")))
     Sdf.CopySpec(two.GetRootLayer(), "/World/Lift", two.GetRootLayer(), "/World/Lift2")

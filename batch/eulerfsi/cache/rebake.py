@@ -33,7 +33,7 @@ def find_checkpoint(manifest: Manifest, frame: int, scene: Scene) -> dict[str, A
     if damaged:
         raise CacheIOError(f"{what}: {damaged[0]} is missing or damaged")
     for checkpoint in manifest.data["checkpoints"]:
-        if checkpoint["frame"] <= frame and "stopped" not in checkpoint:
+        if checkpoint["frame"] <= frame:
             _check_same_poses(what, checkpoint, scene)
     return found[-1]
 
