@@ -18,6 +18,7 @@ import dataclasses
 import fcntl
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -29,6 +30,7 @@ SOLVER = Path(__file__).with_name("solver")
 _RUNNER = Path(__file__).with_name("runner") / "run.py"
 OWNER, EVENTS, MESSAGES = "owner.json", "events.jsonl", "messages.txt"
 RUNNING = ("preparing", "running")
+_STOPPED = ("interrupted", "terminated", "hangup", "unfinished")  # errors that are none: the state of the bake says it
 
 
 class JobError(Exception):
@@ -59,7 +61,7 @@ class Told:
         elif kind == "frame":
             self.frame, self.eta = event["frame"], event["eta"]
             self.percent = self._percent(event["frame"], 1.0)
-        elif kind in ("warning", "error"):
+        elif kind in ("warning", "error") and event.get("code") not in _STOPPED:
             self.findings.append({**event, "level": kind})
         elif kind == "end":
             self.end = event
@@ -242,6 +244,18 @@ def _parse(path: Path) -> Cache:
         )
     except (OSError, ValueError, KeyError, TypeError):
         return Cache("damaged")
+
+
+_SCALE = re.compile(r"^\s*custom float eulerfsi:densityScale = (\S+)$", re.MULTILINE)
+
+
+def density_scale(folder: Path) -> float:
+    """Extinction of smoke of density 1 [1/m], as the Volume prim has it. Raises OSError, ValueError."""
+    layer = folder / "cache" / "scene.usda"  # read as text: not every Blender has a pxr
+    found = _SCALE.search(layer.read_text(encoding="utf-8"))
+    if not found:
+        raise ValueError(f"{layer}: no Volume has eulerfsi:densityScale")
+    return float(found[1])
 
 
 def has_copy(folder: Path) -> bool:

@@ -15,7 +15,8 @@ from . import job, scene_export
 
 _MARK = "eulerfsi_bake"  # on the collection: identity of the scene; on its objects: their prim
 _HIDDEN = "eulerfsi_hidden"  # on originals: how they were before
-_DENSITY = 10.0  # of full smoke over the longest edge of the box: thick, but not a block
+_SMOKE = "Euler FSI Smoke"  # material, and its node of the density
+_DENSITY = "eulerfsi_density"  # on that material: the density that was set last; another one is the artist's
 
 
 def collection_of(scene: bpy.types.Scene) -> bpy.types.Collection | None:
@@ -151,7 +152,9 @@ def _add_smoke(scene: bpy.types.Scene, collection: bpy.types.Collection, folder:
     volume.is_sequence = True
     _set_range(volume, found)
     volume.velocity_unit, volume.velocity_scale = "SECOND", 1.0
-    volume.materials.append(smoke_material(scene))
+    export = json.loads((folder / "export" / "scene.json").read_text(encoding="utf-8"))
+    density = job.density_scale(folder) * export["meters_per_unit"]  # a volume counts in units of the scene
+    volume.materials.append(_smoke_material(scene, density))
     obj = bpy.data.objects.new("Smoke Bake", volume)
     obj[_MARK] = "smoke"
     collection.objects.link(obj)
@@ -162,23 +165,29 @@ def _set_range(volume: bpy.types.Volume, found: job.Cache) -> None:
     volume.sequence_mode = "CLIP"
 
 
-def smoke_material(scene: bpy.types.Scene) -> bpy.types.Material:
-    """Smoke that is seen at once: a density that suits the size of the box."""
-    name = "Euler FSI Smoke"
-    if name in bpy.data.materials:
-        return bpy.data.materials[name]
-    material = bpy.data.materials.new(name)
+def _smoke_material(scene: bpy.types.Scene, density: float) -> bpy.types.Material:
+    """That of the scene's smoke. density: per unit of length of the scene; one that the artist has set stays."""
+    material = next((m for m in bpy.data.materials if m.get(_MARK) == scene.eulerfsi.uid), None)
+    if material is None:
+        material = _new_smoke_material()
+        material[_MARK] = scene.eulerfsi.uid
+    node = material.node_tree.nodes.get(_SMOKE)
+    if node and (_DENSITY not in material or node.inputs["Density"].default_value == material[_DENSITY]):
+        node.inputs["Density"].default_value = density
+        material[_DENSITY] = node.inputs["Density"].default_value
+    return material
+
+
+def _new_smoke_material() -> bpy.types.Material:
+    """White smoke, as dense as the grid "density" says."""
+    material = bpy.data.materials.new(_SMOKE)
     material.use_nodes = True
     tree = material.node_tree
     tree.nodes.clear()
     output = tree.nodes.new("ShaderNodeOutputMaterial")
     principled = tree.nodes.new("ShaderNodeVolumePrincipled")
     output.location, principled.location = (300, 0), (0, 0)
-    domain = scene_export.members(scene, "DOMAIN")
-    edges, _ = scene_export.domain_box(domain[0]) if domain else ((1.0,) * 3, None)
-    scale = domain[0].matrix_world.to_scale() if domain else (1.0,) * 3
-    longest = max(abs(e * s) for e, s in zip(edges, scale, strict=True))
-    principled.inputs["Density"].default_value = _DENSITY / longest
+    principled.name = _SMOKE
     principled.inputs["Density Attribute"].default_value = "density"
     principled.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
     tree.links.new(principled.outputs["Volume"], output.inputs["Volume"])

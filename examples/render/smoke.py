@@ -21,7 +21,10 @@ if importlib.util.find_spec("pxr") is None:  # Blender as a Python module: its o
     _blender = Path(bpy.utils.system_resource("SCRIPTS")).parent
     sys.path.append(str(_blender / "python" / "lib" / _version / "site-packages"))
 
-from pxr import Usd, UsdGeom  # noqa: E402
+try:
+    from pxr import Usd, UsdGeom
+except ImportError as error:
+    raise SystemExit("smoke.py: this Blender has no pxr; 4.2 has none, 4.5 has") from error
 
 SCALE = "eulerfsi:densityScale"
 _COLOR = (0.9, 0.9, 0.9, 1.0)

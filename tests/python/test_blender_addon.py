@@ -179,6 +179,20 @@ def test_state_comes_from_manifest_and_lock(addon, tmp_path):
     assert not folder.exists()
 
 
+def test_density_scale_is_that_of_the_volume_prim(addon, stage_module, tmp_path):
+    job, folder = addon("job"), tmp_path / "bake"
+    stage_module.write_stage(export(tmp_path / "export", 0.01), tmp_path / "scene.usdc")
+    words = ["simulate", str(tmp_path / "scene.usdc"), "-o", str(folder / "cache"), "--frames", "1-2"]
+    assert main([*words, "--progress", "none"]) == 0
+    layer = folder / "cache" / "scene.usda"
+    stage = open_stage(layer)
+    scale = stage.GetPrimAtPath("/World/smoke").GetAttribute("eulerfsi:densityScale").Get()
+    assert job.density_scale(folder) == pytest.approx(scale, rel=1e-6) and scale == pytest.approx(10.0)
+    layer.write_text(layer.read_text().replace("eulerfsi:densityScale", "other"))
+    with pytest.raises(ValueError, match=r"scene.usda: no Volume has eulerfsi:densityScale"):
+        job.density_scale(folder)
+
+
 _BAKES = """import sys, time
 from pathlib import Path
 print('{"event": "start", "first": 1, "last": 9}', flush=True)
