@@ -146,6 +146,7 @@ def new_stage(title: str, frames: int) -> Usd.Stage:
     sun = UsdLux.DistantLight.Define(stage, "/World/Sun")
     sun.CreateIntensityAttr(2.0)
     sun.CreateAngleAttr(2.0)
+    sun.CreateNormalizeAttr(True)  # as bright at any angle, in every renderer
     sun.AddRotateXYZOp().Set(Gf.Vec3f(-50, 30, 0))
     UsdLux.DomeLight.Define(stage, "/World/Sky").CreateIntensityAttr(0.4)
     return stage
