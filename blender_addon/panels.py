@@ -20,7 +20,8 @@ _ICONS = {
 }
 _SIGNS = {"error": "ERROR", "warning": "INFO", "info": "CHECKMARK"}
 _MOST = 12  # messages that are shown
-_WIDTH = 46  # characters of a line
+_MARGIN, _LETTER = 70, 6.0  # pixels of a line that no text has (frame, icon, tabs), of a letter in the mean; at scale 1
+_NARROW, _UNSEEN = 16, 40  # characters of the shortest line, and of one without a window
 
 
 class _Panel:
@@ -29,11 +30,19 @@ class _Panel:
     bl_category = "Euler FSI"
 
 
+def _width() -> int:
+    """Characters of a line in the sidebar, which is as wide as the artist has made it."""
+    region = bpy.context.region
+    if region is None:
+        return _UNSEEN
+    return max(_NARROW, int((region.width / bpy.context.preferences.system.ui_scale - _MARGIN) / _LETTER))
+
+
 def _lines(layout: bpy.types.UILayout, text: str, icon: str = "NONE") -> None:
     """A text over several lines: Blender cuts labels off."""
-    words, line, lines = text.split(), "", []
+    words, line, lines, width = text.split(), "", [], _width()
     for word in words:
-        if line and len(line) + 1 + len(word) > _WIDTH:
+        if line and len(line) + 1 + len(word) > width:
             lines.append(line)
             line = word
         else:

@@ -96,7 +96,8 @@ def check_baking_done_failed() -> None:
     assert "left" in drawn.texts and "%" in drawn.texts, drawn.texts
     assert "eulerfsi.cancel" in drawn.operators and "eulerfsi.free" not in drawn.operators
     assert bpy.ops.eulerfsi.cancel() == {"FINISHED"}
-    bake.wait(scene, work)
+    now = bake.wait(scene, work)
+    assert not bake.findings(scene, now), "what the artist has asked for is no message"
     scene.frame_set(9)
     drawn = draw()
     assert "Resume" in drawn.texts and "Bake from Frame" in drawn.texts, drawn.texts
