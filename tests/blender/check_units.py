@@ -17,7 +17,7 @@ import numpy as np
 from harness import fresh, part, pick, run
 
 SMOKE = Path(__file__).resolve().parents[2] / "examples" / "render" / "smoke.py"
-ALIKE = 0.02  # mean difference of pixels, of white
+ALIKE, SEEN = 0.003, 0.01  # mean difference of pixels, of white: of pictures that are the same, of others at least
 FRAME, SAMPLES = 8, 16
 
 _SCENE = """#usda 1.0
@@ -138,7 +138,7 @@ def check_smoke_in_any_unit() -> None:
     pictures["none"] = picture(folder / "none.png")
     difference = differences(pictures)
     assert difference["centimetres"] <= ALIKE, difference
-    assert min(difference["block"], difference["none"]) > ALIKE, "smoke that is seen, but is not a block"
+    assert min(difference["block"], difference["none"]) > SEEN, "smoke that is seen, but is not a block"
 
 
 def bake_in(unit: float, name: str) -> bpy.types.Scene:
@@ -183,7 +183,7 @@ def check_bake_in_any_unit() -> None:
     pictures["none"] = picture(folder / "none.png")
     difference = differences(pictures)
     assert difference["centimetres"] <= ALIKE, difference
-    assert min(difference["block"], difference["none"]) > ALIKE, "smoke that is seen, but is not a block"
+    assert min(difference["block"], difference["none"]) > SEEN, "smoke that is seen, but is not a block"
 
 
 def smoke_node() -> bpy.types.Node:
