@@ -21,7 +21,8 @@ import bpy
 HERE = Path(__file__).resolve().parent
 MODULE = "bl_ext.user_default.eulerfsi"
 STEP = 6  # pixels
-PAUSE, SETTLED, PATIENCE = 0.03, 0.5, 240.0  # seconds: between looks, until the mouse is where it was sent, of any wait
+# Seconds: between looks; until the mouse is where it was sent, until a panel is drawn as it stays; the longest wait.
+PAUSE, SETTLED, SHOWN, PATIENCE = 0.03, 0.5, 3.0, 240.0
 
 
 def view() -> tuple[bpy.types.Window, bpy.types.Area, bpy.types.Region]:
@@ -117,24 +118,24 @@ def artist() -> Iterator[None]:
     yield from press("eulerfsi.quick")
     yield from until(lambda: "Domain" in bpy.data.objects)
     scene.frame_end = 120
-    yield from pause(1)
+    yield from pause(SHOWN)
     picture("2_ready")
     yield from press("eulerfsi.bake")
     yield from until(lambda: status().kind == "running" and len(status().cache.frames) > 6)
-    yield from pause(0.5)
+    yield from pause(SHOWN)
     picture("3_baking")
     yield from press("eulerfsi.cancel")
     yield from until(lambda: status().kind == "interrupted")
     done = status().cache.frames[-1]
     assert done < 120, done
-    yield from pause(1)
+    yield from pause(SHOWN)
     picture("4_cancelled")
     scene.frame_end = done + 5
     yield from press("eulerfsi.bake(mode='RESUME')")
     yield from until(lambda: status().kind == "running")
     yield from until(lambda: status().kind == "complete")
     assert status().cache.frames == list(range(1, done + 6)), status().cache.frames
-    yield from pause(1)
+    yield from pause(SHOWN)
     picture("5_resumed")
     print(f"cancelled at frame {done}, resumed to {done + 5}", flush=True)
 
