@@ -76,7 +76,7 @@ def _bpy() -> Path:
 def _package(version: str) -> Path:
     """The zip for a version of Python, around the library that is built."""
     library = Path(os.environ.get("EULERFSI_LIBRARY", ROOT / "build/release/libeulerfsi/libeulerfsi.so"))
-    sys.path.insert(0, str(ROOT / "packaging"))
+    sys.path[:0] = [str(ROOT / folder) for folder in ("packaging", "batch", "usd_plugin")]
     wheel = runpy.run_path(str(ROOT / "packaging" / "wheel.py"))["main"](PLACE, library)
     return runpy.run_path(str(ROOT / "packaging" / "blender.py"))["main"](PLACE, wheel, (version,))[0]
 
