@@ -1,9 +1,10 @@
 """Stress: one line a case with its worst figure: `./eulerfsi bench stress [--full] [--only S2,..] [--jobs N]`.
 
-Runs experiments of `bench loop` (survival, squash, stacks, rest) and others at the ends of their ranges, each in a
-process of its own, and calls that have to be refused; then scenes of `bench random` of a seed that is printed. Passes
-where every run finishes, energy never rises by more than 2 % of its largest, volume stays within 5 %, and no solid is
-faster than ten reference speeds. Exit code 1 where a case misses, unless CI=true.
+Runs experiments of `bench loop` (survival, squash, stacks, rest), runs of `bench accuracy` and others at the ends of
+their ranges, each in a process of its own, and calls that have to be refused; then scenes of `bench random` of a seed
+that is printed. Passes where every run finishes, energy never rises by more than 2 % of its largest, volume stays
+within 5 %, no solid is faster than ten reference speeds, and what the case names beside these is kept. Exit code 1
+where a case misses, unless CI=true.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ for folder in (ROOT / "batch", ROOT / "usd_plugin", ROOT / "tests" / "bench"):
     if str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
 
+from bench_accuracy import run_child as measure  # noqa: E402
 from bench_loop import run_child  # noqa: E402
 from eulerfsi.errors import UsageError  # noqa: E402
 from stress import judge  # noqa: E402
@@ -82,7 +84,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     wanted = options.only.split(",") if options.only else [*some, "random"]
     with ThreadPoolExecutor(options.jobs) as pool:
         for case in (some[number] for number in wanted if number != "random"):
-            line = judge.of_runs(case, list(pool.map(run_child, case.runs))) if case.runs else refused(case)
+            if case.runs:
+                line = judge.of_runs(case, list(pool.map(run_child, case.runs)))
+            elif case.measured:
+                line = judge.of_measured(case, list(pool.map(measure, case.measured)))
+            else:
+                line = refused(case)
             missed += not line.passed
             print(f"{case.number} {case.name}: {line.text} | {'pass' if line.passed else 'MISSED'}", flush=True)
     if "random" in wanted:

@@ -11,7 +11,7 @@ from conftest import ROOT
 sys.path.insert(0, str(ROOT / "tests" / "bench"))
 
 from eulerfsi.solver.simulation import Surface  # noqa: E402
-from loop import sides, thin_scenes, thin_shapes  # noqa: E402
+from loop import experiment, sides, thin_scenes, thin_shapes  # noqa: E402
 from loop.overlap import deepest_vertex  # noqa: E402
 from loop.sides import Sides  # noqa: E402
 from loop.watch import mesh_of  # noqa: E402
@@ -130,10 +130,10 @@ def test_gauss_integrals_of_closed_polygons_are_whole() -> None:
     assert abs(sides.gauss_integral(other, twice)) == pytest.approx(2, abs=1e-9)
 
 
-@pytest.mark.parametrize("name", thin_scenes.CASES)
+@pytest.mark.parametrize("name", experiment.WATCHED)
 def test_named_cases_are_closed_meshes_that_do_not_touch(library, name: str) -> None:
-    case, h = thin_scenes.CASES[name], thin_scenes.H
-    made = thin_scenes.make_case(name, tuple(h * n for n in case.cells), h)
+    case, h = experiment.WATCHED[name], thin_scenes.H
+    made = case.make(h * np.array(case.cells), h)
     for shape, _ in made.parts:
         report = Surface(mesh_of(shape), h).report
         assert report["closed"] == 1 and report["repaired"] == 0 and report["thinnest_feature"] > 2.8 * h

@@ -19,7 +19,7 @@ from loop.experiment import GRAVITY, YOUNGS_MODULUS, Experiment, simulate
 from loop.measure import Result, from_child
 from loop.shapes import SIZE
 
-from .cases_fluid import definition
+from .cases_fluid import definition, give, nodes
 from .meter import Failed, Measured, Meter
 from .sweep import Run
 
@@ -174,6 +174,46 @@ def soft_disc(run: Run, meter: Meter) -> Measured:
     return Measured(error, 0.0, "mean distance of the centre from the table", f"t to {end:g}", error, numbers)
 
 
+def oscillating_disc(run: Run, meter: Meter) -> Measured:
+    """A disc in a vortex of a periodic box (Zhao, Freund & Moser 2008) without viscosity: energy that is kept."""
+    wave, speed, shear, end = 2 * np.pi / run.length, 0.1 * np.pi, 1.0, run.of["duration"]
+    flow = lambda x, y, z: [  # noqa: E731
+        speed * np.sin(wave * x) * np.cos(wave * y),
+        -speed * np.cos(wave * x) * np.sin(wave * y),
+        np.zeros_like(z),
+    ]
+    ranges: list[tuple[float, float, float]] = []
+    with Simulation(definition(run, "periodic", fluid_density=1.0)) as simulation:
+        solid, _ = simulation.add_solid(
+            disc_mesh((0.5, 0.5), 0.2, 0.0, run.spacing),
+            density=1.0,
+            youngs_modulus=3 * shear,
+            poissons_ratio=0.499,
+            material=binding.MATERIALS["stableNeoHookean"],
+        )
+        give(simulation, flow)
+        field, place = simulation.field("solid_velocity", solid)
+        simulation.set_field("solid_velocity", np.stack(flow(*nodes(place, field.shape[1:]))), solid)
+
+        def energy() -> float:
+            seen = simulation.solid_diagnostics(solid)
+            ranges.append((seen["min_det_f"], seen["max_det_f"], seen["volume_mesh"]))
+            fluid = simulation.fluid_diagnostics()["kinetic_energy"]
+            return float(seen["kinetic_energy"] + seen["elastic_energy"] + fluid)
+
+        energies = [energy()]
+        meter.advance(simulation, end, run.largest_step, after=lambda _info: energies.append(energy()))
+    low, high, area = np.array(ranges).T
+    kept = np.array(energies) / energies[0]
+    numbers = {
+        "lowest det F": float(low.min()),
+        "highest det F": float(high.max()),
+        "area off": float(np.abs(area / area[0] - 1).max()),
+        "largest energy": float(kept.max()),
+    }
+    return Measured(float(kept[-1]), 1.0, "energy lost", f"t = {end:g} s", numbers=numbers)
+
+
 def lamb_vacuum(run: Run, meter: Meter) -> Measured:
     return swing(run, meter, False)
 
@@ -189,4 +229,5 @@ CASES = {
     "lamb_fluid": lamb_fluid,
     "rising": rising,
     "soft_disc": soft_disc,
+    "oscillating_disc": oscillating_disc,
 }

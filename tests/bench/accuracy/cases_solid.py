@@ -1,4 +1,4 @@
-"""Solids in vacuum: elastica, Turek and Hron's beam, a pulled bar of each law, a ball that yields, a tumbling box."""
+"""Solids in vacuum: elastica, Turek and Hron's beam, bars pulled and slabs sheared, yield, a tumbling box."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 from eulerfsi.solver import binding
-from eulerfsi.solver.simulation import Simulation, Surface
+from eulerfsi.solver.simulation import Mesh, Simulation, Surface
 from loop import given_laws, probes
 from loop.experiment import SHEAR_MODULUS, Experiment
-from loop.shapes import SIZE
+from loop.shapes import SIZE, blocks
 
 from .cases_coupled import disc_mesh, laboratory
 from .meter import Measured, Meter
@@ -64,20 +64,26 @@ def csm1(run: Run, meter: Meter) -> Measured:
     return Measured(float(moved[1]), CSM1[1], "relative, tip across the beam", at, None, numbers)
 
 
-def pulled_neo_hookean(stretch: float) -> float:
-    """Of the stable neo-Hookean law (docs/numerics/materials.md) with free sides, by bisection."""
-    m, k = 2 / 3, 5 / 12  # 4/3 mu and 5/6 mu over Young's modulus 2 mu
+def principal_stress(law: str, s: np.ndarray, mu: float, lam: float) -> np.ndarray:
+    """d psi / d s of a law (docs/numerics/materials.md)."""
+    if law == "corotational":
+        return 2 * mu * (s - 1) + lam * (s - 1).sum()
+    if law == "stVenantKirchhoff":
+        e = (s**2 - 1) / 2
+        return s * (2 * mu * e + lam * e.sum())
+    m, k, volume = 4 / 3 * mu, lam + 5 / 6 * mu, s.prod()
     a = 1 + m / k - m / (4 * k)
+    return m * s + k * (volume - a) * volume / s - m * s / ((s**2).sum() + 1)
 
-    def stress(along: float, across: float, which: float) -> float:
-        volume, total = along * across**2, along**2 + 2 * across**2
-        return m * which + k * (volume - a) * volume / which - m * which / (total + 1)
 
+def pulled_neo_hookean(stretch: float) -> float:
+    """Over Young's modulus, with free sides and a Poisson's ratio of 0, by bisection."""
     low, high = 0.2, 2.0
     for _ in range(60):
         side = (low + high) / 2
-        low, high = (low, side) if stress(stretch, side, side) > 0 else (side, high)
-    return stress(stretch, side, stretch)
+        along, across, _ = principal_stress("stableNeoHookean", np.array([stretch, side, side]), 0.5, 0.0)
+        low, high = (low, side) if across > 0 else (side, high)
+    return float(along)
 
 
 # Stress over Young's modulus at a stretch, for a Poisson's ratio of 0, where the held ends hinder little or nothing.
@@ -88,46 +94,89 @@ PULLED = {
 }
 
 
+PULL = 0.2  # s: in which an end is moved
+
+
+def held_force(run: Run, meter: Meter, simulation: Simulation, mesh: Mesh, axis: int, way: np.ndarray) -> np.ndarray:
+    """Force on the end of solid 1 that is moved by `way` along the axis and held, the other end fixed, at rest [N]."""
+    along = mesh.points[:, axis]
+    _fixed, end = (simulation.add_pin(1, np.abs(along - at) < 1e-6) for at in (along.min(), along.max()))
+    moved, steps = np.eye(4), []
+    moved[:3, 3] = way
+    simulation.set_motion(end, 0.0, PULL, (np.eye(4), moved))
+    meter.advance(simulation, PULL, run.largest_step)
+    simulation.set_motion(end, PULL, PULL + 10.0, (moved, moved))
+
+    def look(info: dict[str, Any]) -> None:
+        steps.append([info["dt"], *simulation.pin_reaction(end)["impulse"]])
+
+    meter.advance(simulation, run.of["duration"], run.largest_step, after=look)
+    late = np.array(steps[-max(1, len(steps) // 5) :])
+    return late[:, 1:].sum(axis=0) / late[:, 0].sum()
+
+
+def add_bar(run: Run, simulation: Simulation, mesh: Mesh, poisson: float) -> None:
+    """As solid 1, of the law and modulus of the run, with much damping."""
+    values = {"density": 1000.0, "youngs_modulus": run.of["modulus"], "poissons_ratio": poisson, "compressible": 1}
+    simulation.add_solid(mesh, material=binding.MATERIALS[run.of["law"]], rayleigh_alpha=20.0, **values)
+
+
 def uniaxial(run: Run, meter: Meter) -> Measured:
     """A square bar held at both ends and pulled: its force by the law at the stretch of its middle half.
 
     `cells` over its thickness. A pin holds all elements that its vertices touch, so that the ends stretch less.
     """
-    long, thick, law = 4 * run.length, run.length, run.of["law"]
-    modulus, stretch, pull = run.of["modulus"], run.of["stretch"], 0.2
+    long, thick, stretch = 4 * run.length, run.length, run.of["stretch"]
     room = (long * stretch + 4 * run.spacing, thick + 4 * run.spacing, thick + 4 * run.spacing)
     low = np.array([1.0, 2.0, 2.0]) * run.spacing
     bar = probes.bar(tuple(low), tuple(low + [long, thick, thick]), 4 * run.cells)
-    impulse: list[tuple[float, float]] = []
     with Simulation(vacuum(run, room)) as simulation:
-        solid, _ = simulation.add_solid(
-            bar,
-            density=1000.0,
-            youngs_modulus=modulus,
-            poissons_ratio=0.0,
-            compressible=1,
-            material=binding.MATERIALS[law],
-            rayleigh_alpha=20.0,
-        )
-        x = bar.points[:, 0]
-        pins = [simulation.add_pin(solid, np.abs(x - end) < 1e-6) for end in (x.min(), x.max())]
-        poses = [np.eye(4), np.eye(4)]
-        poses[1][0, 3] = long * (stretch - 1)
-        simulation.set_motion(pins[1], 0.0, pull, tuple(poses))
-        meter.advance(simulation, pull, run.largest_step)
-        simulation.set_motion(pins[1], pull, pull + 10.0, (poses[1], poses[1]))
-
-        def look(info: dict[str, Any]) -> None:
-            impulse.append((info["dt"], simulation.pin_reaction(pins[1])["impulse"][0]))
-
-        meter.advance(simulation, run.of["duration"], run.largest_step, after=look)
-        now = simulation.surface(solid)[0][:, 0].astype(float)
-    dt, kick = np.array(impulse[-max(1, len(impulse) // 5) :]).T
-    value = float(kick.sum() / dt.sum() / (modulus * thick**2))
+        add_bar(run, simulation, bar, 0.0)
+        force = held_force(run, meter, simulation, bar, 0, np.array([long * (stretch - 1), 0.0, 0.0]))
+        now = simulation.surface(1)[0][:, 0].astype(float)
+    x = bar.points[:, 0]
     marks = [np.abs(x - x.min() - part * long) < 1e-6 for part in (0.25, 0.75)]
     middle = float((now[marks[1]].mean() - now[marks[0]].mean()) / (long / 2))
     numbers = {"stretch of the middle": middle, "of the whole": stretch}
-    exact = float(PULLED[law](middle))
+    value, exact = float(force[0] / (run.of["modulus"] * thick**2)), float(PULLED[run.of["law"]](middle))
+    return Measured(value, exact, "relative, force at the held end", "at rest", numbers=numbers)
+
+
+SHEARED = 0.25  # Poisson ratio; above it the pressure has a part of the law (docs/numerics/bulk-by-pressure.md)
+LONG = (4, 8)  # heights
+
+
+def shear_stress(law: str, shear: float) -> float:
+    """Over Young's modulus, of simple shear, whose stretches are (sqrt(4 + shear^2) +- shear) / 2 and 1."""
+    root = np.sqrt(4 + shear**2)
+    stretches = np.array([(root + shear) / 2, (root - shear) / 2, 1.0])
+    slopes = np.array([shear / root + 1, shear / root - 1, 0.0]) / 2
+    mu, lam = 0.5 / (1 + SHEARED), SHEARED / ((1 + SHEARED) * (1 - 2 * SHEARED))
+    return float(principal_stress(law, stretches, mu, lam) @ slopes)
+
+
+def shear(run: Run, meter: Meter) -> Measured:
+    """A slab held below and moved sideways above: its force by the law at the shear of its middle.
+
+    `cells` over its height. Of two lengths: the difference of their forces is without what their ends lack.
+    """
+    high, h, forces = run.length, run.spacing, []
+    way = np.array([run.of["shear"] * high, 0.0, 0.0])
+    for long in LONG:
+        count = np.array([long * round(run.cells), 2 * round(run.cells), 1])
+        points, triangles = blocks(np.ones(count, bool), (long * high / count[0], high / count[1], h))
+        slab = Mesh(points + [h, 2 * h, 0.0], np.full(len(triangles), 3), triangles.ravel())
+        with Simulation(vacuum(run, (long * high + way[0] + 2 * h, high + 4 * h, h))) as simulation:
+            add_bar(run, simulation, slab, SHEARED)
+            forces.append(held_force(run, meter, simulation, slab, 1, way)[0])
+            now = simulation.surface(1)[0][:, 0].astype(float) - slab.points[:, 0]
+    x, y = (slab.points[:, axis].astype(float) for axis in (0, 1))
+    amid = np.abs(x - x.mean()) < 0.1 * long * high
+    marks = [amid & (np.abs(y - y.min() - part * high) < 1e-6) for part in (0.25, 0.75)]
+    middle = float((now[marks[1]].mean() - now[marks[0]].mean()) / (high / 2))
+    value = float((forces[1] - forces[0]) / (run.of["modulus"] * (LONG[1] - LONG[0]) * high * h))
+    numbers = {"shear of the middle": middle, "of the whole": run.of["shear"]}
+    exact = shear_stress(run.of["law"], middle)
     return Measured(value, exact, "relative, force at the held end", "at rest", numbers=numbers)
 
 
@@ -160,8 +209,8 @@ def plastic_ball(run: Run, meter: Meter) -> Measured:
 
 
 def tumbling(run: Run, meter: Meter) -> Measured:
-    """A box that turns about its middle axis and a little about another one: energy after ten turns."""
-    spin = run.of["spin"]
+    """A box that turns about its middle axis and a little about another one: energy after ten turns, or `turns`."""
+    spin, turns = run.of["spin"], run.of.get("turns", 10)
     turning = Experiment(
         "tumbling",
         shape="box",
@@ -170,13 +219,13 @@ def tumbling(run: Run, meter: Meter) -> Measured:
         density_ratio=None,
         spin=(0.05 * spin, spin, 0.0),
         youngs_modulus=run.of["modulus"],
-        duration=10 * 2 * np.pi / spin,
+        duration=turns * 2 * np.pi / spin,
     )
     result = laboratory(run, meter, turning)
     energy = result.with_start("kinetic_energy") + result.with_start("elastic_energy")
     turn = np.linalg.norm(result.with_start("angular_momentum"), axis=1)
-    kept, late = float(energy[-1] / energy[0]), float(turn[-1] / turn[0])
-    return Measured(kept, 1.0, "energy lost", "ten turns", numbers={"angular momentum kept": late})
+    numbers = {"angular momentum kept": float(turn[-1] / turn[0]), "misfit over the edge": result["misfit"][-1] / SIZE}
+    return Measured(float(energy[-1] / energy[0]), 1.0, "energy lost", f"{turns:g} turns", numbers=numbers)
 
 
 CASES = {
@@ -185,6 +234,9 @@ CASES = {
     "uniaxial_corotational": uniaxial,
     "uniaxial_stvk": uniaxial,
     "uniaxial_neo_hookean": uniaxial,
+    "shear_corotational": shear,
+    "shear_stvk": shear,
+    "shear_neo_hookean": shear,
     "plastic_ball": plastic_ball,
     "tumbling": tumbling,
 }

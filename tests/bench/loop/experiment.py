@@ -11,13 +11,13 @@ from eulerfsi.errors import LibraryError
 from eulerfsi.solver import binding, c_api
 from eulerfsi.solver.simulation import Mesh, Simulation
 
+from . import shut_scenes, thin_scenes
 from .company import Company
 from .groups import GROUPS
 from .overlap import deepest_vertex
 from .shapes import RADIUS, SIZE, make_shape, rigid_misfit, vertex_areas
 from .symmetry import mirror_gaps
-from .thin_scenes import CASES, make_case
-from .watch import Watch
+from .watch import Thin, Watch
 
 FRAME = 1 / 24  # s
 GRAVITY = 9.8  # m/s^2
@@ -31,6 +31,7 @@ OPEN_FACE = {"openBottom": 2, "openTop": 3, "openRight": 1}  # walls -> face -x 
 ALONG_X = ("open", "open", "slip", "slip", "slip", "slip")  # walls "openAlongX"
 CHANNEL = ("periodic", "periodic", "noSlip", "noSlip", "slip", "slip")  # walls "channel"
 FASTEST = 5.0  # m/s: no solid of these scenes is faster; one that needs the steps of twice this speed has blown up
+WATCHED = thin_scenes.CASES | shut_scenes.CASES
 TORN = 20.0  # an interior det F above this or below its inverse has blown up
 OUT_OF_TIME = "out of time"  # how the failure of a run begins that its wall-clock limit has ended
 
@@ -56,6 +57,7 @@ class Experiment:
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     spin: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rad/s
     stretch: tuple[float, float, float] | None = None  # initial F = diag(stretch) about the centre
+    scramble: int = 0  # seed of a start whose displacement is random within SIZE / 2 at every node; 0: none
     youngs_modulus: float = YOUNGS_MODULUS  # Pa
     poissons_ratio: float = POISSONS_RATIO
     compressible: bool = False
@@ -66,7 +68,7 @@ class Experiment:
     mirror: bool = False  # record how far the fields are from their mirror images
     halved: bool = False  # every step half as long as without this
     probe: str = ""  # one of probes.PROBES, which set up their own solids and what is given
-    group: str = ""  # of groups.GROUPS or thin_scenes.CASES, instead of the shape
+    group: str = ""  # of groups.GROUPS or WATCHED, instead of the shape
     limit: float = 600.0  # wall-clock seconds after which the run is given up
 
     @property
@@ -158,15 +160,19 @@ class Experiment:
 
     def bodies(self) -> list[tuple[Mesh, dict[str, Any]]]:
         """Surfaces and fields of EfsiSolidDef of all solids."""
-        if self.group in CASES:
-            return make_case(self.group, self.box, self.spacing).bodies()
+        if self.group in WATCHED:
+            return self.watched().bodies()
         return GROUPS[self.group](self) if self.group else [(self.mesh(), self.solid())]
 
     def company(self, simulation: Simulation) -> Company:
         """Adds what the scene has beside its solids."""
-        if self.group in CASES:
-            return Watch(simulation, make_case(self.group, self.box, self.spacing), self.spacing)
+        if self.group in WATCHED:
+            return Watch(simulation, self.watched(), self.spacing)
         return Company()
+
+    def watched(self) -> Thin:
+        """The scene of a group that is one of WATCHED."""
+        return WATCHED[self.group].make(np.array(self.box), self.spacing)
 
     def set_in(self, structure: type) -> dict[str, Any]:
         """The settings that are fields of a definition structure, tokens as their constants."""
@@ -192,6 +198,8 @@ def simulate(run: Experiment) -> dict[str, Any]:
         reports = [simulation.add_solid(mesh, **values)[1] for mesh, values in bodies]
         if run.stretch:
             stretch(simulation, run)
+        if run.scramble:
+            scramble(simulation, run)
         company = run.company(simulation)
         observe = Observer([mesh for mesh, _ in bodies], company)
         last = observe(simulation)
@@ -341,6 +349,13 @@ def stretch(simulation: Simulation, run: Experiment) -> None:
     simulation.set_field(
         "solid_displacement", offsets(u, place, run) * (1 - 1 / np.array(run.stretch))[:, *[None] * 3], 1
     )
+
+
+def scramble(simulation: Simulation, run: Experiment) -> None:
+    """Sets a displacement without any sense."""
+    u, _ = simulation.field("solid_displacement", 1)
+    drawn = np.random.default_rng(run.scramble).uniform(-SIZE / 2, SIZE / 2, u.shape)
+    simulation.set_field("solid_displacement", drawn, 1)
 
 
 def push_inwards(simulation: Simulation, run: Experiment, dt: float) -> None:

@@ -115,12 +115,15 @@ def ledger(result: Result) -> np.ndarray:
 
 
 def total_energy(result: Result) -> np.ndarray:
-    """All energy at the start of every step, u and v of one time, less outside work (the stage "external") [J].
+    """All energy at the start of every step, u and v of one time, less outside work [J].
 
-    Potential energy counts from its lowest. What the laboratory does between two steps stays in.
+    Outside work is the stage "external" and that of what holds pins and colliders. Potential energy counts from its
+    lowest. What the laboratory does between two steps stays in.
     """
     forms = result["energy_at_start"]
     work = ledger(result)[:, binding.ENERGY_STAGES.index("external")].sum(axis=1)
+    if "prescribed_work" in result.columns:
+        work = work + result["prescribed_work"]
     potential = forms[:, FORMS.index("potential")]
     return forms.sum(axis=1) - potential.min() - (np.cumsum(work) - work / 2)
 

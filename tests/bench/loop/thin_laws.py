@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .experiment import Experiment
+from .experiment import WATCHED, Experiment
 from .laws import Line, Results, conditions, found
 from .measure import Result
 from .shapes import SIZE
@@ -16,22 +16,25 @@ IN_VACUUM = ("strap", "ring", "press")  # that are cheap enough to run twice
 FLUIDS = (1000.0, None)  # density of the solids over the fluid's: as by default, vacuum
 
 
+def watched_run(name: str, ratio: float | None) -> Experiment:
+    """A case of experiment.WATCHED. ratio: density of the solids over the fluid's."""
+    case = WATCHED[name]
+    return Experiment(
+        f"thin: {name}",
+        shape=name,
+        across=round(SIZE / H),
+        box=tuple(H * cells for cells in case.cells),
+        duration=case.duration,
+        density_ratio=ratio,
+        gravity=case.gravity,
+        limit=1800.0,
+        group=name,
+    )
+
+
 def thin_runs(tier: str) -> list[Experiment]:
     return [
-        Experiment(
-            f"thin: {name}",
-            shape=name,
-            across=round(SIZE / H),
-            box=tuple(H * cells for cells in case.cells),
-            duration=case.duration,
-            density_ratio=ratio,
-            gravity=case.gravity,
-            limit=1800.0,
-            group=name,
-        )
-        for name, case in CASES.items()
-        for ratio in FLUIDS
-        if ratio or tier == "full" or name in IN_VACUUM
+        watched_run(name, ratio) for name in CASES for ratio in FLUIDS if ratio or tier == "full" or name in IN_VACUUM
     ]
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from .thin_shapes import Shape, ball, link, plate, ring, rod, rope
+from .thin_shapes import ball, link, plate, ring, rod, rope
 from .watch import Given, Thin
 
 H = 0.01  # m: the cell of all cases
@@ -163,10 +163,3 @@ CASES = {
     "rope": Case(folding_rope, (26, 56, 26), 0.4),
     "press": Case(pressed, (30, 18, 30), 0.2, 0.0),
 }
-
-
-def make_case(name: str, box: tuple[float, float, float], h: float) -> Thin:
-    return CASES[name].make(np.array(box), h)
-
-
-__all__ = ["CASES", "H", "Shape", "make_case"]

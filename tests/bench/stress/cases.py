@@ -1,18 +1,21 @@
-"""Stress cases S1 to S24: experiments of `bench loop` at the ends of their ranges, and calls that have to be refused.
+"""Stress cases S1 to S24: experiments of `bench loop`, runs of `bench accuracy` and calls that have to be refused.
 
-Laws, shapes and groups of `bench loop` are called. A case is a name and its runs; what is judged is in `judge.py`.
+Laws, shapes, groups and cases of both are called. A case is a name and its runs; what is judged is in `judge.py`.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+from accuracy import sweep
 from eulerfsi.errors import LibraryError
 from eulerfsi.solver.simulation import Mesh, Simulation
-from loop import contact_laws, elastic_laws, laws, survival
+from loop import contact_laws, elastic_laws, laws, meeting_laws, survival, thin_laws
 from loop.experiment import FRAME, GRAVITY, SHEAR_MODULUS, YOUNGS_MODULUS, Experiment
+from loop.measure import Result
 from loop.shapes import SIZE, make_shape
 
 THROWN = Experiment(
@@ -22,12 +25,28 @@ FREE = Experiment("let go", across=8, box=(0.5, 0.5, 0.5), density_ratio=None, d
 
 
 @dataclasses.dataclass(frozen=True)
+class Bar:
+    """A figure of a case beside those of all: its name and the range in which it passes.
+
+    of: how it is found in an experiment; a run of `bench accuracy` has it as its error or among its numbers.
+    """
+
+    name: str
+    least: float
+    most: float
+    of: Callable[[Result], float] | None = None
+
+
+@dataclasses.dataclass(frozen=True)
 class Case:
-    """runs: experiments; refused: calls by name that must raise LibraryError and nothing else."""
+    """runs: experiments; measured: of `bench accuracy`; refused: calls by name that must raise LibraryError and nothing
+    else; bars: what runs or measured have to keep beside the figures of every experiment."""
 
     number: str
     name: str
     runs: tuple[Experiment, ...] = ()
+    measured: tuple[sweep.Run, ...] = ()
+    bars: tuple[Bar, ...] = ()
     refused: tuple[tuple[str, Callable[[], object]], ...] = ()
     volume: bool = True  # the solids start at their rest volume, which they keep
     energy: bool = True  # closed: the law of energy holds
@@ -69,6 +88,30 @@ def impacts() -> tuple[Experiment, ...]:
 
 def loop_runs(runs: list[Experiment], limit: float = 120.0) -> tuple[Experiment, ...]:
     return tuple(dataclasses.replace(run, limit=limit) for run in runs)
+
+
+def accuracy_runs(name: str, limit: float, *choices: dict[str, Any], **parameters: float) -> tuple[sweep.Run, ...]:
+    """A case of `bench accuracy`. choices: fields of its Run, one each; limit: processor seconds."""
+    case = sweep.load()[1][name]
+    first = sweep.runs(case)[0]
+    own = tuple((dict(first.parameters) | parameters).items())
+    return tuple(dataclasses.replace(first, limit=limit, parameters=own, **choice) for choice in choices)
+
+
+def scrambled(full: bool) -> tuple[Experiment, ...]:
+    """Nothing is left of the shape at the start; soft and stiff, in steps of a frame."""
+    seeds = tuple(range(1, 6 if full else 3))
+    soft, stiff = (
+        each(dataclasses.replace(FREE, scene=f"scrambled, E {e:g} Pa", dt=FRAME, youngs_modulus=e), scramble=seeds)
+        for e in (YOUNGS_MODULUS, 100 * YOUNGS_MODULUS)
+    )
+    return soft + stiff
+
+
+def head_on() -> tuple[Experiment, ...]:
+    """Two balls until they have parted, in air and vacuum."""
+    met = (meeting_laws.meeting("meet head on", 10, ratio, False) for ratio in (1000.0, None))
+    return tuple(dataclasses.replace(run, box=(0.8, 0.5, 0.5), duration=0.2) for run in met)
 
 
 # --- calls that have to be refused -----------------------------------------------------------------------------------
@@ -137,17 +180,28 @@ def refusal(call: Callable[[], object]) -> str:
     return "it was accepted"
 
 
+OVERLAP = Bar("deepest overlap [h]", 0, 1.0, lambda r: float(deepest(r).max()))
+VORTEX_STEPS = (0.01, FRAME)  # s
+
+
+def deepest(result: Result) -> np.ndarray:
+    """Of a vertex of one solid in another or in a collider, after every step [cells]."""
+    depths = [result[name] for name in ("overlap", "collider_overlap") if name in result.columns]
+    return np.max(depths, axis=0) / result.run.spacing
+
+
 # --- the list --------------------------------------------------------------------------------------------------------
 
 
 def cases(full: bool) -> tuple[Case, ...]:
     """All of them; full: also the whole matrix of survival and finer grids."""
-    tier = "full" if full else "quick"
+    tier, turns = ("full", 1000) if full else ("quick", 20)
     plastic = dataclasses.replace(FREE, stretch=(2**0.5, 0.5, 2**0.5))
     lost = dataclasses.replace(FREE, scene="turned inside out", stretch=(1.0, 1.0, -1.0))
     tight = dataclasses.replace(THROWN, box=(0.21, 0.35, 0.23), across=8)
     squashes = loop_runs(elastic_laws.squash_runs(tier), 300.0)
     return (
+        Case("S1", "scrambled start", scrambled(full), volume=False),
         Case("S2", "collapsed or inverted start", (*each(FREE, stretch=((0.3,) * 3, (1, 1, 0.2))), lost), volume=False),
         Case("S3", "stretched 2 to 4 times, pressed to a third", stretched((2.0, 4.0, 1 / 3)), volume=False),
         Case("S4", "squash (`bench loop`)", squashes, volume=False),
@@ -157,13 +211,48 @@ def cases(full: bool) -> tuple[Case, ...]:
         Case("S8", "survival (`bench loop`): step, CFL, walls", loop_runs(survival.survival_runs(tier), 60.0)),
         Case("S9", "tolerances of both solves", tolerances()),
         Case("S10", "a hundred times heavier on soft (`bench loop`)", loop_runs(contact_laws.stack_runs("quick")[1:])),
+        Case(
+            "S11",
+            "pressed through a slit, pressed flat",
+            tuple(thin_laws.watched_run(name, 1000.0) for name in ("funnel", "press")),
+            bars=(Bar("sides exchanged", 0, 0, lambda r: float(thin_laws.changed_sides(r).max())), OVERLAP),
+        ),
         Case("S12", "stack (`bench loop`)", loop_runs(contact_laws.stack_runs("quick")[:1])),
         Case("S13", "parts of one to two cells", each(dataclasses.replace(THROWN, across=6), shape=("torus", "u"))),
         Case("S14", "0.1 to 5 cells a step at the floor", impacts(), volume=False),
+        Case(
+            "S15",
+            "two balls head on, until they part",
+            head_on(),
+            bars=(OVERLAP, Bar("rows in contact at the end", 0, 0, lambda r: float(r["active_rows"][-1]))),
+        ),
+        Case(
+            "S16",
+            "soft disc past the lid of a cavity (`bench accuracy`)",
+            measured=accuracy_runs("soft_disc", 120.0, {"cells": 48}, {"cells": 64}, duration=6.0),
+            bars=(Bar("area off", 0, 0.05), Bar("largest distance", 0, 0.1)),
+        ),
+        Case(
+            "S17",
+            "soft disc in a vortex without viscosity (`bench accuracy`)",
+            measured=accuracy_runs("oscillating_disc", 120.0, *({"cells": 64, "max_step": t} for t in VORTEX_STEPS)),
+            bars=(Bar("largest energy", 0, 1.02), Bar("lowest det F", 0.5, 1), Bar("highest det F", 1, 2)),
+        ),
         Case("S18", "a box that fits, of odd sizes", (tight,)),
         Case("S19", "shapes that are none", refused=REFUSED_SHAPES),
         Case("S20", "rest (`bench loop`)", loop_runs(laws.rest_runs(tier)[:1])),
+        Case(
+            "S21",
+            f"a box tumbles, {turns} turns (`bench accuracy`)",
+            measured=accuracy_runs("tumbling", 20.0 * turns, {"cells": 6}, turns=turns),
+            bars=(Bar("angular momentum kept", 0.95, 1.02), Bar("misfit over the edge", 0, 0.05)),
+        ),
         Case("S22", "yield stress", with_settings(plastic, "plastic_yield_stress", (1.0, 0.1 * SHEAR_MODULUS, 1e12))),
+        Case(
+            "S23",
+            "liquid in a closed collider, in a hollow solid",
+            tuple(thin_laws.watched_run(name, 1.3) for name in ("sealed", "pocket")),
+        ),
         Case("S24", "values that are none", refused=REFUSED_VALUES),
     )
 

@@ -1,0 +1,111 @@
+"""What to expect of a scene at its voxel size, from measured curves of error over voxels across a body.
+
+`expectations.json` holds the curves: `./eulerfsi bench accuracy --expectations` writes it from runs whose table is
+tests/bench/results/expectations.md, and tries what is said here on random scenes.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..scene.parts import Scene
+
+CURVES = Path(__file__).with_name("expectations.json")
+_SLOWEST = 0.25  # order in the voxel size: an error that falls more slowly is not halved by voxels
+_SLAB = 2.0  # voxels: an edge of the domain that is no longer is no length of a body
+_AS_LIGHT = 3.0  # times its density: a fluid lighter than that takes no part in a swing
+
+
+@dataclasses.dataclass(frozen=True)
+class Curve:
+    """Errors of runs by voxels across, coarse ones first. order: that of the error in the voxel size, 0 for none; cost:
+    processor time grows with one over the voxel size to this power."""
+
+    cells: tuple[float, ...]
+    errors: tuple[float, ...]
+    order: float
+    cost: float
+
+    def at(self, across: float) -> float:
+        """Between the runs by logarithms, beyond them by the order."""
+        nearest = min(max(across, self.cells[0]), self.cells[-1])
+        inside = math.exp(np.interp(math.log(nearest), np.log(self.cells), np.log(self.errors)))
+        return float(inside * (nearest / across) ** self.order)
+
+    def halved(self, voxel: float) -> tuple[float, float] | None:
+        """(voxel size with half of the error, its processor time over that now); None where voxels do not help."""
+        if self.order < _SLOWEST:
+            return None
+        finer = 2 ** (1 / self.order)
+        return voxel / finer, finer**self.cost
+
+
+@functools.cache
+def curves() -> Mapping[str, Curve]:
+    """By name: rebound, volume, swing, swing in fluid, sliding, vortex."""
+    read = json.loads(CURVES.read_text())
+    return {k: Curve(tuple(v["cells"]), tuple(v["errors"]), v["order"], v["cost"]) for k, v in read.items()}
+
+
+def of_solid(values: Mapping[str, Any], across: float, fluid: float) -> dict[str, float]:
+    """Errors by name of its curve. values: fields of EfsiSolidDef; fluid: its density, 0 for none [kg/m^3]."""
+    names = ["rebound"] if values["compressible"] else ["rebound", "volume"]
+    names.append("swing in fluid" if fluid * _AS_LIGHT > values["density"] else "swing")
+    names += ["sliding"] if values["friction"] > 0 else []
+    return {name: curves()[name].at(across) for name in names}
+
+
+_WORDS = {
+    "rebound": "speed of a rebound within {}",
+    "volume": "volume within {}",
+    "swing": "a swing loses {} of its energy in ten periods",
+    "swing in fluid": "a swing loses {} of its energy in ten periods",
+    "sliding": "a way slid within {}",
+    "vortex": "vortices of that size lose {} of their energy in a turn",
+}
+
+
+def describe(scene: Scene) -> list[str]:
+    """A line for each solid and one for the fluid."""
+    domain = scene.domain
+    voxel, density = domain["voxel_size"], domain["fluid_density"] if domain["ambient_fluid"] else 0.0
+    deep = np.array(domain["domain_size"], float) > _SLAB * voxel
+    lines, sizes = [], []
+    for solid in scene.solids:
+        report = (solid.start or solid.surface).report
+        size = smallest(np.subtract(report["extent_max"], report["extent_min"]), deep)
+        sizes.append(size)
+        lines.append(line(solid.path, size, voxel, of_solid(solid.values, size / voxel, density), "rebound"))
+    if density:
+        sizes += [smallest(np.subtract(*reversed(emitter.extent())), deep) for emitter in scene.emitters]
+        size = min([*sizes, smallest(np.array(domain["domain_size"]) / 4, deep)])
+        lines.append(line("fluid", size, voxel, {"vortex": curves()["vortex"].at(size / voxel)}, "vortex"))
+    return lines
+
+
+def smallest(extent: np.ndarray, deep: np.ndarray) -> float:
+    """Of the edges of a box, without those across a slab."""
+    return float(min(extent[deep], default=float(max(extent))))
+
+
+def line(name: str, size: float, voxel: float, errors: Mapping[str, float], halved: str) -> str:
+    """halved: which of the errors the last words are about."""
+    told = ", ".join(_WORDS[which].format(_percent(error)) for which, error in errors.items())
+    text = f"{name}: {size / voxel:.3g} voxels across; expect {told}"
+    finer = curves()[halved].halved(voxel)
+    if not finer:
+        return f"{text}; smaller steps help there, smaller voxels do not"
+    which = "" if len(errors) == 1 else f" for the {halved}"
+    return f"{text}; half of that{which} at voxel {finer[0]:.2g}, {finer[1]:.2g} times the time"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %" if share < 0.995 else "all"
