@@ -4,6 +4,10 @@ Every run is a process of its own with one thread and one line of tests/bench/re
 tests/bench/accuracy/README.md explains; a run that the table has already is not made again, so that an interrupted
 call is continued by the same call. Prints every run, then the orders of every case. Exit code 1 where --compare finds
 an error or a time that has grown; a run that fails is a line, and no failure of the benchmark.
+
+--expectations measures the curves from which `validate` tells what to expect, and writes them where it reads them;
+with --seed N random scenes at a third of their voxel size show whether that holds: exit code 1 where fewer than 16 of
+20 keep twice of what was said.
 """
 
 from __future__ import annotations
@@ -33,6 +37,7 @@ from eulerfsi.errors import UsageError  # noqa: E402
 
 PEERS = ROOT / "tests" / "bench" / "peers" / "accuracy_peers.py"
 REPEATS = 3  # of runs that are compared
+EXPECTED = table.RESULTS.with_name("expectations.csv")
 PATIENCE = 10.0  # wall-clock seconds of a run per processor second of its limit, and a minute
 
 
@@ -47,14 +52,18 @@ def parse(arguments: Sequence[str] | None, cases: dict[str, Case]) -> argparse.N
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="draws other parameters; 0: those of the file")
     parser.add_argument("--compare", type=Path, metavar="FILE", help="an earlier table: names what has become worse")
     parser.add_argument("--peers", action="store_true", help="also what a user would take instead (tests/bench/peers)")
+    parser.add_argument("--expectations", action="store_true", help="what `validate` says, beside random scenes")
+    parser.add_argument("--scenes", type=int, default=20, metavar="N", help="of --expectations; default: %(default)s")
     parser.add_argument("--list", action="store_true", help="print the cases and how many runs each has")
     parser.add_argument(
-        "--output", type=Path, default=table.RESULTS, metavar="FILE", help="the table; default: %(default)s"
+        "--output", type=Path, metavar="FILE", help=f"the table; default: {table.RESULTS}, or that of --expectations"
     )
     parser.add_argument("--child", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args(arguments)
-    if options.seed < 0:
-        raise UsageError(f"--seed {options.seed}: must be >= 0")
+    for option in ("seed", "scenes"):
+        if getattr(options, option) < 0:
+            raise UsageError(f"--{option} {getattr(options, option)}: must be >= 0")
+    options.output = options.output or (EXPECTED if options.expectations else table.RESULTS)
     for option, known in (("case", list(cases)), ("group", groups), ("sweep", list(table.SWEEPS[:4]))):
         unknown = [name for name in (getattr(options, option) or "").split(",") if name and name not in known]
         if unknown:
@@ -169,9 +178,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
             made = f"on the runs of {case.of}" if case.of else f"{len(sweep.runs(case))} runs; cells: {case.across}"
             print(f"{case.group:<10} {case.name:<22} {made}")
         return 0
+    if options.expectations:
+        from accuracy import expectations
+
+        if options.seed:
+            return 0 if expectations.check(options.seed, options.scenes) else 1
+        options.case, options.sweep = ",".join(expectations.CASES), "resolution"
     before = fit.with_errors(table.read(options.compare)) if options.compare else []
     table.demand_writable(options.output)
     rows = current(make(options, cases, before), options, cases)
+    if options.expectations:
+        expectations.write(rows)
     if options.peers:
         sys.path.insert(0, str(PEERS.parent))
         code = importlib.import_module(PEERS.stem).main(

@@ -24,6 +24,7 @@ from ..scene.parts import Scene
 from ..scene.read import open_stage, read_scene, set_frames
 from ..solver import binding
 from ..system import available_memory, available_threads, format_bytes
+from . import expectations
 
 _MOST_LINES = 8  # of passengers of one body
 
@@ -31,7 +32,7 @@ _MOST_LINES = 8  # of passengers of one body
 @dataclasses.dataclass
 class Report:
     """A scene that can be simulated. memory, memory_limit: bytes that it needs and may take; time: a line; disk: bytes
-    of its cache."""
+    of its cache; expected: a line a solid and one for the fluid."""
 
     scene: Scene
     warnings: list[Issue]
@@ -40,6 +41,7 @@ class Report:
     threads: int
     time: str
     disk: int
+    expected: list[str]
 
     def lines(self) -> list[str]:
         """For people."""
@@ -50,6 +52,7 @@ class Report:
             f"available ({format_bytes(self.memory)} for the simulation)",
             f"disk: about {format_bytes(self.disk)}, more where smoke spreads",
             self.time,
+            *self.expected,
             "the scene can be simulated",
         ]
 
@@ -64,6 +67,7 @@ class Report:
             "memory_limit": self.memory_limit,
             "threads": self.threads,
             "time": self.time.removeprefix("time: "),
+            "expected": self.expected,
         }
 
 
@@ -108,7 +112,8 @@ def validate(
     )
     reading = time.monotonic() - begun
     room = disk.need(scene, Output(), len(scene.frames), Checkpoints("10", "2").most(len(scene.frames)))
-    return Report(scene, warnings, needed, limit, threads, time_estimate(scene, threads, limit, reading), room)
+    told = time_estimate(scene, threads, limit, reading)
+    return Report(scene, warnings, needed, limit, threads, told, room, expectations.describe(scene))
 
 
 def scene_facts(scene: Scene) -> dict[str, Any]:

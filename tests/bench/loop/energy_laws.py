@@ -129,9 +129,12 @@ def share_of_gap(result: Result) -> float:
 
 
 def share_of_rise(result: Result) -> float:
-    """The largest rise above the running minimum over the largest energy so far."""
+    """The largest rise above the running minimum over the largest energy, or work of what is given, so far."""
     energy = total_energy(result)
-    return float(((energy - np.minimum.accumulate(energy)) / np.maximum(largest_so_far(energy), 1e-12)).max())
+    largest = largest_so_far(energy)
+    if "prescribed_work" in result.columns:
+        largest = np.maximum(largest, largest_so_far(np.cumsum(result["prescribed_work"])))
+    return float(((energy - np.minimum.accumulate(energy)) / np.maximum(largest, 1e-12)).max())
 
 
 # --- repairs ---------------------------------------------------------------------------------------------------------
