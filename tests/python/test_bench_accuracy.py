@@ -32,6 +32,10 @@ from accuracy import (  # noqa: E402
 )
 from accuracy.table import Row  # noqa: E402
 from eulerfsi.errors import UsageError  # noqa: E402
+from eulerfsi.solver.simulation import Simulation  # noqa: E402
+from loop import experiment, thin_laws  # noqa: E402
+from loop.measure import total_energy  # noqa: E402
+from loop.shapes import SIZE  # noqa: E402
 from stress import cases as stress_cases  # noqa: E402
 from stress import judge  # noqa: E402
 
@@ -304,6 +308,14 @@ def test_lambs_dipole_is_a_flow_without_a_jump() -> None:
     assert middle == pytest.approx(1 - 1 / cases_fluid.bessel(0, np.array(3.8317)), rel=1e-3)
 
 
+def test_shear_stress_beside_closed_forms() -> None:
+    root, mu = np.sqrt(5.0), 0.5 / 1.25  # of a shear of 1; lambda is mu
+    assert cases_solid.shear_stress("corotational", 1.0) == pytest.approx(mu * (2 - 2 / root + (root - 2) / root))
+    assert cases_solid.shear_stress("stVenantKirchhoff", 1.0) == pytest.approx(mu * 2.5)  # mu (s + s^3) + lambda/2 s^3
+    for law in cases_solid.PULLED:
+        assert cases_solid.shear_stress(law, 1e-4) == pytest.approx(1e-4 * mu, rel=1e-3)
+
+
 @pytest.mark.parametrize("law", cases_solid.PULLED)
 def test_laws_of_a_pulled_bar_are_linear_at_first_and_stiffen_or_soften(law: str) -> None:
     pulled = cases_solid.PULLED[law]
@@ -406,7 +418,53 @@ def test_stress_judges_by_its_worst_run(library, capsys) -> None:
     still.failure = "diverged"
     line = judge.of_runs(case, [slow, still])
     assert not line.passed and "1 of 2 finish" in line.text
-    assert "still: diverged" in line.text and "still: speed over reference" in line.text
+    assert "still, ball: diverged" in line.text and "still, ball: speed over reference" in line.text
+
+
+def test_stress_judges_runs_of_bench_accuracy_by_their_numbers() -> None:
+    bars = (stress_cases.Bar("area off", 0.05), stress_cases.Bar("angular momentum kept", 1.02, 0.95))
+    runs = stress_cases.accuracy_runs("tumbling", 9.0, {"cells": 6}, {"cells": 8}, turns=20)
+    assert [run.cells for run in runs] == [6, 8] and runs[0].limit == 9.0 and runs[0].of["turns"] == 20
+    case = stress_cases.Case("S0", "turned", measured=runs, bars=bars)
+
+    def answer(area: float, kept: float, failure: str = "") -> dict:
+        numbers = {"area off": area, "angular momentum kept": kept}
+        return {"failure": failure, "measured": {} if failure else {"tumbling": {"error": 0.0, "numbers": numbers}}}
+
+    line = judge.of_measured(case, [answer(0.01, 0.99), answer(0.02, 0.97)])
+    assert line.passed and "2 of 2 finish; worst area off 0.02 (8 cells" in line.text
+    assert "angular momentum kept 0.97 (8 cells" in line.text
+    line = judge.of_measured(case, [answer(0.01, 0.94), answer(float("nan"), 1.0)])
+    assert not line.passed and "kept 0.94 < 0.95" in line.text and "area off nan" in line.text
+    line = judge.of_measured(case, [answer(0.01, 1.0), answer(0, 0, "over 9 processor seconds")])
+    assert not line.passed and "1 of 2 finish" in line.text and "over 9 processor seconds" in line.text
+
+
+def test_stress_judges_what_a_case_names_and_work_from_outside(library) -> None:
+    run = dataclasses.replace(thin_laws.watched_run("press", None), duration=0.02)
+    result = bench_loop.run_child(run)
+    deep = stress_cases.Case("S0", "pressed", (run,), bars=(stress_cases.OVERLAP,))
+    line = judge.of_runs(deep, [result])
+    assert line.passed and "deepest overlap [h]" in line.text and result["prescribed_work"].sum() != 0
+    result.columns["collider_overlap"] = result["collider_overlap"] + 2 * run.spacing
+    assert "deepest overlap [h] 2" in judge.of_runs(deep, [result]).text
+    assert not judge.of_runs(deep, [result]).passed
+    before = total_energy(result)
+    result.columns["prescribed_work"] = result["prescribed_work"] + 1.0
+    assert np.allclose(before - total_energy(result), np.arange(len(before)) + 0.5)
+    assert judge.of_runs(deep, [result]).text.startswith("1 of 1 finish; worst energy rise")
+
+
+def test_a_scrambled_start_is_random_and_the_same_for_its_seed(library) -> None:
+    seen = []
+    for seed in (1, 1, 2):
+        run = dataclasses.replace(stress_cases.FREE, scramble=seed, across=6)
+        with Simulation(run.simulation()) as simulation:
+            simulation.add_solid(run.mesh(), **run.solid())
+            experiment.scramble(simulation, run)
+            seen.append(simulation.field("solid_displacement", 1)[0].copy())
+    assert (seen[0] == seen[1]).all() and (seen[0] != seen[2]).any()
+    assert 0.9 * SIZE / 2 < np.abs(seen[0]).max() <= SIZE / 2
 
 
 def test_values_and_shapes_that_are_none_are_refused(library, capsys) -> None:

@@ -64,12 +64,12 @@ def of_solid(values: Mapping[str, Any], across: float, fluid: float) -> dict[str
 
 
 _WORDS = {
-    "rebound": "speed of a rebound within {}",
+    "rebound": "a rebound within {}",
     "volume": "volume within {}",
-    "swing": "a swing loses {} of its energy in ten periods",
-    "swing in fluid": "a swing loses {} of its energy in ten periods",
+    "swing": "{} of a swing's energy lost in ten periods",
+    "swing in fluid": "{} of a swing's energy lost in ten periods",
     "sliding": "a way slid within {}",
-    "vortex": "vortices of that size lose {} of their energy in a turn",
+    "vortex": "{} of the energy of vortices of that size lost in a turn",
 }
 
 
@@ -102,9 +102,8 @@ def line(name: str, size: float, voxel: float, errors: Mapping[str, float], halv
     text = f"{name}: {size / voxel:.3g} voxels across; expect {told}"
     finer = curves()[halved].halved(voxel)
     if not finer:
-        return f"{text}; smaller steps help there, smaller voxels do not"
-    which = "" if len(errors) == 1 else f" for the {halved}"
-    return f"{text}; half of that{which} at voxel {finer[0]:.2g}, {finer[1]:.2g} times the time"
+        return f"{text}; less of the {halved}'s with smaller steps, not with smaller voxels"
+    return f"{text}; half of the {halved}'s at voxel {finer[0]:.2g}, {finer[1]:.2g} times the time"
 
 
 def _percent(share: float) -> str:

@@ -63,11 +63,11 @@ def bars_of(case: Case, result: Result) -> list[Bar]:
     run = result.run
     closed = case.energy and ("open" not in run.face_kinds or run.gravity == 0)
     kept = case.volume and not run.compressible and not dict(run.settings).get("plastic_yield_stress")
-    bars = [Bar("speed over reference", 0, MOST_SPEED, lambda r: float(fastest(r) / reference_speed(r)))]
+    bars = [Bar("speed over reference", MOST_SPEED, of=lambda r: float(fastest(r) / reference_speed(r)))]
     if kept:
-        bars.insert(0, Bar("volume off", 0, MOST_VOLUME, lambda r: max(abs(v - 1) for v in volume_range(r, "mesh"))))
+        bars.insert(0, Bar("volume off", MOST_VOLUME, of=lambda r: max(abs(v - 1) for v in volume_range(r, "mesh"))))
     if closed:
-        bars.insert(0, Bar("energy rise", 0, MOST_RISE, share_of_rise))
+        bars.insert(0, Bar("energy rise", MOST_RISE, of=share_of_rise))
     return [*bars, *case.bars]
 
 
