@@ -206,6 +206,7 @@ def oscillating_disc(run: Run, meter: Meter) -> Measured:
     low, high, area = np.array(ranges).T
     kept = np.array(energies) / energies[0]
     numbers = {
+        "energy kept": float(kept[-1]),
         "lowest det F": float(low.min()),
         "highest det F": float(high.max()),
         "area off": float(np.abs(area / area[0] - 1).max()),
