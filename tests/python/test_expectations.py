@@ -43,9 +43,13 @@ def test_a_curve_is_interpolated_and_goes_on_with_its_order() -> None:
     assert found["order"] == pytest.approx(1, abs=0.01) and found["cost"] == pytest.approx(3, abs=0.01)
     curve = told.Curve(tuple(found["cells"]), (0.4, 0.3, 0.1), 1.0, 3.0)
     assert curve.at(12) == pytest.approx(0.3) and 0.3 < curve.at(10) < 0.4
-    assert curve.at(4) == pytest.approx(0.8) and curve.at(48) == pytest.approx(0.05)
-    assert curve.halved(0.02) == pytest.approx((0.01, 8.0))
-    assert dataclasses.replace(curve, order=0.1).halved(0.02) is None
+    assert curve.at(4) == pytest.approx(0.4 * 2 ** (np.log(4 / 3) / np.log(3 / 2))) and curve.at(48) == pytest.approx(
+        0.05
+    )
+    assert curve.halved(24) == pytest.approx((48, 8.0), rel=0.05)
+    across, time = curve.halved(12)
+    assert curve.at(across) == pytest.approx(0.15, rel=0.03) and time == pytest.approx((across / 12) ** 3)
+    assert dataclasses.replace(curve, order=0.1).halved(24) is None
 
 
 def test_resolutions_that_agree_by_chance_are_not_believed() -> None:
@@ -58,8 +62,8 @@ def test_resolutions_that_agree_by_chance_are_not_believed() -> None:
 
 
 def test_errors_that_grow_on_finer_grids_are_not_halved_by_them() -> None:
-    found = expectations.curve(rows_of([0.99, 0.98, 0.97], 1.0), "")
-    assert found["order"] == 0
+    found = expectations.curve(rows_of([0.9, 0.99, 0.97], 1.0), "")
+    assert found["order"] == 0 and found["errors"] == [0.1, 0.03, 0.03]
     text = told.line("fluid", 0.2, 0.02, {"vortex": 0.03}, "vortex")
     assert text.startswith("fluid: 10 voxels across; expect 3 % of the energy")
 

@@ -19,15 +19,16 @@ import numpy as np
 from ..scene.parts import Scene
 
 CURVES = Path(__file__).with_name("expectations.json")
-_SLOWEST = 0.25  # order in the voxel size: an error that falls more slowly is not halved by voxels
+_FINEST = 8.0  # times as many voxels across: an error that they do not halve is not one of the voxel size
+_STEEPEST = 2.0  # order that is believed beyond the coarsest run
 _SLAB = 2.0  # voxels: an edge of the domain that is no longer is no length of a body
 _AS_LIGHT = 3.0  # times its density: a fluid lighter than that takes no part in a swing
 
 
 @dataclasses.dataclass(frozen=True)
 class Curve:
-    """Errors of runs by voxels across, coarse ones first. order: that of the error in the voxel size, 0 for none; cost:
-    processor time grows with one over the voxel size to this power."""
+    """Errors of runs by voxels across, coarse ones first, none smaller than a finer one's. order: that of the error in
+    the voxel size, 0 for none; cost: processor time grows with one over the voxel size to this power."""
 
     cells: tuple[float, ...]
     errors: tuple[float, ...]
@@ -35,17 +36,19 @@ class Curve:
     cost: float
 
     def at(self, across: float) -> float:
-        """Between the runs by logarithms, beyond them by the order."""
+        """Between runs by logarithms, beyond the finest by the order, beyond the coarsest as from it to the next."""
+        cells, errors = np.log(self.cells), np.log(self.errors)
+        coarse = min(_STEEPEST, (errors[0] - errors[1]) / (cells[1] - cells[0]))
         nearest = min(max(across, self.cells[0]), self.cells[-1])
-        inside = math.exp(np.interp(math.log(nearest), np.log(self.cells), np.log(self.errors)))
-        return float(inside * (nearest / across) ** self.order)
+        order = coarse if across < nearest else self.order
+        return float(math.exp(np.interp(math.log(nearest), cells, errors)) * (nearest / across) ** order)
 
-    def halved(self, voxel: float) -> tuple[float, float] | None:
-        """(voxel size with half of the error, its processor time over that now); None where voxels do not help."""
-        if self.order < _SLOWEST:
-            return None
-        finer = 2 ** (1 / self.order)
-        return voxel / finer, finer**self.cost
+    def halved(self, across: float) -> tuple[float, float] | None:
+        """(voxels across with half of the error, processor time over that now); None where voxels do not help."""
+        for finer in np.geomspace(1, _FINEST, 200):
+            if self.at(across * finer) <= self.at(across) / 2:
+                return float(across * finer), float(finer**self.cost)
+        return None
 
 
 @functools.cache
@@ -100,10 +103,10 @@ def line(name: str, size: float, voxel: float, errors: Mapping[str, float], halv
     """halved: which of the errors the last words are about."""
     told = ", ".join(_WORDS[which].format(_percent(error)) for which, error in errors.items())
     text = f"{name}: {size / voxel:.3g} voxels across; expect {told}"
-    finer = curves()[halved].halved(voxel)
+    finer = curves()[halved].halved(size / voxel)
     if not finer:
         return f"{text}; less of the {halved}'s with smaller steps, not with smaller voxels"
-    return f"{text}; half of the {halved}'s at voxel {finer[0]:.2g}, {finer[1]:.2g} times the time"
+    return f"{text}; half of the {halved}'s at voxel {size / finer[0]:.2g}, {finer[1]:.2g} times the time"
 
 
 def _percent(share: float) -> str:
