@@ -275,6 +275,7 @@ def test_second_run_in_the_same_folder_is_refused(whole, tmp_path):
     process = start(scene, tmp_path / "cache")
     try:
         assert json.loads(process.stdout.readline())["event"] == "start"
+        process.send_signal(signal.SIGSTOP)  # it shall not end before the other begins
         other = start(scene, tmp_path / "cache", "--resume")
         _, errors = other.communicate(timeout=120)
         assert other.returncode == 5 and f"process {process.pid} on {os.uname().nodename} is writing" in errors
