@@ -65,7 +65,9 @@ def test_errors_that_grow_on_finer_grids_are_not_halved_by_them() -> None:
     found = expectations.curve(rows_of([0.9, 0.99, 0.97], 1.0), "")
     assert found["order"] == 0 and found["errors"] == [0.1, 0.03, 0.03]
     text = told.line("fluid", 0.2, 0.02, {"vortex": 0.03}, "vortex")
-    assert text.startswith("fluid: 10 voxels across; expect 3 % of the energy")
+    assert text.startswith("fluid: 10 voxels across; expect 3 % of the energy") and "half of that at voxel" in text
+    text = told.line("/Ball", 0.2, 0.0002, {"volume": 0.1, "vortex": 0.03}, "vortex")
+    assert text.endswith("less of the vortex's with smaller steps, not with smaller voxels")
 
 
 def test_what_is_said_depends_on_the_material_and_the_fluid() -> None:

@@ -103,10 +103,10 @@ def line(name: str, size: float, voxel: float, errors: Mapping[str, float], halv
     """halved: which of the errors the last words are about."""
     told = ", ".join(_WORDS[which].format(_percent(error)) for which, error in errors.items())
     text = f"{name}: {size / voxel:.3g} voxels across; expect {told}"
-    finer = curves()[halved].halved(size / voxel)
+    finer, whose = curves()[halved].halved(size / voxel), "that" if len(errors) == 1 else f"the {halved}'s"
     if not finer:
-        return f"{text}; less of the {halved}'s with smaller steps, not with smaller voxels"
-    return f"{text}; half of the {halved}'s at voxel {size / finer[0]:.2g}, {finer[1]:.2g} times the time"
+        return f"{text}; less of {whose} with smaller steps, not with smaller voxels"
+    return f"{text}; half of {whose} at voxel {size / finer[0]:.2g}, {finer[1]:.2g} times the time"
 
 
 def _percent(share: float) -> str:
