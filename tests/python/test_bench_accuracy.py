@@ -455,6 +455,19 @@ def test_stress_judges_what_a_case_names_and_work_from_outside(library) -> None:
     assert judge.of_runs(deep, [result]).text.startswith("1 of 1 finish; worst energy rise")
 
 
+def test_a_twisted_start_keeps_volume_and_turns_its_ends(library) -> None:
+    (run,) = stress_cases.twisted((90.0,))
+    with Simulation(run.simulation()) as simulation:
+        simulation.add_solid(run.mesh(), **run.solid())
+        experiment.twist(simulation, run)
+        low, high = experiment.det_f_ranges(simulation)["det_f_interior"]
+        moved = simulation.surface(1)[0].astype(float) - run.middle
+    assert 0.97 < low <= high < 1.03
+    at_rest, end = run.mesh().points - run.middle, np.abs(run.mesh().points[:, 0] - run.middle[0] - 0.1) < 1e-6
+    turned = np.arctan2(moved[end, 2], moved[end, 1]) - np.arctan2(at_rest[end, 2], at_rest[end, 1])
+    assert np.median(np.rad2deg((turned + np.pi) % (2 * np.pi) - np.pi)) == pytest.approx(45, abs=3)
+
+
 def test_a_scrambled_start_is_random_and_the_same_for_its_seed(library) -> None:
     seen = []
     for seed in (1, 1, 2):

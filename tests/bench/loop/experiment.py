@@ -57,6 +57,7 @@ class Experiment:
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     spin: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rad/s
     stretch: tuple[float, float, float] | None = None  # initial F = diag(stretch) about the centre
+    twist: float = 0.0  # about x, from one end of SIZE to the other at the start [rad]
     scramble: int = 0  # seed of a start whose displacement is random within SIZE / 2 at every node; 0: none
     youngs_modulus: float = YOUNGS_MODULUS  # Pa
     poissons_ratio: float = POISSONS_RATIO
@@ -198,6 +199,8 @@ def simulate(run: Experiment) -> dict[str, Any]:
         reports = [simulation.add_solid(mesh, **values)[1] for mesh, values in bodies]
         if run.stretch:
             stretch(simulation, run)
+        if run.twist:
+            twist(simulation, run)
         if run.scramble:
             scramble(simulation, run)
         company = run.company(simulation)
@@ -349,6 +352,15 @@ def stretch(simulation: Simulation, run: Experiment) -> None:
     simulation.set_field(
         "solid_displacement", offsets(u, place, run) * (1 - 1 / np.array(run.stretch))[:, *[None] * 3], 1
     )
+
+
+def twist(simulation: Simulation, run: Experiment) -> None:
+    """Sets u(x) = x - X, X turned back about x by run.twist of its distance to the middle over SIZE."""
+    u, place = simulation.field("solid_displacement", 1)
+    x, y, z = offsets(u, place, run)
+    turn = -run.twist * x / SIZE
+    back = np.stack([x, np.cos(turn) * y - np.sin(turn) * z, np.sin(turn) * y + np.cos(turn) * z])
+    simulation.set_field("solid_displacement", np.stack([x, y, z]) - back, 1)
 
 
 def scramble(simulation: Simulation, run: Experiment) -> None:

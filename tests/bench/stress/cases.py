@@ -63,8 +63,17 @@ def with_settings(base: Experiment, name: str, some: tuple) -> tuple[Experiment,
 
 
 def stretched(factors: tuple[float, ...]) -> tuple[Experiment, ...]:
-    """Along x at constant volume."""
-    return each(FREE, stretch=tuple((f, f**-0.5, f**-0.5) for f in factors))
+    """Along x at constant volume, in a box with room for it."""
+    runs = each(FREE, stretch=tuple((f, f**-0.5, f**-0.5) for f in factors))
+    return tuple(dataclasses.replace(run, box=(max(0.5, 1.5 * SIZE * run.stretch[0]), *run.box[1:])) for run in runs)
+
+
+def twisted(degrees: tuple[float, ...]) -> tuple[Experiment, ...]:
+    """A bar, about its length."""
+    bar = dataclasses.replace(FREE, shape="box")
+    return tuple(
+        dataclasses.replace(bar, scene=f"twisted by {d:g} degrees", twist=float(np.deg2rad(d))) for d in degrees
+    )
 
 
 def impacts() -> tuple[Experiment, ...]:
@@ -203,7 +212,12 @@ def cases(full: bool) -> tuple[Case, ...]:
     return (
         Case("S1", "scrambled start", scrambled(full), volume=False),
         Case("S2", "collapsed or inverted start", (*each(FREE, stretch=((0.3,) * 3, (1, 1, 0.2))), lost), volume=False),
-        Case("S3", "stretched 2 to 4 times, pressed to a third", stretched((2.0, 4.0, 1 / 3)), volume=False),
+        Case(
+            "S3",
+            "stretched 2 to 5 times, pressed to a third, twisted by 90 to 360 degrees",
+            stretched((2.0, 5.0, 1 / 3)) + twisted((90.0, 180.0, 360.0)),
+            volume=False,
+        ),
         Case("S4", "squash (`bench loop`)", squashes, volume=False),
         Case("S5", "density ratio", each(THROWN, density_ratio=(0.1, 0.9, 1.0, 1.1, 500.0, 1e4))),
         Case("S6", "Young's modulus", each(dataclasses.replace(THROWN, dt=FRAME), youngs_modulus=(1e3, 1e5, 1e7, 1e9))),

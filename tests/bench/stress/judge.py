@@ -33,7 +33,7 @@ def reference_speed(result: Result) -> float:
     started = max(float(np.linalg.norm(values.get("velocity", 0.0))) for _, values in run.bodies())
     density = run.solid()["density"]
     fall = (2 * run.gravity * run.box[1] * max(1.0, 1000.0 / density)) ** 0.5
-    strained = (run.youngs_modulus / density) ** 0.5 if run.stretch or run.scramble else 0.0
+    strained = (run.youngs_modulus / density) ** 0.5 if run.stretch or run.twist or run.scramble else 0.0
     return started + pushed + fall + strained + 1e-9
 
 
