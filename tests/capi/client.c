@@ -225,10 +225,12 @@ static void check_mesh(const char* folder) {
   CHECK_OK(NULL, efsi_mesh_load(path, &mesh, &error));
   if (mesh) {
     CHECK_OK(NULL, efsi_mesh_get_view(mesh, &view));
+#ifndef EFSI_EARLIER_HEADERS
     EfsiMeshObject object;
     uint64_t objects = 0;
     CHECK_OK(NULL, efsi_mesh_get_objects(mesh, &object, sizeof(object), 1, &objects, &error));
     CHECK(objects == 1 && object.name[0] == '\0' && object.first_face == 0 && object.face_count == view.face_count);
+#endif
     EfsiSurface* surface = NULL;
     double depth = 0.0, volume = 0.0;
     CHECK_OK(NULL, efsi_surface_create(&view, 0.04, 2, go_on, NULL, &surface, &error));
