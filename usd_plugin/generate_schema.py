@@ -1,13 +1,16 @@
 """Generates the codeless USD schema from eulerfsi_schema/schema.usda with usdGenSchema.
 
-    python usd_plugin/generate_schema.py [FOLDER]
+    python usd_plugin/generate_schema.py [FOLDER] [--check]
 
-Writes generatedSchema.usda and plugInfo.json into FOLDER (default: eulerfsi_usd/schema, whose files are committed).
+Writes generatedSchema.usda and plugInfo.json into FOLDER (default: eulerfsi_usd/schema, whose files are committed);
+with --check it writes nothing and tells whether they are up to date.
 Needs usd-core and jinja2.
 """
 
 from __future__ import annotations
 
+import argparse
+import filecmp
 import json
 import os
 import subprocess
@@ -49,5 +52,22 @@ def generate(target: Path) -> None:
         (target / "plugInfo.json").write_text(plug_info + "\n", encoding="utf-8")
 
 
+def main() -> int:
+    parser = argparse.ArgumentParser(description="Writes the codeless schema from schema.usda, by usdGenSchema.")
+    parser.add_argument("folder", nargs="?", type=Path, default=TARGET, help=f"default: {TARGET}")
+    parser.add_argument("--check", action="store_true", help="write nothing, tell whether the folder is up to date")
+    options = parser.parse_args()
+    if not options.check:
+        generate(options.folder)
+        return 0
+    with tempfile.TemporaryDirectory() as made:
+        generate(Path(made))
+        names = [path.name for path in sorted(Path(made).iterdir())]
+        _, different, missing = filecmp.cmpfiles(made, options.folder, names, shallow=False)
+    for name in (*different, *missing):
+        print(f"{options.folder / name}: not what {SOURCE.name} gives: run {Path(__file__).name}", file=sys.stderr)
+    return 1 if different or missing else 0
+
+
 if __name__ == "__main__":
-    generate(Path(sys.argv[1]) if len(sys.argv) > 1 else TARGET)
+    sys.exit(main())
