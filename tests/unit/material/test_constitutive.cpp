@@ -280,6 +280,7 @@ TEST_CASE("Simple shear: closed forms", "[law]") {
         m * (1.0 - 1.0 / (4.0 + g * g)) * f + l * (1.0 - a) * f.inverse().transpose(),
         f * (2.0 * mu * green + lambda * green.trace() * Mat3d::Identity()),
     };
+    static_assert(std::size(expected) == std::size(kLaws));
     for (const Law law : kLaws)
       CHECK((piola({law, mu, lambda}, f) - expected[static_cast<std::size_t>(law)]).norm() < 1e-9);
   }

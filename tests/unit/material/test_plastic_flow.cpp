@@ -19,6 +19,7 @@ double bar_stress(Law law, double mu, double s) {
   const double across = 1.0 / std::sqrt(s);
   if (law == Law::kCorotational) return 2.0 * mu * (s * s - s - across * across + across);
   if (law == Law::kStVenantKirchhoff) return mu * (s * s * (s * s - 1.0) - across * across * (across * across - 1.0));
+  REQUIRE(law == Law::kStableNeoHookean);
   const double m = 4.0 / 3.0 * mu, squares = s * s + 2.0 / s;
   return m * (1.0 - 1.0 / (squares + 1.0)) * (s * s - 1.0 / s);
 }
