@@ -84,20 +84,20 @@ def test_a_wedge_runs_with_the_bits_of_its_runs_alone(cli, scene, tmp_path, prog
 def test_a_timeout_and_another_run_give_the_same_bits(cli, scene, tmp_path, program):
     """The timeout of the action cuts the run off; the same job, run again without one, goes on."""
     frames = ["--frames", "1-40"]
-    assert cli("submit", scene, "--openjd", "short", *frames, "--timeout", "5", "--program", program).returncode == 0
+    assert cli("submit", scene, "--openjd", "short", *frames, "--timeout", "2", "--program", program).returncode == 0
     assert cli("submit", scene, "--openjd", "long", *frames, "--program", program).returncode == 0
     template = bundle(tmp_path / "short")[0]
     action = template["steps"][1]["script"]["actions"]["onRun"]
-    assert action["timeout"] == 5
-    action["args"] += ["--set", "Domain.voxelSize=0.025"]  # slow enough
+    assert action["timeout"] == 2
+    action["args"] += ["--set", "Domain.voxelSize=0.02"]  # slow enough
     (tmp_path / "short" / "template.json").write_text(json.dumps(template))
     template = bundle(tmp_path / "long")[0]
-    template["steps"][1]["script"]["actions"]["onRun"]["args"] += ["--set", "Domain.voxelSize=0.025"]
+    template["steps"][1]["script"]["actions"]["onRun"]["args"] += ["--set", "Domain.voxelSize=0.02"]
     (tmp_path / "long" / "template.json").write_text(json.dumps(template))
     said = openjd("run", tmp_path / "short", "--step", "Simulate", "--no-run-dependencies", code=1)
     assert "TIMEOUT" in said.upper()
     openjd("run", tmp_path / "long")
-    whole = Options(output=tmp_path / "alone", frames="1-40", settings=("Domain.voxelSize=0.025",), progress="none")
+    whole = Options(output=tmp_path / "alone", frames="1-40", settings=("Domain.voxelSize=0.02",), progress="none")
     simulate(scene, whole)
     assert content_hashes(tmp_path / "small_cache") == content_hashes(tmp_path / "alone")
 
