@@ -193,16 +193,16 @@ void close_ledger(const StepContext& step, State& state, Workspace& work, Energy
   ledger.book_fluid(EnergyStage::kRemap, work.matter, state.fluid.velocity);
 }
 
-// The state after a step of dt, and what the step reports. flow: by which the fluid has moved; the state's velocity may
-// contain carried pressure.
-void finish(const StepContext& step, const SolidWorks& solids, const grid::VectorField& flow, State& state) {
+// The state after a step of dt, and what the step reports.
+void finish(const StepContext& step, const SolidWorks& solids, State& state) {
   step.info.time = state.time += step.dt;
   step.info.steps = 1;
   ++state.steps;
   for (std::size_t l = 0; l < solids.size(); ++l) state.solids[l].speed = solids[l].max_speed;
   report_solids(solids, step.info);
   if (!step.scene.params.fluid.present) return;
-  step.info.max_speed_fluid = state.fluid_speed = largest_component(step.parallel, step.scene.grid, flow);
+  step.info.max_speed_fluid = state.fluid_speed =
+      largest_component(step.parallel, step.scene.grid, state.fluid.velocity);
 }
 
 // Line 1, with what is given in the step: its motion limits the step, as folds and emitters do.
@@ -330,7 +330,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   const std::vector<VolumeTarget> targets = volume_targets(scene.solids, state.solids, work.solids);
   transport(step, state, work, ledger);
   settle(step, targets, state, work, ledger);
-  finish(step, work.solids, work.velocity.field, state);
+  finish(step, work.solids, state);
   close_ledger(step, state, work, ledger);
   return info;
 }

@@ -115,13 +115,12 @@ TEST_CASE("What is read of the fluid around a ball let go is no more than buoyan
   const auto s = make_simulation(p, {d});
   const double from = s->diagnose_solid(0).center[1];
   for (int i = 0; i < 4; ++i) {
-    const sim::StepInfo info = s->step(1.0 / 24.0);
+    s->step(1.0 / 24.0);
     const sim::SolidDiagnostics ball = s->diagnose_solid(0);
     const double work = (1.0 / kRatio - 1.0) * ball.mass * kGravity * (ball.center[1] - from);
     const double energy = ball.kinetic_energy + s->diagnose_fluid().kinetic_energy;
     INFO("step " << i << ": " << energy / work << " of the work");
     CHECK(energy < 1.05 * work);
     CHECK(energy > 0.5 * work);
-    CHECK(info.max_speed_fluid < 2.0 * info.max_speed_solid);  // by which the next step is chosen
   }
 }
