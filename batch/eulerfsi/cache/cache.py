@@ -121,8 +121,11 @@ class Cache:
         if not cache.complete:
             cache.checkpoint = usable
             cache._go_back(usable)
-        elif not cache._is_copied():
+            return cache
+        if not cache._is_copied():
             cache._begin()
+        if "stats" not in manifest.data:  # killed after its last checkpoint
+            cache._extent = stats_file.go_back(folder, manifest.data["checkpoints"][-1])
         return cache
 
     def _is_copied(self) -> bool:
@@ -243,7 +246,7 @@ class Cache:
         if self.manifest.frames:
             data.setdefault("files", {})[data["scene"]] = files.record(self.write_root())
         data["status"] = status
-        if not self.complete:
+        if not self.complete or "stats" not in data:
             data["stats"] = self._extent.facts()
         self.manifest.save()
         self.manifest.save_copy()
