@@ -101,7 +101,7 @@ def run(scene: Path, folder: Path, **options) -> None:
 
 @pytest.fixture(scope="module")
 def baked(tmp_path_factory, library) -> tuple[Path, Path]:
-    """Scene and cache: a ball that yields and rubs, a moving jet, a carpet of smoke, three forces, a collider."""
+    """Scene and cache: a plastic ball with friction, a moving jet, a carpet of smoke, three forces, a collider."""
     folder = tmp_path_factory.mktemp("attributes")
     stage = make_scene(folder / "all.usda", frames=(1, LAST), voxel=0.06)
     author(stage.GetPrimAtPath("/World/Domain"), smokeBuoyancy=1.0, temperatureBuoyancy=0.1, fluidViscosity=0.01)

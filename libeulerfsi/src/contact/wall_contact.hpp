@@ -35,9 +35,9 @@ void add_friction(const std::vector<WallRow>& rows, const system::VelocitySystem
 bool hold_more(std::vector<WallRow>& rows, system::VelocitySystem& system, RightSides right, std::vector<Real>& v);
 // Normal and friction impulses of walls in the velocity solve, and by the pressure, which moves no node on a wall.
 void add_velocity_reactions(const Reaction& reaction, std::vector<WallRow>& rows);
-// By the projection, at nodes of walls that leave them in Eq. 8: the pressure moves none.
+// Normal impulses by the projection at nodes on walls that Eq. 8 lets leave: the projection holds them.
 void add_projection_reactions(const Reaction& reaction, std::vector<WallRow>& rows);
-// By a coupling step, at the nodes above walls, which the pressure moves else.
+// Those of a coupling step at held nodes above walls: Eq. 8 holds them, the projection does not.
 void add_coupling_reactions(const Reaction& reaction, std::vector<WallRow>& rows);
 // The velocity solve ends at a tolerance: what it leaves of a solid's momentum along axes that walls hold is theirs,
 // too. sums: of the reactions of all nodes of each solid.

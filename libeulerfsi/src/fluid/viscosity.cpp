@@ -330,8 +330,7 @@ linalg::SolveStats diffuse(const Parallel& parallel, const Grid& g, const Viscou
     const Real response = step.solids ? (work.b[e] - step.solids->internal[e]) / work.mass[n] : Real(0);
     velocity.c[c][n] += work.x[e] + response - work.forces[e];
   });
-  for (std::size_t a = 0; a < 3; ++a)
-    grid::for_copies(g, a, [&](std::size_t node, std::size_t copy) { velocity.set(copy, velocity.at(node)); });
+  grid::fill_copies(g, velocity);
   return stats;
 }
 

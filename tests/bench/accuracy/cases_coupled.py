@@ -19,7 +19,7 @@ from loop.experiment import GRAVITY, YOUNGS_MODULUS, Experiment, simulate
 from loop.measure import Result, from_child
 from loop.shapes import SIZE
 
-from .cases_fluid import definition, give, nodes
+from .cases_fluid import definition, give, nodes, vortices
 from .meter import Failed, Measured, Meter
 from .sweep import Run
 
@@ -143,6 +143,19 @@ def disc_mesh(center: tuple[float, float], radius: float, low: float, high: floa
     return Mesh(points, counts, np.concatenate([i[::-1], i + parts, quads.ravel()]))
 
 
+def add_disc(simulation: Simulation, run: Run, center: tuple[float, float], shear: float, **more: float) -> int:
+    """The disc of Zhao, Freund & Moser (2008), of density 1 and radius 0.2; shear: its modulus. Returns its id."""
+    solid, _ = simulation.add_solid(
+        disc_mesh(center, 0.2, 0.0, run.spacing),
+        density=1.0,
+        youngs_modulus=3 * shear,
+        poissons_ratio=0.499,
+        material=binding.MATERIALS["stableNeoHookean"],
+        **more,
+    )
+    return solid
+
+
 def soft_disc(run: Run, meter: Meter) -> Measured:
     """Path of a soft disc in a lid-driven cavity (Zhao, Freund & Moser 2008) beside that of the table."""
     table = np.array(json.loads(DISC.read_text())["path"])
@@ -150,14 +163,8 @@ def soft_disc(run: Run, meter: Meter) -> Measured:
     lid = {"wall_velocity[3]": (1.0, 0.0, 0.0), "fluid_viscosity": viscosity, "fluid_density": 1.0}
     path: list[list[float]] = []
     with Simulation(definition(run, "noSlip", **lid)) as simulation:
-        solid, _ = simulation.add_solid(
-            disc_mesh((0.6, 0.5), 0.2, 0.0, run.spacing),
-            density=1.0,
-            youngs_modulus=3 * shear,
-            poissons_ratio=0.499,
-            material=binding.MATERIALS["stableNeoHookean"],
-            rayleigh_beta=viscosity / shear,  # of K: at small strain a viscosity of the solid
-        )
+        # beta of K: at small strain a viscosity of the solid
+        solid = add_disc(simulation, run, (0.6, 0.5), shear, rayleigh_beta=viscosity / shear)
         start = simulation.solid_diagnostics(solid)
 
         def look(_info: dict[str, Any]) -> None:
@@ -176,21 +183,11 @@ def soft_disc(run: Run, meter: Meter) -> Measured:
 
 def oscillating_disc(run: Run, meter: Meter) -> Measured:
     """A disc in a vortex of a periodic box (Zhao, Freund & Moser 2008) without viscosity: energy that is kept."""
-    wave, speed, shear, end = 2 * np.pi / run.length, 0.1 * np.pi, 1.0, run.of["duration"]
-    flow = lambda x, y, z: [  # noqa: E731
-        speed * np.sin(wave * x) * np.cos(wave * y),
-        -speed * np.cos(wave * x) * np.sin(wave * y),
-        np.zeros_like(z),
-    ]
+    shear, end = 1.0, run.of["duration"]
     ranges: list[tuple[float, float, float]] = []
     with Simulation(definition(run, "periodic", fluid_density=1.0)) as simulation:
-        solid, _ = simulation.add_solid(
-            disc_mesh((0.5, 0.5), 0.2, 0.0, run.spacing),
-            density=1.0,
-            youngs_modulus=3 * shear,
-            poissons_ratio=0.499,
-            material=binding.MATERIALS["stableNeoHookean"],
-        )
+        solid = add_disc(simulation, run, (0.5, 0.5), shear)
+        flow = vortices(run, 0.1 * np.pi)
         give(simulation, flow)
         field, place = simulation.field("solid_velocity", solid)
         simulation.set_field("solid_velocity", np.stack(flow(*nodes(place, field.shape[1:]))), solid)

@@ -70,9 +70,9 @@ def off(simulation: Simulation, exact: np.ndarray) -> tuple[float, float]:
     return float(parts[0]), float(parts[1])
 
 
-def vortices(run: Run) -> Flow:
+def vortices(run: Run, speed: float) -> Flow:
     """Taylor-Green's vortices in the plane, two a side of the box."""
-    k, speed = 2 * np.pi / run.length, run.of["speed"]
+    k = 2 * np.pi / run.length
     return lambda x, y, z: [
         speed * np.sin(k * x) * np.cos(k * y),
         -speed * np.cos(k * x) * np.sin(k * y),
@@ -84,7 +84,7 @@ def steady_vortices(run: Run, meter: Meter, walls: str) -> Measured:
     """Inviscid, so that they stay as they are."""
     end = run.of["turns"] * run.length / run.of["speed"]
     with Simulation(definition(run, walls)) as simulation:
-        exact = give(simulation, vortices(run))
+        exact = give(simulation, vortices(run, run.of["speed"]))
         begun = simulation.fluid_diagnostics()["kinetic_energy"]
         meter.advance(simulation, end, run.largest_step)
         error, whole = off(simulation, exact)
@@ -183,7 +183,7 @@ def taylor_green_decay(run: Run, meter: Meter) -> Measured:
     k, end = 2 * np.pi / run.length, run.of["turns"] * run.length / run.of["speed"]
     nu = run.of["speed"] * run.length / run.of["reynolds"]
     with Simulation(definition(run, "periodic", fluid_viscosity=nu * DENSITY)) as simulation:
-        exact = give(simulation, vortices(run)) * np.exp(-2 * nu * k**2 * end)
+        exact = give(simulation, vortices(run, run.of["speed"])) * np.exp(-2 * nu * k**2 * end)
         meter.advance(simulation, end, run.largest_step)
         error, whole = off(simulation, exact)
     numbers = {"with its gradient part": whole}
