@@ -12,6 +12,7 @@
 #include "contact/push_out.hpp"
 #include "contact/row_parts.hpp"
 #include "grid/interpolate.hpp"
+#include "grid/plane_cut.hpp"
 #include "solid/map/boundary_distance.hpp"
 
 namespace efsi::sim {
@@ -172,10 +173,19 @@ std::optional<FoundRow> find_row(const StepContext& step, const SolidStates& sta
   const Vec3d &out_of_one = one.outwards, &out_of_other = other.outwards;
   const double gap = one.distance + other.distance - kContactSkin * g.h;
   if (!(gap < kReach * g.h && out_of_one.normalized().dot(out_of_other.normalized()) < -kFacing)) return {};
+  const Vec3d normal = (certainty(out_of_one) * out_of_one - certainty(out_of_other) * out_of_other).normalized();
+  // The part of the cell beyond the skin of a collider, whose surface is so far from x and has this normal.
+  const auto room_beside = [&](double distance, const Vec3d& outwards) {
+    const Vec3d middle = g.node_position(cell[0], cell[1], cell[2]) + Vec3d::Constant(0.5 * g.h);
+    return grid::plane_cut_fraction(kContactSkin - (outwards.dot(middle - x) + distance) / g.h, -outwards);
+  };
+  double room = 0.0;
+  if (is_collider(step.scene.pins, pair.one)) room = room_beside(one.distance, normal);
+  if (is_collider(step.scene.pins, pair.other)) room = room_beside(other.distance, -normal);
   const Vec3i place_in_box{cell[0] + g.lo[0], cell[1] + g.lo[1], cell[2] + g.lo[2]};
-  FoundRow row{{{pair.one, pair.other}, place_in_box, gap, kContactSkin * g.h, false}, {}};
+  FoundRow row{{{pair.one, pair.other}, place_in_box, gap, kContactSkin * g.h, room, false}, {}};
   system::ContactRow& contact = row.contact;
-  contact.normal = (certainty(out_of_one) * out_of_one - certainty(out_of_other) * out_of_other).normalized();
+  contact.normal = normal;
   contact.least = least_velocity(gap, g.h, step.dt);
   contact.friction = 0.5 * (step.scene.solids[pair.one].friction + step.scene.solids[pair.other].friction);
   const auto add = [&](std::size_t l, double along, double sign) {

@@ -15,6 +15,7 @@ struct RowPlace {
   Vec3i cell{};
   double gap = 0.0;    // less the skin, < 0: too deep [m]
   double skin = 0.0;   // what the row keeps between the surfaces [m]
+  double room = 0.0;   // beside a collider: the part of the cell that is outside it and the skin
   bool meets = false;  // active in the last step, or will be without the solids' own forces
   bool is_fold() const { return solids[0] == solids[1]; }
 };

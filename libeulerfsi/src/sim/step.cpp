@@ -74,13 +74,15 @@ void compute_materials(const StepContext& step, SolidWorks& solids, SolidStates&
   if (any_yields) ledger.book_solids(EnergyStage::kPlasticFlow);
 }
 
-// Which cells carry stiffness, for the next step's choice.
-void remember_elements(const StepContext& step, const Hold& hold, const solid::SolidWork& work,
-                       solid::SolidState& state) {
-  if (has_element_hysteresis(hold, work.max_speed * step.dt / step.scene.grid.h))
+// Which cells of solid l carry stiffness and which touch a collider, for the next step's choice.
+void remember_elements(const StepContext& step, std::size_t l, const VelocityEquation& elasticity,
+                       const solid::SolidWork& work, solid::SolidState& state) {
+  if (has_element_hysteresis(elasticity.holds.of(l), work.max_speed * step.dt / step.scene.grid.h))
     solid::remember_elements(work, state);
   else
     state.stiff.clear();
+  for (const RowPlace& place : elasticity.contacts.places)
+    if (place.solids[0] == l || place.solids[1] == l) solid::remember_room(place.cell, place.room, state);
 }
 
 // Lines 12 to 16: the solids' velocities, on their grids or on particles, which repel each other.
@@ -110,9 +112,9 @@ void take_velocities(const StepContext& step, std::uint64_t steps, const grid::G
 }
 
 // Lines 18 to 20 for solid l: map, velocity and surface move with it, and its band follows.
-void transport_solid(const StepContext& step, std::size_t l, const solid::RigidStep& frame, const Hold& hold,
-                     solid::SolidWork& work, solid::SolidState& state, solid::AdvectWorkspace& packed,
-                     std::vector<solid::Particles>& particles, EnergyLedger& ledger) {
+void transport_solid(const StepContext& step, std::size_t l, const solid::RigidStep& frame,
+                     const VelocityEquation& elasticity, solid::SolidWork& work, solid::SolidState& state,
+                     solid::AdvectWorkspace& packed, std::vector<solid::Particles>& particles, EnergyLedger& ledger) {
   const int slab = grid::slab_axis(step.scene.grid, step.scene.params.walls);
   if (is_collider(step.scene.pins, l)) {
     ScopedTimer timer(step.profile, Stage::kSolidAdvection);
@@ -142,7 +144,7 @@ void transport_solid(const StepContext& step, std::size_t l, const solid::RigidS
   ScopedTimer timer(step.profile, Stage::kSolidAdvection);
   prescribe_surface(step, l, state);
   if (slab >= 0) flatten(step.parallel, step.scene.solids[l], slab, state);
-  remember_elements(step, hold, work, state);
+  remember_elements(step, l, elasticity, work, state);
   solid::follow_solid(step.scene.grid, step.scene.solids[l], state);
 }
 
@@ -291,8 +293,8 @@ void transport(const StepContext& step, State& state, Workspace& work, EnergyLed
   take_velocities(step, state.steps, common, velocity, state.solids, work.solids, work.particles, ledger);
   work.pressure.system.exchange_scratch(work.solid_advect.storage());
   for (std::size_t l = 0; l < state.solids.size(); ++l)
-    transport_solid(step, l, frames[l], holds.of(l), work.solids[l], state.solids[l], work.solid_advect, work.particles,
-                    ledger);
+    transport_solid(step, l, frames[l], work.elasticity, work.solids[l], state.solids[l], work.solid_advect,
+                    work.particles, ledger);
   work.pressure.system.exchange_scratch(work.solid_advect.storage());
   still_fluid(work.elasticity.walls, velocity.field);
   advect_fluid(step, state.solids, velocity.field, velocity.slip, work.pressure,  // Alg. 1 line 22

@@ -29,6 +29,10 @@ struct Threshold {
   Real fraction = Real(0.6), lag = Real(0.1);
 };
 
+// What the choice of elements remembers of a cell (SolidState::stiff): whether it carried stiffness in the last step,
+// or that this does not count; beside a collider, times kRoomUnit, the part of the cell that the solid can fill.
+enum CellMemory : std::uint8_t { kCarried = 1, kNotRemembered = 2, kRoomUnit = 4 };
+
 // Constant.
 struct SolidRest {
   material::Elastic elastic;
@@ -105,7 +109,7 @@ struct SolidState {
   VectorField change;                    // of v in the last step, moved with it, band nodes; empty: not known [m/s]
   double change_time = 0.0;              // length of that step [s]
   std::vector<std::uint8_t> valid;       // band nodes: kNoData, or where u and v came from in the last step
-  std::vector<std::uint8_t> stiff;       // band cells: carried stiffness in the last step; empty: not known
+  std::vector<std::uint8_t> stiff;       // band cells: CellMemory; empty: nothing is remembered
   std::vector<WallImpulse> presses;      // rows at walls in the last step
   std::vector<ContactImpulse> contacts;  // active contact rows with itself and later solids in the last step
   std::vector<PlasticNode> plastic;      // nodes of rest.plastic_lattice; empty: it cannot yield

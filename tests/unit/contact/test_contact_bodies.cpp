@@ -78,6 +78,33 @@ struct Record {
 
 }  // namespace
 
+TEST_CASE("A ball that lands on a collider makes no energy, wherever between nodes its face lies", "[law]") {
+  constexpr double kSmall = 0.01, kRadius = 4.0 * kSmall, kFall = 4.0 * kSmall;
+  for (const double above : {0.0, 0.1, 0.4}) {  // of a cell, the face above the nodes
+    sim::Params p = still({0.24, 0.22, 0.24}, kSmall);
+    p.gravity = {0.0, -9.8, 0.0};
+    p.fluid.density = 1.0;
+    p.max_time_step = 0.005;
+    p.energy_ledger = true;
+    const double face = (4.0 + above) * kSmall;
+    sim::SolidDesc ball = ball_desc({0.12, face + kFall + kRadius, 0.12}, kRadius);
+    ball.youngs_modulus = 2e4;
+    ball.poissons_ratio = 0.3;
+    const auto s = make_simulation(p, {ball});
+    geometry::MeshReport report;
+    s->add_collider(desc_of(block({0.12, face - 1.5 * kSmall, 0.12}, {0.07, 1.5 * kSmall, 0.07})), report);
+    Record record;
+    double fastest = 0.0;  // kinetic energy [J]
+    while (s->state().time < 0.16) {
+      record.look(*s, s->step(0.16 - s->state().time), 1);
+      fastest = std::max(fastest, s->diagnose_solid(0).kinetic_energy);
+    }
+    INFO("a face " << above << " h above the nodes: " << record.rise / fastest << " of the kinetic energy");
+    CHECK(s->diagnose_solid(0).momentum[1] > 0.0);  // it has turned
+    CHECK(record.rise < 0.02 * fastest);
+  }
+}
+
 TEST_CASE("A block slides down a solid slope off the axes as Coulomb says, or stays", "[law][nightly]") {
   const bool compressible = GENERATE(true, false);
   const double tilt = M_PI / 6, threshold = std::tan(tilt), down = 9.8 * std::sin(tilt), press = 9.8 * std::cos(tilt);

@@ -41,10 +41,19 @@ constexpr double kMostCrushed = 0.2, kMostStretched = 5.0;  // stretches that ar
 constexpr double kSplinterGrowth = 1.25;  // of the volume of an element that is torn off, or its inverse
 constexpr std::size_t kSplinter = 3;      // elements
 
+constexpr int kRoomUnits = 60;  // that a whole cell has in its memory
+
 // Of a cell that carries stiffness more than this is solid.
 Real least_fraction(const SolidRest& rest, const SolidState& state, std::size_t c) {
-  if (state.stiff.empty()) return rest.element.fraction;
-  return rest.element.fraction + (state.stiff[c] ? -rest.element.lag : rest.element.lag);
+  const auto [fraction, lag] = rest.element;
+  if (state.stiff.empty()) return fraction;
+  const std::uint8_t memory = state.stiff[c];
+  const bool carried = (memory & kCarried) != 0;
+  if (memory >= kRoomUnit)
+    return std::min(static_cast<Real>(kRoomPart * (memory / kRoomUnit) / kRoomUnits), fraction) -
+           (carried ? lag : Real(0));
+  if ((memory & kNotRemembered) != 0) return fraction;
+  return carried ? fraction - lag : fraction + lag;
 }
 
 bool is_positive(const Mat3d& m) {
@@ -336,7 +345,20 @@ double bulk_weight(const SolidRest& rest, const SolidWork& work, std::size_t e) 
 
 void remember_elements(const SolidWork& work, SolidState& state) {
   state.stiff.resize(work.element.size());
-  for (std::size_t c = 0; c < work.element.size(); ++c) state.stiff[c] = work.element[c] >= 0;
+  for (std::size_t c = 0; c < work.element.size(); ++c) state.stiff[c] = work.element[c] >= 0 ? kCarried : 0;
+}
+
+void remember_room(const Vec3i& cell, double room, SolidState& state) {
+  if (!(room > kLeastRoom)) return;
+  const Grid& g = state.band.grid;
+  Vec3i local;
+  for (std::size_t a = 0; a < 3; ++a) {
+    local[a] = cell[a] - g.lo[a];
+    if (local[a] < 0 || local[a] >= g.cells[a]) return;
+  }
+  if (state.stiff.empty()) state.stiff.assign(g.cell_count(), kNotRemembered);
+  std::uint8_t& memory = state.stiff[g.cell(local[0], local[1], local[2])];
+  memory = static_cast<std::uint8_t>((memory & kCarried) | (kRoomUnit * std::lround(kRoomUnits * room)));
 }
 
 }  // namespace efsi::solid

@@ -17,6 +17,11 @@ inline constexpr Threshold kElementPart = {Real(0.3), Real(0.1)};
 // by a quarter of a cell (docs/lab/stiffness-support.md).
 inline constexpr Threshold kElementPartInFluid = {Real(0.6), Real(0.1)};
 
+// Beside a collider the rest of a cell is the contact's skin, which the solid never fills. Where it has more than
+// kLeastRoom of the cell, kRoomPart of that suffices: what enters later is strained as its neighbours, which had to
+// carry without it.
+inline constexpr double kLeastRoom = 0.5, kRoomPart = 0.5;
+
 // Reads state.u; writes fraction, volume_ratio, element, element_cell, element_corner, carries, mass, volume,
 // total_mass. Counted in cells the mass of a ball wavers by some 0.2 % as it moves over the grid, that of a thin box by
 // 10 %, of a fold by 3 %; a solid that is whole keeps what it weighs (rest.mass_volume, once that is known).
@@ -29,5 +34,7 @@ double bulk_weight(const SolidRest& rest, const SolidWork& work, std::size_t e);
 
 // Keeps which cells carry stiffness for the next compute_mass: state.stiff.
 void remember_elements(const SolidWork& work, SolidState& state);
+// Likewise the room beside a collider in a cell of the box, 0 to 1; nothing for too little or outside the band.
+void remember_room(const Vec3i& cell, double room, SolidState& state);
 
 }  // namespace efsi::solid

@@ -83,6 +83,31 @@ TEST_CASE("Mass of cut cells goes to nodes that carry stiffness, and the element
     CHECK(s.work.fraction[static_cast<std::size_t>(c)] > solid::kElementPartInFluid.fraction);
 }
 
+TEST_CASE("Beside a collider a cell carries stiffness when half of what the solid can fill is solid") {
+  TestSolid s = make_ball(cube_grid(18, 0.02), kSoft, Vec3d(0.183, 0.176, 0.181), 0.1);
+  solid::compute_mass(Parallel(1), s.rest, s.state, s.work);
+  const grid::Grid& g = s.state.band.grid;
+  const std::vector<std::int32_t> before = s.work.element;
+  const auto [fraction, lag] = solid::kElementPartInFluid;
+  const double room = GENERATE(0.4, 0.75, 1.0);
+  const bool lags = GENERATE(false, true);
+  if (lags) solid::remember_elements(s.work, s.state);
+  for (int k = 0; k < g.cells[2]; ++k)
+    for (int j = 0; j < g.cells[1]; ++j)
+      for (int i = 0; i < g.cells[0]; ++i) solid::remember_room({i + g.lo[0], j + g.lo[1], k + g.lo[2]}, room, s.state);
+  solid::remember_room({g.lo[0] - 1, g.lo[1], g.lo[2]}, room, s.state);  // not in the band
+  solid::compute_mass(Parallel(1), s.rest, s.state, s.work);
+  std::size_t entered = 0;
+  for (std::size_t c = 0; c < before.size(); ++c) {
+    const bool was = before[c] >= 0, is = s.work.element[c] >= 0;
+    const Real plain = fraction + (lags ? (was ? -lag : lag) : 0);
+    const Real beside = static_cast<Real>(0.5 * room) - (lags && was ? lag : 0);
+    CHECK(is == (s.work.fraction[c] > (room > solid::kLeastRoom ? beside : plain)));
+    entered += is && !was;
+  }
+  CHECK((entered > 10) == (room > solid::kLeastRoom));
+}
+
 TEST_CASE("Cells take up stiffness later and drop it later than half full") {
   TestSolid s = make_ball(cube_grid(18, 0.02), kSoft, Vec3d(0.183, 0.176, 0.181), 0.1);
   const auto stiff = [&] {
