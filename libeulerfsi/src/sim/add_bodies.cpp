@@ -90,16 +90,10 @@ solid::SolidRest rest_of(const SolidDesc& desc, const Params& params, bool colli
     rest.elastic = material::beside_pressure(rest.elastic);
     if (desc.compressible) rest.bulk = lambda - rest.elastic.lambda;
   }
-  rest.density = desc.density;
-  rest.rayleigh_alpha = desc.rayleigh_alpha;
-  rest.rayleigh_beta = desc.rayleigh_beta;
-  rest.friction = desc.friction;
+  static_cast<solid::Properties&>(rest) = desc;
   rest.stiff_by_part = params.numerics.stiffness_by_part;
   rest.wet = params.fluid.present;
   rest.element = rest.stiff_by_part && !collider && !rest.wet ? solid::kElementPart : solid::kElementPartInFluid;
-  rest.contact_stiffness = desc.contact_stiffness;
-  rest.compressible = desc.compressible;
-  rest.plastic = desc.plastic;
   rest.definition = definition_hash(desc);
   return rest;
 }

@@ -17,6 +17,7 @@
 #include "sim/step.hpp"
 #include "sim/workspace.hpp"
 #include "solid/particles/passengers.hpp"
+#include "solid/solid.hpp"
 
 namespace efsi::sim {
 
@@ -30,17 +31,11 @@ inline constexpr double kMostOverlap = 0.5;
 int thread_count(int requested);
 
 // An elastic solid as the caller describes it (EfsiSolidDef).
-struct SolidDesc {
+struct SolidDesc : solid::Properties {
   geometry::TriangleMesh surface;                     // rest shape where it starts [m]
   std::shared_ptr<const geometry::Surface> examined;  // stands in for `surface` where it is given
-  double density = 1000.0;
   double youngs_modulus = 2e4;
   double poissons_ratio = 0.3;
-  double rayleigh_alpha = 0.0, rayleigh_beta = 0.0;
-  double friction = 0.0;               // Coulomb's coefficient
-  double contact_stiffness = 10000.0;  // k of Eq. 14 [N/m]
-  bool compressible = false;
-  material::Plastic plastic;
   material::Law law = material::Law::kCorotational;
   Vec3d velocity = Vec3d::Zero();
   Vec3d angular_velocity = Vec3d::Zero();

@@ -33,17 +33,21 @@ struct Threshold {
 // or that this does not count; beside a collider, times kRoomUnit, the part of the cell that the solid can fill.
 enum CellMemory : std::uint8_t { kCarried = 1, kNotRemembered = 2, kRoomUnit = 4 };
 
-// Constant.
-struct SolidRest {
-  material::Elastic elastic;
-  material::Plastic plastic;
-  Grid plastic_lattice;     // of a solid that can yield, material space (solid/element/plasticity.hpp)
+// What the caller says of a solid and the steps read as it is: a parameter becomes a member here and nowhere else.
+struct Properties {
   double density = 1000.0;  // [kg/m^3]
   double rayleigh_alpha = 0.0, rayleigh_beta = 0.0;
   double friction = 0.0;               // Coulomb's coefficient; of two solids the mean
-  double contact_stiffness = 0.0;      // k of Eq. 14; of two solids the mean [N/m]
-  std::uint64_t definition = 0;        // hash of the parameters it was made of, for the scene hash
+  double contact_stiffness = 10000.0;  // k of Eq. 14; of two solids the mean [N/m]
   bool compressible = false;           // it may change its volume
+  material::Plastic plastic;
+};
+
+// Constant.
+struct SolidRest : Properties {
+  material::Elastic elastic;
+  Grid plastic_lattice;                // of a solid that can yield, material space (solid/element/plasticity.hpp)
+  std::uint64_t definition = 0;        // hash of the parameters it was made of, for the scene hash
   double bulk = 0.0;                   // stiffness against that which the pressure has, not the elements [Pa]
   geometry::SignedDistance distance;   // material space
   geometry::TriangleMesh surface;      // as passed, material space; in a slab what lies beyond it is on its faces
