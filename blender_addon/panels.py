@@ -156,7 +156,7 @@ class EULERFSI_PT_object(_Panel, bpy.types.Panel):
             group = getattr(settings, scope)
             column = layout.column()
             for name, row in table.rows(scope).items():
-                if row["name"] not in table.ADVANCED.get(scope, ()):
+                if not table.is_advanced(row):
                     column.prop(group, name)
 
     @staticmethod
@@ -187,7 +187,7 @@ class EULERFSI_PT_domain(_Panel, bpy.types.Panel):
         for line in counts(context.scene, domain):
             _lines(layout, line)
         for name, row in table.rows("domain").items():
-            if not name.startswith(_WALLS) and name != "voxel_size" and row["name"] not in table.ADVANCED["domain"]:
+            if not name.startswith(_WALLS) and name != "voxel_size" and not table.is_advanced(row):
                 layout.prop(settings, name)
         layout.operator("eulerfsi.add_smoke", icon="MOD_FLUIDSIM")
 
@@ -239,14 +239,14 @@ class EULERFSI_PT_advanced(_Panel, bpy.types.Panel):
         layout.use_property_split = True
         settings = _domain(scene).eulerfsi.domain
         for name, row in table.rows("domain").items():
-            if row["name"] in table.ADVANCED["domain"]:
+            if table.is_advanced(row):
                 layout.prop(settings, name)
         for name in ("checkpoint_every", "keep_checkpoints", "half", "smoke_threshold", "threads"):
             layout.prop(scene.eulerfsi, name)
         obj = load.original(context.scene, context.object)
         if obj and obj.eulerfsi.role == "SOLID":
             for name, row in table.rows("solid").items():
-                if row["name"] in table.ADVANCED["solid"]:
+                if table.is_advanced(row):
                     layout.prop(obj.eulerfsi.solid, name)
 
 

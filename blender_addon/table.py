@@ -12,20 +12,6 @@ from typing import Any
 SCOPES = ("domain", "solid", "emitter", "force", "collider")
 # What the object itself says: the size of a box, the surface of a mesh, whether it has a role.
 FROM_OBJECT = {("domain", "size"), ("solid", "surfaceFile"), ("solid", "enabled"), ("collider", "enabled")}
-# Rows that an artist rarely needs: shown below "Advanced".
-ADVANCED = {
-    "domain": (
-        "preset",
-        "cflSolid",
-        "cflFluid",
-        "maxTimeStep",
-        "velocityTolerance",
-        "pressureTolerance",
-        "energyLedger",
-        "volumeSource",
-    ),
-    "solid": ("material", "contactStiffness"),
-}
 _TINY = 1e-6  # stands for a lower limit that is not allowed itself
 
 
@@ -38,6 +24,11 @@ def rows(scope: str) -> dict[str, dict[str, Any]]:
         for row in data["parameters"]
         if row["scope"] == scope and (scope, row["name"]) not in FROM_OBJECT
     }
+
+
+def is_advanced(row: dict[str, Any]) -> bool:
+    """Whether an artist rarely needs it: shown below "Advanced"."""
+    return row.get("advanced", False)
 
 
 def snake(name: str) -> str:

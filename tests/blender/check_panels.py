@@ -64,8 +64,8 @@ def check_ready_and_roles() -> None:
         shown[role] = {str(a["property"]) for name, a in draw().calls if name == "prop"}
     table = part("table")
     for role, scope in part("properties").SCOPE_OF.items():
-        rows = set(table.rows(scope))
-        assert role == "DOMAIN" or rows <= shown[role] | {table.snake(n) for n in table.ADVANCED.get(scope, ())}, role
+        rows = {name for name, row in table.rows(scope).items() if not table.is_advanced(row)}
+        assert role == "DOMAIN" or rows <= shown[role], role
     assert set(table.rows("domain")) <= shown["NONE"]
     for mode in ("NEW", "RESUME", "REBAKE"):
         button = types.SimpleNamespace(mode=mode)

@@ -62,12 +62,6 @@ def test_structures_have_the_sizes_and_offsets_of_c_and_no_gap(tmp_path):
     assert found == expected
 
 
-def test_binding_is_generated_from_the_headers():
-    command = [sys.executable, ROOT / "libeulerfsi" / "generate_binding.py", "--check"]
-    done = subprocess.run(command, text=True, capture_output=True)
-    assert (done.returncode, done.stdout) == (0, ""), done.stdout + done.stderr
-
-
 def test_every_function_and_structure_of_the_headers_is_bound():
     text = re.sub(r"/\*.*?\*/", "", "".join(p.read_text() for p in HEADERS.rglob("*.h")), flags=re.S)
     assert set(re.findall(r"EFSI_API[^;]*?\b(efsi_\w+)\(", text)) == set(c_api.FUNCTIONS)

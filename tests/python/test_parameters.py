@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 import shutil
 import subprocess
@@ -14,36 +15,62 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "libeulerfsi"))
 
-import generate_parameters  # noqa: E402
-import parameter_table  # noqa: E402
+import generate  # noqa: E402
 from eulerfsi_usd import parameters as usd_parameters  # noqa: E402
-
-GENERATOR = ROOT / "libeulerfsi" / "generate_parameters.py"
+from faces import headers, table, words  # noqa: E402
 
 
 def broken_table(tmp_path: Path, old: str, new: str) -> Path:
-    text = parameter_table.TABLE.read_text(encoding="utf-8")
+    text = table.TABLE.read_text(encoding="utf-8")
     assert old in text
     path = tmp_path / "parameters.toml"
     path.write_text(text.replace(old, new, 1), encoding="utf-8")
     return path
 
 
-def test_committed_outputs_equal_the_generator() -> None:
-    result = subprocess.run([sys.executable, str(GENERATOR), "--check"], capture_output=True, text=True, check=False)
-    assert result.returncode == 0, result.stdout + result.stderr
+def test_generated_files_are_those_of_the_table_and_no_part_of_the_repository(tmp_path: Path) -> None:
+    assert generate.main(["--tree", str(tmp_path)]) == 0
+    written = sorted(path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file())
+    assert written == sorted(generate.TREE)
+    stale = [name for name in written if (ROOT / name).read_text("utf-8") != (tmp_path / name).read_text("utf-8")]
+    assert stale == []  # else the build has not run since the table or a header was changed
+    asked = subprocess.run(["git", "check-ignore", "--no-index", *written], cwd=ROOT, capture_output=True, text=True)
+    assert asked.returncode == 128 or sorted(asked.stdout.split()) == written  # 128: no repository
+    build = (ROOT / "libeulerfsi" / "cmake" / "EfsiGenerate.cmake").read_text("utf-8")
+    named = re.search(r"set\(asset \"\$\{tree\}/(.*)\"\)", build)[1]
+    for name in written:
+        assert f'"${{tree}}/{name}"' in build or f'"${{asset}}/{name.removeprefix(named + "/")}"' in build
 
 
-def test_check_reports_a_changed_output(tmp_path: Path, monkeypatch, capsys) -> None:
-    monkeypatch.setattr(generate_parameters, "ROOT", tmp_path)
-    assert generate_parameters.main([]) == 0
-    assert generate_parameters.main(["--check"]) == 0
-    docs = tmp_path / "docs" / "parameters.md"
-    docs.write_text(docs.read_text(encoding="utf-8").replace("0.02 m", "0.03 m"), encoding="utf-8")
-    capsys.readouterr()
-    assert generate_parameters.main(["--check"]) == 1
-    printed = capsys.readouterr().out
-    assert re.search(r"^-.*0\.03 m", printed, re.MULTILINE) and re.search(r"^\+.*0\.02 m", printed, re.MULTILINE)
+def test_a_file_that_is_up_to_date_is_left_alone(tmp_path: Path) -> None:
+    assert generate.main(["--sources", str(tmp_path)]) == 0
+    old, changed = (tmp_path / name for name in generate.SOURCES)
+    text = changed.read_text("utf-8")
+    changed.write_text("stale", encoding="utf-8")
+    os.utime(old, (1, 1))
+    assert generate.main(["--sources", str(tmp_path)]) == 0
+    assert old.stat().st_mtime == 1 and changed.read_text("utf-8") == text
+    assert sorted(path for path in tmp_path.rglob("*") if path.is_file()) == sorted([old, changed])
+
+
+def test_header_of_an_unknown_form_is_refused() -> None:
+    known = headers.Header(
+        "typedef struct A { const float* x[2]; int32_t i, j; } A; void f(struct B** b, double c[4]);"
+    )
+    assert known.structs["A"] == [
+        headers.Declared("x", "float", const=True, stars=1, count=2),
+        headers.Declared("i", "int32_t"),
+        headers.Declared("j", "int32_t"),
+    ]
+    assert [(a.base, a.stars, a.count) for a in known.functions["f"].arguments] == [("B", 2, None), ("double", 0, 4)]
+    for text in (
+        "union U { int a; };",
+        "typedef struct A { int a : 3; } A;",
+        "int a",
+        "struct A { struct { int b; } c; };",
+    ):
+        with pytest.raises(headers.HeaderError, match="unknown declaration"):
+            headers.Header(text)
 
 
 @pytest.mark.parametrize(
@@ -62,19 +89,21 @@ def test_check_reports_a_changed_output(tmp_path: Path, monkeypatch, capsys) -> 
         ("min_exclusive = true\nsoft", "minExclusive = true\nsoft", r"voxelSize: unknown keys \['minExclusive'\]"),
         ('name = "wallYMin"', 'name = "wallXMin"', r"wallXMin: name = 'wallXMin' occurs twice"),
         ("[solid]", "[solids]", r"sections are"),
+        ('another = "fast"\n', "", r"preset: missing keys \['another'\]"),
+        ("on a {prims}. It is on", "on a {prim}. It is on", r"\[force\]: {prim}: must be {prims} or one of"),
     ],
 )
 def test_faulty_table_is_refused_with_a_message(tmp_path: Path, old: str, new: str, message: str) -> None:
-    with pytest.raises((parameter_table.TableError, KeyError), match=message):
-        parameter_table.load_table(broken_table(tmp_path, old, new))
+    with pytest.raises((table.TableError, KeyError), match=message):
+        table.load_table(broken_table(tmp_path, old, new))
 
 
 def test_token_order_equals_the_constants_of_the_c_headers() -> None:
-    text = "".join(path.read_text(encoding="utf-8") for path in parameter_table.HEADERS.glob("*.h"))
+    text = "".join(path.read_text(encoding="utf-8") for path in headers.HEADERS.glob("*.h"))
     constants = dict(re.findall(r"^  (EFSI_[A-Z0-9_]+) = (\d+)", text, flags=re.M))
     families = {"preset": "PRESET", "material": "MATERIAL", "mode": "EMITTER", "kind": "FORCE", "actsOn": "ACTS_ON"}
     compared = 0
-    for section in parameter_table.load_table().values():
+    for section in table.load_table().values():
         for row in section["parameter"]:
             family = "WALL" if row["name"].startswith("wall") else families.get(row["name"])
             for index, token in enumerate(row.get("tokens", ())):
@@ -108,7 +137,8 @@ int main() {
 @pytest.mark.skipif(shutil.which("c++") is None, reason="no C++ compiler")
 def test_cpp_table_compiles_and_holds_the_values_of_the_table(tmp_path: Path) -> None:
     (tmp_path / "rows.cpp").write_text(PROGRAM, encoding="utf-8")
-    folders = [ROOT / "libeulerfsi" / "include", ROOT / "libeulerfsi" / "src" / "frame"]
+    assert generate.main(["--sources", str(tmp_path)]) == 0
+    folders = [ROOT / "libeulerfsi" / "include", tmp_path / "frame"]
     flags = [*(f"-I{folder}" for folder in folders), "-std=c++20", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]
     command = ["c++", *flags, str(tmp_path / "rows.cpp"), "-o", str(tmp_path / "rows")]
     built = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -116,7 +146,7 @@ def test_cpp_table_compiles_and_holds_the_values_of_the_table(tmp_path: Path) ->
     printed = subprocess.run([str(tmp_path / "rows")], capture_output=True, text=True, check=True).stdout.splitlines()
 
     expected = []
-    for section in parameter_table.load_table().values():
+    for section in table.load_table().values():
         for row in (row for row in section["parameter"] if row["field"]):
             kind, default = row["type"], row["default"]
             value = row["tokens"].index(default) if kind == "token" else sum(default) if kind == "vector" else default
@@ -130,22 +160,24 @@ def test_cpp_table_compiles_and_holds_the_values_of_the_table(tmp_path: Path) ->
 
 
 def test_python_table_equals_the_toml_table() -> None:
-    table = parameter_table.load_table()
+    loaded = table.load_table()
     for scope, rows in usd_parameters.load().items():
-        assert list(rows) == [row["name"] for row in table[scope]["parameter"]]
-        for source in table[scope]["parameter"]:
+        assert list(rows) == [row["name"] for row in loaded[scope]["parameter"]]
+        assert usd_parameters.prim_types()[scope] == tuple(loaded[scope]["prims"])
+        for source in loaded[scope]["parameter"]:
             row = rows[source["name"]]
             default = tuple(source["default"]) if source["type"] == "vector" else source["default"]
             assert row.default == default and row.tokens == tuple(source.get("tokens", ()))
             assert (row.hard_min, row.hard_max) == tuple(source.get("hard", (-math.inf, math.inf)))
             assert row.min_exclusive == source.get("min_exclusive", False)
-            assert row.depends_on_stage_units == (generate_parameters.stage_default(source) == -math.inf)
+            assert row.depends_on_stage_units == (words.stage_default(source) == -math.inf)
 
 
-def test_docs_show_every_parameter_once() -> None:
-    text = (ROOT / "docs" / "parameters.md").read_text(encoding="utf-8")
-    for scope, section in parameter_table.load_table().items():
-        chapter = text.split(f"## EulerFsi{scope.title()}API")[1].split("\n## ")[0]
+def test_reference_shows_every_parameter_once() -> None:
+    text = (ROOT / "docs" / "reference" / "parameters.rst").read_text(encoding="utf-8")
+    for scope, section in table.load_table().items():
+        name = f"EulerFsi{scope.title()}API"
+        chapter = text.split(f"{name}\n{'-' * len(name)}\n")[1].split("\n---")[0]
         for row in section["parameter"]:
             prefix = "physics" if row.get("usd_physics") else "eulerfsi"
-            assert chapter.count(f"| `{prefix}:{row['name']}` |") == 1
+            assert chapter.count(f"* - ``{prefix}:{row['name']}``\n") == 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -10,88 +11,49 @@ from conftest import author, box, content_hashes, make_scene, write_obj
 from eulerfsi.errors import EulerFsiError
 from eulerfsi.log import Log
 from eulerfsi.parameters import table
+from eulerfsi.paths import parameter_table
 from eulerfsi.run.simulate import Options, simulate
 from pxr import Gf, UsdGeom
 
 pytestmark = pytest.mark.usefixtures("library")
 
 LAST, CHANGE = 6, 3
-ACTS, IGNORED = "acts", "has no part in the result"
+ACTS, IGNORED = "acts", "ignored"
 START, UNTIL = "acts at the start alone", "acts up to frame 3 alone"
 PRIMS = {"domain": "Domain", "solid": "Ball", "emitter": "Jet", "force": "Wind", "collider": "Lift"}
-WALLS = ("XMin", "XMax", "YMin", "YMax", "ZMin", "ZMax")
-# scope.name -> another value and what becomes of it; a name with "/" is of that prim.
-CHANGES: dict[str, tuple[str, str]] = {
-    "domain.preset": ("fast", ACTS),
-    "domain.voxelSize": ("0.05", "voxel_size = 0.05: must be 0.06"),
-    "domain.size": ("(1,1,1)", IGNORED),  # of a Cube, which has its own
-    "domain.ambientFluid": ("false", "ambient_fluid = 0: must be 1"),
-    "domain.fluidDensity": ("2", ACTS),
-    "domain.fluidViscosity": ("0.1", ACTS),
-    "domain.vorticityConfinement": ("0.5", ACTS),
-    "domain.smokeBuoyancy": ("3", ACTS),
-    "domain.temperatureBuoyancy": ("0.5", ACTS),
-    "domain.cflSolid": ("0.05", ACTS),
-    "domain.cflFluid": ("0.2", ACTS),
-    "domain.maxTimeStep": ("0.004", ACTS),
-    "domain.stepTolerance": ("0.001", ACTS),
-    "domain.velocityTolerance": ("0.4", ACTS),
-    "domain.pressureTolerance": ("0.4", ACTS),
-    "domain.energyLedger": ("true", IGNORED),  # but for stats.jsonl
-    "domain.volumeSource": ("false", ACTS),
-    **{f"domain.wall{face}": ("open", ACTS) for face in WALLS},
-    **{f"domain.wallVelocity{face}": ("(0.1,0,0)" if face[0] != "X" else "(0,0.1,0)", ACTS) for face in WALLS},
-    "solid.enabled": ("false", "is gone: bodies cannot come or go"),
-    "solid.surfaceFile": ("ball.obj", "its mesh is another one"),
-    "solid.density": ("500", ACTS),
-    "solid.material": ("stableNeoHookean", ACTS),
-    "solid.youngsModulus": ("9000", ACTS),
-    "solid.poissonsRatio": ("0.1", ACTS),
-    "solid.compressible": ("true", ACTS),
-    "solid.rayleighAlpha": ("5", ACTS),
-    "solid.rayleighBeta": ("0.01", ACTS),
-    "solid.friction": ("0.9", ACTS),
-    "solid.contactStiffness": ("1e5", IGNORED),  # but for paper2016
-    "solid.plasticYieldStress": ("900", ACTS),
-    "solid.plasticFlowRate": ("10", ACTS),
-    "solid.plasticHardening": ("5000", ACTS),
-    "solid.velocity": ("(0,0,1)", START),
-    "solid.angularVelocity": ("(0,300,0)", START),
-    "solid.stretch": ("(1,1.2,1)", START),
-    "emitter.enabled": ("false", ACTS),
-    "emitter.mode": ("initial", START),
-    "emitter.smokeDensity": ("0.2", ACTS),
-    "emitter.smokeTemperature": ("60", ACTS),
-    "emitter.emitVelocity": ("false", ACTS),
-    "emitter.velocity": ("(0,1,0)", ACTS),
-    "emitter.addMotion": ("true", ACTS),
-    "emitter.startTime": ("0.05", UNTIL),
-    "emitter.endTime": ("0.15", ACTS),
-    "Carpet/mode": ("continuous", ACTS),
-    "Carpet/smokeDensity": ("0.2", START),
-    "Carpet/smokeTemperature": ("60", START),
-    "Carpet/enabled": ("false", START),
-    "force.enabled": ("false", ACTS),
-    "force.kind": ("radial", ACTS),
-    "force.actsOn": ("fluid", ACTS),
-    "force.windVelocity": ("(0,1,0)", ACTS),
-    "force.windDrag": ("5", ACTS),
-    "force.noiseSpeed": ("1", ACTS),
-    "force.noiseSize": ("0.05", ACTS),
-    "force.noiseFrequency": ("10", ACTS),
-    "force.startTime": ("0.05", UNTIL),
-    "force.endTime": ("0.15", ACTS),
-    "force.acceleration": ("(0,0,-3)", ACTS),
-    "force.radialAcceleration": ("-2", ACTS),
-    "collider.enabled": ("false", "is gone: bodies cannot come or go"),
-    "collider.friction": ("0.1", ACTS),
-}
 OTHERS = {"force.acceleration": "Push", "force.radialAcceleration": "Radial"}
 
 
-def test_every_attribute_of_the_schema_has_a_row() -> None:
-    of_table = {f"{scope}.{name}" for scope, rows in table().items() for name in rows}
-    assert of_table == {name for name in CHANGES if "/" not in name}
+def changes() -> dict[str, tuple[str, str]]:
+    """scope.name -> another value and what becomes of it, by the table; a name with "/" is of that prim."""
+    result = {}
+    for scope, section in tomllib.loads(parameter_table().read_text(encoding="utf-8")).items():
+        for row in section["parameter"]:
+            outcome = row.get("rebake", START if row.get("initial") else ACTS)
+            result[f"{scope}.{row['name']}"] = (row["another"], outcome)
+    return result | {
+        "Carpet/mode": ("continuous", ACTS),
+        "Carpet/smokeDensity": ("0.2", START),
+        "Carpet/smokeTemperature": ("60", START),
+        "Carpet/enabled": ("false", START),
+    }
+
+
+CHANGES = changes()
+
+
+def test_every_attribute_has_another_value_within_its_limits() -> None:
+    for scope, rows in table().items():
+        for name, row in rows.items():
+            value, outcome = CHANGES[f"{scope}.{name}"]
+            assert outcome in (ACTS, IGNORED, START, UNTIL) or ":" in outcome or " is " in outcome, name
+            if row.type == "token":
+                assert value in row.tokens and value != row.default, name
+            elif row.type == "bool":
+                assert value in ("true", "false"), name
+            elif row.type == "double":
+                low, high = row.hard
+                assert low <= float(value) <= high, name
 
 
 def run(scene: Path, folder: Path, **options) -> None:

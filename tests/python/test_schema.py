@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -53,18 +52,6 @@ def found(stage: Usd.Stage) -> list[tuple[str, str, str]]:
 
 
 # ------------------------------------------------------------------------------------------------------------- schema
-
-
-def test_committed_schema_equals_the_generator(tmp_path: Path) -> None:
-    pytest.importorskip("jinja2")
-    check = [sys.executable, str(ROOT / "usd_plugin" / "generate_schema.py"), "--check"]
-    assert subprocess.run(check, check=False).returncode == 0
-    changed = shutil.copytree(PACKAGE / "schema", tmp_path / "schema") / "generatedSchema.usda"
-    changed.write_text(
-        changed.read_text("utf-8").replace("double eulerfsi:friction", "float eulerfsi:friction"), "utf-8"
-    )
-    told = subprocess.run([*check, str(changed.parent)], capture_output=True, text=True, check=False)
-    assert told.returncode == 1 and f"{changed}: not what schema.usda gives" in told.stderr
 
 
 @pytest.mark.parametrize("scope", list(API_SCHEMAS))

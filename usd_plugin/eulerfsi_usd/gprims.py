@@ -8,10 +8,11 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from .deformables import surface_at
+from .parameters import prim_types
 from .pose import Pose
 
 AROUND = 48  # sides of what is round
-SHAPES = ("Sphere", "Cube", "Cylinder", "Cone", "Capsule")
+SHAPES = tuple(kind for kind in prim_types()["emitter"] if kind != "Mesh")  # of emitters and of pins
 PLANE_DEPTH = 0.25  # of the shorter side of a Plane: thickness of the slab below it
 _DIMENSIONS = {
     "Sphere": ("radius",),

@@ -1,4 +1,4 @@
-"""Reads and validates the parameter table parameters.toml; used by generate_parameters.py and by tests."""
+"""Reads and validates the parameter table parameters.toml; the generator and tests use it."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ import re
 import tomllib
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
+from .headers import Header, read_headers
+
+ROOT = Path(__file__).resolve().parents[2]
 TABLE = ROOT / "libeulerfsi" / "parameters.toml"
-HEADERS = ROOT / "libeulerfsi" / "include" / "eulerfsi"
 
 SCOPES = ("domain", "solid", "emitter", "force", "collider")
 STRUCTS = {
@@ -21,7 +22,7 @@ STRUCTS = {
 }
 C_TYPES = {"double": "double", "int": "int32_t", "bool": "int32_t", "token": "int32_t", "vector": "EfsiVec3"}
 TYPES = {*C_TYPES, "asset"}
-REQUIRED_KEYS = {"name", "field", "symbol", "type", "default", "doc"}
+REQUIRED_KEYS = {"name", "field", "symbol", "type", "default", "another", "doc"}
 KNOWN_KEYS = REQUIRED_KEYS | {
     "tokens",
     "hard",
@@ -34,6 +35,8 @@ KNOWN_KEYS = REQUIRED_KEYS | {
     "animated",
     "initial",
     "member",
+    "advanced",
+    "rebake",
 }
 
 Parameter = dict
@@ -44,10 +47,10 @@ class TableError(ValueError):
     """An entry of the table breaks a rule; the message names scope, parameter, key and value."""
 
 
-def load_table(path: Path = TABLE, headers: Path = HEADERS) -> Table:
-    """Reads and validates the table.
+def load_table(path: Path = TABLE) -> Table:
+    """Reads and validates the table; {prims} and {SCOPE} in its docs are replaced by prim types.
 
-    Returns {scope: {"doc": str, "parameter": [Parameter], "relationship": [{"name": str, "doc": str}]}}.
+    Returns {scope: {"prims": [str], "doc": str, "parameter": [Parameter], "relationship": [{"name", "doc"}]}}.
 
     Raises TableError when an entry breaks a rule.
     """
@@ -55,11 +58,15 @@ def load_table(path: Path = TABLE, headers: Path = HEADERS) -> Table:
         table = tomllib.load(stream)
     if tuple(table) != SCOPES:
         raise TableError(f"{path.name}: sections are {list(table)}, must be {list(SCOPES)}")
+    header = read_headers()
     for scope in SCOPES:
-        members = read_struct_members(headers, STRUCTS[scope])
+        section = table[scope]
+        if not section.get("prims") or not section.get("doc"):
+            raise TableError(f"[{scope}]: needs prims and doc")
+        members = struct_members(header, STRUCTS[scope])
         names: set[str] = set()
         fields: set[str] = set()
-        for parameter in table[scope]["parameter"]:
+        for parameter in section["parameter"]:
             where = f"[{scope}] {parameter.get('name', '?')}"
             check_parameter(where, parameter)
             check_field(where, parameter, STRUCTS[scope], members)
@@ -67,7 +74,7 @@ def load_table(path: Path = TABLE, headers: Path = HEADERS) -> Table:
                 if parameter[key] and parameter[key] in seen:
                     raise TableError(f"{where}: {key} = {parameter[key]!r} occurs twice")
                 seen.add(parameter[key])
-        for relationship in table[scope].setdefault("relationship", []):
+        for relationship in section.setdefault("relationship", []):
             where = f"[{scope}] {relationship.get('name', '?')}"
             if set(relationship) != {"name", "doc"}:
                 raise TableError(f"{where}: keys are {sorted(relationship)}, must be ['doc', 'name']")
@@ -75,7 +82,23 @@ def load_table(path: Path = TABLE, headers: Path = HEADERS) -> Table:
             if relationship["name"] in names:
                 raise TableError(f"{where}: name = {relationship['name']!r} occurs twice")
             names.add(relationship["name"])
+    for scope in SCOPES:
+        for entry in (table[scope], *table[scope]["parameter"], *table[scope]["relationship"]):
+            entry["doc"] = with_prims(entry["doc"], scope, table)
     return table
+
+
+def with_prims(doc: str, scope: str, table: Table) -> str:
+    """The text with prim types in the place of {prims}, those of its own scope, and of {SCOPE}."""
+
+    def types(match: re.Match[str]) -> str:
+        name = scope if match[1] == "prims" else match[1]
+        if name not in table:
+            raise TableError(f"[{scope}]: {match[0]}: must be {{prims}} or one of {list(SCOPES)}")
+        *first, last = table[name]["prims"]
+        return f"{', '.join(first)} or {last}"
+
+    return re.sub(r"{(\w+)}", types, doc)
 
 
 def check_parameter(where: str, parameter: Parameter) -> None:
@@ -146,18 +169,14 @@ def stage_powers(stage_unit: str) -> dict[str, int]:
     return {base: int(exponent) for base, exponent in (factor.split("^") for factor in stage_unit.split())}
 
 
-def read_struct_members(headers: Path, struct: str) -> dict[str, str]:
+def struct_members(header: Header, struct: str) -> dict[str, str]:
     """C type of every member of a definition struct, arrays as one entry per element ("wall[0]")."""
-    text = "".join(path.read_text(encoding="utf-8") for path in sorted(headers.glob("*.h")))
-    body = re.search(rf"typedef struct {struct} {{(.*?)}} {struct};", text, re.DOTALL)
-    if body is None:
-        raise TableError(f"no struct {struct} in {headers}")
+    if struct not in header.structs:
+        raise TableError(f"no struct {struct} in the headers")
     members: dict[str, str] = {}
-    declaration = r"^\s*(\w+)\s+([\w\s,\[\]]+);"
-    for c_type, names in re.findall(declaration, re.sub(r"/\*.*?\*/", "", body[1], flags=re.DOTALL), re.MULTILINE):
-        for name in (part.strip() for part in names.split(",")):
-            base, _, count = name.rstrip("]").partition("[")
-            members |= {f"{base}[{i}]": c_type for i in range(int(count))} if count else {name: c_type}
+    for member in header.structs[struct]:
+        names = [f"{member.name}[{i}]" for i in range(member.count)] if member.count else [member.name]
+        members |= dict.fromkeys(names, member.base)
     return members
 
 
