@@ -1,7 +1,9 @@
-# efsi_generate(target): a target that writes what follows from parameters.toml and the C headers (generate.py): the C++ into
-# EFSI_GENERATED, a folder to include from, and what Python, Houdini and the reference read beside their sources, where
-# .gitignore has it. As a part of another project the latter is left out; in a wheel it goes to EFSI_GENERATED too.
-option(EFSI_GENERATE_TREE "Write the generated files of Python, Houdini and the reference into the checkout" ${PROJECT_IS_TOP_LEVEL})
+# efsi_generate(target): a target that writes what follows from parameters.toml and the C headers (generate.py): the
+# C++ into EFSI_GENERATED, a folder to include from, and what Python, Houdini and the reference read beside their
+# sources, where .gitignore has it. As a part of another project the latter is left out; in a wheel it goes to
+# EFSI_GENERATED too.
+option(EFSI_GENERATE_TREE "Write the generated files of Python, Houdini and the reference into the checkout"
+       ${PROJECT_IS_TOP_LEVEL})
 set(EFSI_GENERATED "${CMAKE_CURRENT_BINARY_DIR}/generated")
 
 function(efsi_generate target)

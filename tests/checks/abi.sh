@@ -1,15 +1,18 @@
 #!/usr/bin/env bash
 # Purpose: compares the C ABI of the built library with the baseline in libeulerfsi/abi, or writes that baseline.
-# Usage: tests/checks/abi.sh check|write [LIBRARY]. New functions pass, and so does a struct that has grown at its end, which
-# old clients do not notice; a removed function or any other change of a struct fails (exit 1). Written again for a release.
+# Usage: tests/checks/abi.sh check|write [LIBRARY]. New functions pass, and so does a struct that has grown at its end,
+# which old clients do not notice; a removed function or any other change of a struct fails (exit 1). Written again for
+# a release.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 library=${2-$root/build/release/libeulerfsi/libeulerfsi.so}
 baseline=$root/libeulerfsi/abi/eulerfsi-0.abi
 
 growth='^ *$|changes summary: 0 Removed|some indirect sub-type changes?:$'
-growth+="|(parameter [0-9]+ of|return) type .* has sub-type changes:$|in (pointed to|unqualified underlying) type '.*:$"
-growth+="|underlying type 'struct .* changed(:$|; details (are|were) )|details (are|were|were being) reported (later|earlier)"
+growth+="|(parameter [0-9]+ of|return) type .* has sub-type changes:$"
+growth+="|in (pointed to|unqualified underlying) type '.*:$"
+growth+="|underlying type 'struct .* changed(:$|; details (are|were) )"
+growth+="|details (are|were|were being) reported (later|earlier)"
 growth+="|type size changed from|data member insertions?:$|^ +'.*', at offset [0-9]+ \(in bits\)"
 
 describe() { # FILE: the functions and the types of the public headers; what stands behind opaque types is left out
@@ -28,8 +31,9 @@ case "${1-}" in
     current=$(mktemp)
     trap 'rm -f "$current"' EXIT
     describe "$current"
-    # abidiff's code calls a changed struct "maybe harmless" (4). All that may stand in its report are members inserted into
-    # structs whose other members keep their places; a suppression of these would hide what else becomes of such a struct.
+    # abidiff's code calls a changed struct "maybe harmless" (4). All that may stand in its report are members inserted
+    # into structs whose other members keep their places; a suppression of these would hide what else becomes of such a
+    # struct.
     code=0
     report=$(abidiff --no-added-syms "$baseline" "$current") || code=$?
     if ((code & ~4)) || grep -vE "$growth" <<<"$report"; then
