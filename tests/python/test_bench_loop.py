@@ -108,7 +108,7 @@ def test_survival_asks_for_whole_meshes_energy_and_a_ledger_that_closes() -> Non
     closed.columns["energy_at_start"][2:, 0] += 0.2
     bars = missed(made)
     assert len(bars) == 1 and "energy rises" in bars[0]
-    closed.columns["fluid_energy"][3] = 0.1
+    closed.columns["elastic_energy"][3] = 0.1
     bars = missed(made)
     assert len(bars) == 2 and "gap" in bars[1]
     closed.columns["false_edges"][1] = 3
