@@ -20,7 +20,7 @@ inline constexpr Threshold kElementPartInFluid = {Real(0.6), Real(0.1)};
 // Beside a collider the rest of a cell is the contact's skin, which the solid never fills. Where it has more than
 // kLeastRoom of the cell, kRoomPart of that suffices: what enters later is strained as its neighbours, which had to
 // carry without it.
-inline constexpr double kLeastRoom = 0.5, kRoomPart = 0.5;
+inline constexpr double kLeastRoom = 0.6, kRoomPart = 0.5;
 
 // Reads state.u; writes fraction, volume_ratio, element, element_cell, element_corner, carries, mass, volume,
 // total_mass. Counted in cells the mass of a ball wavers by some 0.2 % as it moves over the grid, that of a thin box by
