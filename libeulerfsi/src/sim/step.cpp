@@ -82,7 +82,8 @@ void remember_elements(const StepContext& step, std::size_t l, const VelocityEqu
   else
     state.stiff.clear();
   for (const RowPlace& place : elasticity.contacts.places)
-    if (place.solids[0] == l || place.solids[1] == l) solid::remember_room(place.cell, place.room, state);
+    if (place.room > 0.0 && (place.solids[0] == l || place.solids[1] == l))
+      solid::remember_room(place.cell, place.room, state);
 }
 
 // Lines 12 to 16: the solids' velocities, on their grids or on particles, which repel each other.

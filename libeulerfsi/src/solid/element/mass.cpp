@@ -49,9 +49,12 @@ Real least_fraction(const SolidRest& rest, const SolidState& state, std::size_t 
   if (state.stiff.empty()) return fraction;
   const std::uint8_t memory = state.stiff[c];
   const bool carried = (memory & kCarried) != 0;
-  if (memory >= kRoomUnit)
-    return std::min(static_cast<Real>(kRoomPart * (memory / kRoomUnit) / kRoomUnits), fraction) -
-           (carried ? lag : Real(0));
+  if (memory >= kRoomUnit) {  // beside a collider
+    const double room = static_cast<double>(memory / kRoomUnit) / kRoomUnits;
+    const Real part = std::min(static_cast<Real>(kRoomPart * std::max(room, kLeastRoom)), fraction);
+    if (carried) return part - lag;
+    if (room > kLeastRoom) return part;
+  }
   if ((memory & kNotRemembered) != 0) return fraction;
   return carried ? fraction - lag : fraction + lag;
 }
@@ -349,7 +352,6 @@ void remember_elements(const SolidWork& work, SolidState& state) {
 }
 
 void remember_room(const Vec3i& cell, double room, SolidState& state) {
-  if (!(room > kLeastRoom)) return;
   const Grid& g = state.band.grid;
   Vec3i local;
   for (std::size_t a = 0; a < 3; ++a) {
@@ -358,7 +360,7 @@ void remember_room(const Vec3i& cell, double room, SolidState& state) {
   }
   if (state.stiff.empty()) state.stiff.assign(g.cell_count(), kNotRemembered);
   std::uint8_t& memory = state.stiff[g.cell(local[0], local[1], local[2])];
-  memory = static_cast<std::uint8_t>((memory & kCarried) | (kRoomUnit * std::lround(kRoomUnits * room)));
+  memory = static_cast<std::uint8_t>((memory & (kRoomUnit - 1)) | (kRoomUnit * std::lround(kRoomUnits * room)));
 }
 
 }  // namespace efsi::solid

@@ -100,9 +100,10 @@ TEST_CASE("Beside a collider a cell carries stiffness when half of what the soli
   std::size_t entered = 0;
   for (std::size_t c = 0; c < before.size(); ++c) {
     const bool was = before[c] >= 0, is = s.work.element[c] >= 0;
-    const Real plain = fraction + (lags ? (was ? -lag : lag) : 0);
-    const Real beside = static_cast<Real>(0.5 * room) - (lags && was ? lag : 0);
-    CHECK(is == (s.work.fraction[c] > (room > solid::kLeastRoom ? beside : plain)));
+    const bool stays = lags && was;  // in a cell whose room has become smaller, too
+    const Real plain = fraction + (lags ? lag : 0);
+    const Real beside = static_cast<Real>(0.5 * std::max(room, solid::kLeastRoom)) - (stays ? lag : 0);
+    CHECK(is == (s.work.fraction[c] > (stays || room > solid::kLeastRoom ? beside : plain)));
     entered += is && !was;
   }
   CHECK((entered > 10) == (room > solid::kLeastRoom));
