@@ -86,7 +86,7 @@ def test_energy_counts_less_outside_work() -> None:
 def survived(run: Experiment) -> measure.Result:
     """Made up: nothing happens in four steps."""
     names = ("degenerate_cells", "retries", "false_edges", "clamped", "rejected", "broken", "repaired_cells")
-    still = ("kinetic_energy", "elastic_energy", "fluid_energy", "mass", "volume_cells")
+    still = ("kinetic_energy", "elastic_energy", "fluid_energy", "fluid_carried", "mass", "volume_cells")
     columns = {name: np.zeros(4) for name in (*names, *still)}
     columns |= {name: np.ones((4, 2)) for name in ("det_f_interior", "det_f_before")}
     columns |= {"center": np.ones((4, 3)), "time": np.linspace(0.1, 0.4, 4), "dt": np.full(4, 0.1)}

@@ -357,7 +357,7 @@ def extrapolated(scene: Scene, times: np.ndarray, height: np.ndarray, speed: np.
     count, mass = len(times), 4.0
     column = {
         name: np.zeros(count)
-        for name in ("degenerate_cells", "false_edges", "misfit", "fluid_energy", "max_plastic_strain")
+        for name in ("degenerate_cells", "false_edges", "misfit", "fluid_energy", "fluid_carried", "max_plastic_strain")
     }
     column |= {name: np.ones(count) for name in ("volume_mesh", "volume_cells")}
     center = np.stack([np.full(count, 0.2), height, np.full(count, 0.2)], axis=1)
@@ -689,8 +689,8 @@ def with_ledger(result: Result) -> Result:
     return result
 
 
-def test_columns_of_the_ledger_join_the_diagnostics_of_the_solids() -> None:
-    names = {"kinetic_energy": 0.05, "elastic_energy": 0.05, "center": 0.002}
+def test_columns_of_the_ledger_join_the_diagnostics_of_all_forms() -> None:
+    names = {"kinetic_energy": 0.05, "elastic_energy": 0.05, "fluid_energy": 0.05, "center": 0.002}
     for name, wrong in names.items():
         result = with_ledger(bounce())
         assert verdicts(result)["ledger"] == "pass"

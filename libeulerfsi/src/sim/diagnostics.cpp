@@ -53,10 +53,10 @@ FluidDiagnostics Simulation::diagnose_fluid() {
   if (!params_.fluid.present) return d;
   const std::vector<Real>& fraction = solid_fraction();
   struct Sums {
-    double energy = 0.0, smoke = 0.0, speed = 0.0, divergence = 0.0;
+    double energy = 0.0, carried = 0.0, smoke = 0.0, speed = 0.0, divergence = 0.0;
     Vec3d momentum = Vec3d::Zero();
   };
-  const grid::VectorField& velocity = fluid_velocity();
+  const grid::VectorField &ahead = state_.fluid.velocity, &velocity = fluid_velocity();  // with what is carried, without
   const double h3 = grid_.h * grid_.h * grid_.h;
   const auto corner = grid::corner_offsets(grid_);
   std::vector<Sums> planes(static_cast<std::size_t>(grid_.cells[2]));
@@ -73,6 +73,7 @@ FluidDiagnostics Simulation::diagnose_fluid() {
           const Vec3d v = velocity.at(n + corner[a]).cast<double>();
           const double m = params_.fluid.density * h3 * part / 8.0;
           s.energy += 0.5 * m * v.squaredNorm();
+          s.carried += 0.5 * m * (ahead.at(n + corner[a]).cast<double>().squaredNorm() - v.squaredNorm());
           s.momentum += m * v;
           s.speed = std::max(s.speed, part > 0.0 ? v.norm() : 0.0);
           for (int x = 0; x < 3; ++x) divergence += (grid::kCorner[a][x] ? v[x] : -v[x]) / (4.0 * grid_.h);
@@ -82,6 +83,7 @@ FluidDiagnostics Simulation::diagnose_fluid() {
   });
   for (const Sums& s : planes) {
     d.kinetic_energy += s.energy;
+    d.carried_energy += s.carried;
     d.momentum += s.momentum;
     d.smoke += s.smoke;
     d.max_speed = std::max(d.max_speed, s.speed);

@@ -56,7 +56,7 @@ struct SolidDiagnostics {
 };
 
 struct FluidDiagnostics {
-  double kinetic_energy = 0.0, max_speed = 0.0, smoke = 0.0, max_divergence = 0.0;
+  double kinetic_energy = 0.0, max_speed = 0.0, smoke = 0.0, max_divergence = 0.0, carried_energy = 0.0;
   Vec3d momentum = Vec3d::Zero();
 };
 

@@ -10,7 +10,7 @@ from eulerfsi.solver import binding
 from . import contact_laws, elastic_laws, laws, mirror_law
 from .experiment import Experiment, of
 from .laws import Line, Results, conditions, found, out_of_bounds, resolved
-from .measure import FORMS, SOLID_FORMS, Result, Rise, half_steps, largest_rise, ledger, total_energy
+from .measure import FORMS, Result, Rise, half_steps, largest_rise, ledger, total_energy
 
 MOST_RISE = 0.02  # of the largest energy so far
 CLOSES = 1e-3  # of the largest energy so far
@@ -79,7 +79,7 @@ def judge_energy(results: Results, tier: str) -> list[Line]:
         bar = f"rise above its running minimum <= {MOST_RISE:g} of the largest so far"
         lines.append(Line("energy", bar, share, "", 0, MOST_RISE, at))
         at = conditions(result, f"{run.scene}, worst step")
-        bar = f"columns join the diagnostics, of all forms of the solids, within {CLOSES:g} of the largest so far"
+        bar = f"columns join the diagnostics, of all forms, within {CLOSES:g} of the largest so far"
         lines.append(Line("energy", bar, share_of_gap(result), "", 0, CLOSES, at))
         lines.append(
             Line("energy", "work of the volume source", float(result["source_work"].sum()), "J", conditions=at)
@@ -104,21 +104,22 @@ def in_words(parts: Mapping[str, float], rise: float) -> str:
 
 
 def told(result: Result) -> np.ndarray:
-    """By the diagnostics of all solids but colliders, from the start on, (steps + 1, SOLID_FORMS) [J]."""
-    scene, energies = result.run.simulation(), dict.fromkeys(SOLID_FORMS, 0.0)
+    """By the diagnostics of all solids but colliders and of the fluid, from the start on, (steps + 1, forms) [J]."""
+    scene, energies = result.run.simulation(), dict.fromkeys(FORMS, 0.0)
     fluid, pull = scene["ambient_fluid"] * scene["fluid_density"], np.array(scene["gravity"])
+    energies["fluid_kinetic"] = result.with_start("fluid_energy") + result.with_start("fluid_carried")
     for number, (_, values) in enumerate(result.run.bodies(), 1):
         seen = lambda name, k=number: result.with_start(of(name, k))  # noqa: E731
         volume = seen("volume_cells") if values.get("compressible") else seen("mass") / values["density"]
         energies["solid_kinetic"] += seen("kinetic_energy")
         energies["elastic"] += seen("elastic_energy")
         energies["potential"] -= (seen("mass") - fluid * volume) * (seen("center") @ pull)
-    return np.stack([energies[form] for form in SOLID_FORMS], axis=1)
+    return np.stack([energies[form] for form in FORMS], axis=1)
 
 
 def gap(result: Result) -> np.ndarray:
-    """Between sums of the columns and what the diagnostics changed by since the start, per step, of SOLID_FORMS [J]."""
-    changes, seen = ledger(result).sum(axis=1)[:, [FORMS.index(form) for form in SOLID_FORMS]], told(result)
+    """Between sums of the columns and what the diagnostics changed by since the start, per step, of all forms [J]."""
+    changes, seen = ledger(result).sum(axis=1), told(result)
     return np.abs(np.cumsum(changes, axis=0) - (seen[1:] - seen[0])).sum(axis=1)
 
 

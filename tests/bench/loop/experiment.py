@@ -278,7 +278,8 @@ class Observer:
         surfaces = [simulation.surface(k + 1)[0].astype(float) for k in range(len(self.rest))]
         for k, points in enumerate(surfaces, 1):
             seen |= {of(name, k): value for name, value in self.solid(simulation, k, points).items()}
-        seen |= {"fluid_energy": fluid["kinetic_energy"], "fluid_momentum": fluid["momentum"]}
+        seen |= {"fluid_energy": fluid["kinetic_energy"], "fluid_carried": fluid["carried_energy"]}
+        seen["fluid_momentum"] = fluid["momentum"]
         seen |= self.company.observe()
         if len(surfaces) == 1 and not self.company.colliders:
             return seen | det_f_ranges(simulation)

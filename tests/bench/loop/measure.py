@@ -17,7 +17,6 @@ from .experiment import Experiment
 # Steps whose divergence before the projection is below this part of the run's largest say nothing about the ratio.
 QUIET = 0.01
 FORMS = [name for name, *_ in c_api.Energy._fields_]  # of energy, in the order of the ledger
-SOLID_FORMS = [name for name in FORMS if name != "fluid_kinetic"]  # the diagnostics' fluid has no carried pressure
 
 
 @dataclasses.dataclass

@@ -96,10 +96,7 @@ def energy_rise(values: np.ndarray, largest: np.ndarray) -> tuple[float, int]:
     return float(rise.max()), int(rise.argmax())
 
 
-@law(
-    "ledger",
-    f"its columns join the diagnostics, of all forms of the solids: gap over the largest energy so far <= {CLOSES:g}",
-)
+@law("ledger", f"its columns join the diagnostics, of all forms: gap over the largest energy so far <= {CLOSES:g}")
 def closes(record: Record) -> Verdict:
     if not record.has_ledger:
         raise Moot("no energy ledger")
