@@ -56,7 +56,8 @@ FluidDiagnostics Simulation::diagnose_fluid() {
     double energy = 0.0, carried = 0.0, smoke = 0.0, speed = 0.0, divergence = 0.0;
     Vec3d momentum = Vec3d::Zero();
   };
-  const grid::VectorField &ahead = state_.fluid.velocity, &velocity = fluid_velocity();  // with what is carried, without
+  const grid::VectorField& velocity = fluid_velocity();
+  const grid::VectorField& ahead = state_.fluid.velocity;  // with the carried pressure
   const double h3 = grid_.h * grid_.h * grid_.h;
   const auto corner = grid::corner_offsets(grid_);
   std::vector<Sums> planes(static_cast<std::size_t>(grid_.cells[2]));

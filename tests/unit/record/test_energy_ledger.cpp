@@ -157,11 +157,11 @@ TEST_CASE("Ledger: on or off, a run has the same bits") {
 
 TEST_CASE("Ledger: its columns join the energies that the diagnostics tell", "[law]") {
   for (const auto preset : {sim::Preset::kProduction, sim::Preset::kPaper2016}) {
-    sim::Params p = box_params({0.4, 0.4, 0.4});
+    sim::Params p = box_params({0.8, 0.8, 0.8});
     p.numerics = sim::numerics_of(preset);
     p.energy_ledger = true;
     p.fluid.density = 500.0;
-    auto d = ball_desc({0.2, 0.2, 0.2});
+    auto d = ball_desc({0.4, 0.4, 0.4});
     d.velocity = {0.0, -1.0, 0.0};
     auto s = make_simulation(p, {d});
     sim::Energy sum;
