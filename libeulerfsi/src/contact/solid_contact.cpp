@@ -14,6 +14,7 @@
 #include "grid/interpolate.hpp"
 #include "grid/plane_cut.hpp"
 #include "solid/map/boundary_distance.hpp"
+#include "solid/map/inverse_map.hpp"
 
 namespace efsi::sim {
 
@@ -61,6 +62,8 @@ Vec3d seen_gradient(const solid::SolidRest& rest, const solid::SolidState& state
 // How far the surface of a solid is from the nodes of an overlap [m], and the direction out of it; far away and where
 // the solid's map is not known: kUnknown.
 constexpr double kUnknown = 1e30;
+constexpr double kLeastLength = 0.4, kMostLength = 2.5;  // of the gradient of the distance at rest, as far as believed
+double believed_length(double length) { return std::clamp(length, kLeastLength, kMostLength); }
 struct Sight {
   std::vector<double> distance;
   std::vector<double>
@@ -69,7 +72,6 @@ struct Sight {
 };
 Sight look(const Parallel& parallel, const solid::SolidRest& rest, const solid::SolidState& state, const Grid& nodes) {
   constexpr double kFar = 4.0;  // cells
-  constexpr double kLeastLength = 0.4, kMostLength = 2.5;
   const Grid& g = state.band.grid;
   const Vec3i lo = grid::offset(nodes, g);
   const geometry::SignedDistance& from = solid::distance_of(rest, state);
@@ -89,7 +91,7 @@ Sight look(const Parallel& parallel, const solid::SolidRest& rest, const solid::
         const Vec3d gradient = seen_gradient(rest, state, at);
         const double length = gradient.norm();
         if (!(length > 0.0)) continue;
-        sight.length[nodes.node(i, j, k)] = std::clamp(length, kLeastLength, kMostLength);
+        sight.length[nodes.node(i, j, k)] = believed_length(length);
         sight.distance[nodes.node(i, j, k)] = distance / sight.length[nodes.node(i, j, k)];
         sight.outwards[nodes.node(i, j, k)] = gradient / length;
       }
@@ -339,12 +341,12 @@ void visit_vertices(const Scene& scene, const solid::SolidState& vertices, const
       inside = inside && cell[a] >= 0 && cell[a] < g.cells[a];
     }
     if (!inside) continue;
-    const std::size_t n = g.node(cell[0], cell[1], cell[2]);
-    const auto known = [&](std::size_t offset) { return state.valid[n + offset] != solid::kNoData; };
-    if (!std::all_of(corner.begin(), corner.end(), known)) continue;
-    const Vec3d u = sampler.vector(state.u, at.cast<Real>()).cast<double>();
-    const double gap = distance.sample(x - u) - kContactSkin * scene.grid.h;
-    const Vec3d out_of = distance.gradient(x - u).normalized();
+    Vec3d u;
+    Mat3d gradient;
+    if (!solid::sample_displacement(state, corner, x, u, gradient)) continue;
+    const Vec3d at_rest = distance.gradient(x - u), seen = at_rest - gradient.transpose() * at_rest;
+    const double gap = distance.sample(x - u) / believed_length(seen.norm()) - kContactSkin * scene.grid.h;
+    const Vec3d out_of = seen.normalized();
     const Vec3d v = sampler.vector(state.v, at.cast<Real>()).cast<double>(),
                 w = own.vector(vertices.v, ((x - vertices.band.grid.origin) / g.h).cast<Real>()).cast<double>();
     visit(gap, out_of.dot(v - w));
