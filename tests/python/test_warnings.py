@@ -57,8 +57,8 @@ def frame(contacts: tuple[dict[str, Any], ...] = (), fluid: float = 1.0, **chang
     return {"event": "frame", "solids": {BALL: ball}, "fluid": {"max_speed": fluid}, "contacts": {"pairs": contacts}}
 
 
-def meeting(first: str, second: str, depth: float) -> tuple[dict[str, Any], ...]:
-    return ({"solids": [first, second], "surface_overlap": depth},)
+def meeting(first: str, second: str, depth: float, exchanged: int = 0) -> tuple[dict[str, Any], ...]:
+    return ({"solids": [first, second], "surface_overlap": depth, "exchanged_vertices": exchanged},)
 
 
 def energy(kinetic: float, potential: float = 0.0) -> dict[str, Any]:
@@ -79,6 +79,10 @@ CASES = {
     "overlap in a wall": (
         (watched(), [*GOOD, step(), frame(extent_min=[0.4, -0.15, 0.4])], "wallYMin", 1.5),
         (watched(domain={"wall[0]": 2}), [*GOOD, step(), frame(extent_min=[-0.01, -0.15, 0.4])]),
+    ),
+    "exchanged_sides": (
+        (watched(), [*GOOD, step(), frame(meeting(BALL, "/World/Rock", 0.4, 3))], "/World/Rock", 3.0),
+        (watched(), [*GOOD, step(), frame(meeting(BALL, "/World/Rock", 0.9, 0))]),
     ),
     "repaired_cells": (
         (watched(), [*GOOD, REPAIRED, step(), frame()], "", 0.01),

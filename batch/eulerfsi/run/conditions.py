@@ -42,6 +42,15 @@ CONDITIONS = {
             "smaller maxTimeStep keep surfaces apart",
         ),
         Condition(
+            "exchanged_sides",
+            "surfaces have exchanged sides: vertices have come out of another solid on another side than they went in",
+            "any",
+            1.0,
+            "{value} vertices of it and {other} have come out on another side than they went in (limit {limit}): the "
+            "two have passed through each other; thicker or stiffer parts, a smaller voxelSize or a smaller "
+            "maxTimeStep keep surfaces apart",
+        ),
+        Condition(
             "repaired_cells",
             "cells of the solids repaired in a step",
             "1 % of their cells",

@@ -1,11 +1,11 @@
-"""What the statistics tell of solids that push each other in a frame."""
+"""What the statistics tell of solids that push each other, or exchange sides, in a frame."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from typing import Any
 
-_SUMS = ("steps", "rows", "active_rows", "sticking_rows", "normal_impulse")
+_SUMS = ("steps", "rows", "active_rows", "sticking_rows", "normal_impulse", "exchanged_vertices")
 _LARGEST = ("row_overlap", "surface_overlap")
 
 
@@ -39,7 +39,7 @@ class FrameContacts:
             return {}
         pairs = []
         for pair in self._in_order():
-            share = pair["sticking_rows"] / pair["active_rows"]
+            share = pair["sticking_rows"] / max(pair["active_rows"], 1)
             solids = [names[identifier] for identifier in pair["solid"]]
             rest = {name: value for name, value in pair.items() if name not in ("solid", "sticking_rows")}
             pairs.append({"solids": solids, **rest, "sticking_share": share})

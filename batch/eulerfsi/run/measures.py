@@ -127,8 +127,9 @@ class Measures:
     def _overlaps(self, line: dict[str, Any]) -> Iterator[Finding]:
         for pair in line.get("contacts", {}).get("pairs", ()):
             first, second = pair["solids"]
-            depth = number(pair["surface_overlap"])
+            depth, exchanged = number(pair["surface_overlap"]), pair.get("exchanged_vertices", 0)
             yield Finding("folds", first, depth) if first == second else Finding("overlap", first, depth, second)
+            yield Finding("exchanged_sides", first, float(exchanged), second)
 
     def _depths_in_walls(self, line: dict[str, Any]) -> Iterator[Finding]:
         walls = (binding.WALLS["slip"], binding.WALLS["noSlip"])

@@ -105,15 +105,17 @@ typedef struct EfsiRepairs {
  * with the same id twice; it keeps a minimum distance and has no friction; its `impulse`, of the solid on itself, is 0.
  */
 typedef struct EfsiContactPair {
-  uint32_t solid[2];      /**< ids, the smaller one first; equal: folds of one solid */
-  uint64_t steps;         /**< number of steps with a contact impulse */
-  uint64_t rows;          /**< rows, summed over these steps */
-  uint64_t active_rows;   /**< rows with a non-zero normal impulse, summed over these steps */
-  uint64_t sticking_rows; /**< of active_rows, those that stick */
-  double row_overlap;     /**< largest overlap of a row relative to the contact distance [cells] */
-  double surface_overlap; /**< largest depth of a row or vertex of one solid in the other [cells] */
-  double normal_impulse;  /**< magnitude of the normal impulses, summed over rows and steps [N s] */
-  EfsiVec3 impulse;       /**< of solid[0] on solid[1], friction included, summed over rows and steps [N s] */
+  uint32_t solid[2];           /**< ids, the smaller one first; equal: folds of one solid */
+  uint64_t steps;              /**< number of steps with a contact impulse */
+  uint64_t rows;               /**< rows, summed over these steps */
+  uint64_t active_rows;        /**< rows with a non-zero normal impulse, summed over these steps */
+  uint64_t sticking_rows;      /**< of active_rows, those that stick */
+  double row_overlap;          /**< largest overlap of a row relative to the contact distance [cells] */
+  double surface_overlap;      /**< largest depth of a row or vertex of one solid in the other [cells] */
+  double normal_impulse;       /**< magnitude of the normal impulses, summed over rows and steps [N s] */
+  EfsiVec3 impulse;            /**< of solid[0] on solid[1], friction included, summed over rows and steps [N s] */
+  uint64_t exchanged_vertices; /**< vertices of either solid that came out of the other one on another side than that by
+                                    which they went in: the solids have passed through each other */
 } EfsiContactPair;
 
 /** Stages of a step in the energy ledger. */

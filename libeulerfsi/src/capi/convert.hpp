@@ -150,6 +150,7 @@ inline EfsiContactPair to_c(const sim::ContactPair& p) {
   c.surface_overlap = p.surface_overlap;
   c.normal_impulse = p.normal_impulse;
   c.impulse = to_c(p.impulse);
+  c.exchanged_vertices = p.exchanged_vertices;
   return c;
 }
 

@@ -323,16 +323,16 @@ void remember_contacts(double dt, const SolidContacts& contacts, SolidStates& st
   }
 }
 
-namespace {
-
-// The vertices of a solid against the surface of another one.
-void visit_vertices(const Scene& scene, const solid::SolidState& vertices, const solid::SolidRest& rest,
-                    const solid::SolidState& state, const VisitGap& visit) {
+void visit_vertices(const Scene& scene, const SolidStates& states, std::size_t l, std::size_t other,
+                    const VisitVertex& visit) {
+  const solid::SolidState &vertices = states[l], &state = states[other];
+  if (!overlap(vertices.band.grid, state.band.grid).any()) return;
   const Grid& g = state.band.grid;
-  const geometry::SignedDistance& distance = solid::distance_of(rest, state);
+  const geometry::SignedDistance& distance = solid::distance_of(scene.solids[other], state);
   const grid::NodeSampler sampler(g), own(vertices.band.grid);
   const auto corner = grid::corner_offsets(g);
-  for (const Vec3d& x : vertices.surface) {
+  for (std::size_t vertex = 0; vertex < vertices.surface.size(); ++vertex) {
+    const Vec3d& x = vertices.surface[vertex];
     const Vec3d at = (x - g.origin) / g.h;
     Vec3i cell;
     bool inside = true;
@@ -345,21 +345,20 @@ void visit_vertices(const Scene& scene, const solid::SolidState& vertices, const
     Mat3d gradient;
     if (!solid::sample_displacement(state, corner, x, u, gradient)) continue;
     const Vec3d at_rest = distance.gradient(x - u), seen = at_rest - gradient.transpose() * at_rest;
-    const double gap = distance.sample(x - u) / believed_length(seen.norm()) - kContactSkin * scene.grid.h;
+    const double from_surface = distance.sample(x - u);
+    const double gap = from_surface / believed_length(seen.norm()) - kContactSkin * scene.grid.h;
     const Vec3d out_of = seen.normalized();
     const Vec3d v = sampler.vector(state.v, at.cast<Real>()).cast<double>(),
                 w = own.vector(vertices.v, ((x - vertices.band.grid.origin) / g.h).cast<Real>()).cast<double>();
-    visit(gap, out_of.dot(v - w));
+    visit({vertex, gap, out_of.dot(v - w), from_surface, at_rest.normalized()});
   }
 }
 
-}  // namespace
-
 void visit_gaps(const Scene& scene, const SolidStates& states, std::size_t one, std::size_t other,
                 const VisitGap& visit) {
-  if (!overlap(states[one].band.grid, states[other].band.grid).any()) return;
-  visit_vertices(scene, states[one], scene.solids[other], states[other], visit);
-  visit_vertices(scene, states[other], scene.solids[one], states[one], visit);
+  const auto pass_on = [&](const VertexGap& seen) { visit(seen.gap, seen.closing); };
+  visit_vertices(scene, states, one, other, pass_on);
+  visit_vertices(scene, states, other, one, pass_on);
 }
 
 double least_gap(const Scene& scene, const SolidStates& states, std::size_t one, std::size_t other) {

@@ -28,6 +28,18 @@ SolidPairs active_pairs(const SolidContacts& contacts);
 // What the next step wants to know.
 void remember_contacts(double dt, const SolidContacts& contacts, SolidStates& states);
 
+// A vertex of a solid, and the surface of another one near it.
+struct VertexGap {
+  std::size_t vertex;
+  double gap, closing;   // between the surfaces, less what they keep [m]; how fast it closes [m/s]
+  double rest_distance;  // from the surface of the other at rest [m]; < 0: inside
+  Vec3d rest_normal;     // out of it
+};
+using VisitVertex = std::function<void(const VertexGap& seen)>;
+// Calls visit for the vertices of a solid that are within reach of another one's map, some cells, in their order.
+void visit_vertices(const Scene& scene, const SolidStates& states, std::size_t l, std::size_t other,
+                    const VisitVertex& visit);
+
 // What is between two surfaces at a point of one of them, less what they keep [m], and how fast it closes [m/s].
 using VisitGap = std::function<void(double gap, double closing)>;
 // Calls visit for the vertices of either solid that are within reach of the other's map, some cells.

@@ -9,8 +9,8 @@
 
 namespace efsi::sim {
 
-// Two solids with an active row between them, or one with an active row between its folds; counts are sums over the
-// steps in which one did, overlaps are at their starts.
+// Two solids with an active row between them, or that exchange sides, or one with an active row between its folds;
+// counts are sums over the steps in which one did, overlaps are at their starts.
 struct ContactPair {
   std::size_t one = 0, other = 0;  // one < other; folds: one = other
   std::uint64_t steps = 0;
@@ -19,6 +19,7 @@ struct ContactPair {
   double surface_overlap = 0.0;                                // the same of vertices and rows, without the skin
   double normal_impulse = 0.0;                                 // sum of all impulses along their normals [N s]
   Vec3d impulse = Vec3d::Zero();                               // of `one` on `other`, 0 of folds [N s]
+  std::uint64_t exchanged_vertices = 0;  // that came out of the other solid on another side than they went in
 };
 using ContactPairs = std::vector<ContactPair>;  // in the order of (one, other)
 

@@ -10,20 +10,6 @@ namespace {
 
 constexpr double kNone = -std::numeric_limits<double>::infinity();
 
-// The pair's place in the order, made where it is not there.
-ContactPair& find_pair(ContactPairs& pairs, std::size_t one, std::size_t other) {
-  const auto before = [](const ContactPair& p, const std::pair<std::size_t, std::size_t>& key) {
-    return std::pair(p.one, p.other) < key;
-  };
-  const auto place = std::lower_bound(pairs.begin(), pairs.end(), std::pair(one, other), before);
-  if (place != pairs.end() && place->one == one && place->other == other) return *place;
-  ContactPair pair;
-  pair.one = one;
-  pair.other = other;
-  pair.row_overlap = pair.surface_overlap = kNone;
-  return *pairs.insert(place, pair);
-}
-
 bool same_parts(const std::vector<system::RowPart>& a, const std::vector<system::RowPart>& b) {
   return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const system::RowPart& one, const system::RowPart& two) {
     return one.unknown == two.unknown && one.weight == two.weight;
@@ -47,6 +33,19 @@ std::vector<Vec3d> coupling_impulses(const VelocityEquation& elasticity, const P
 }
 
 }  // namespace
+
+ContactPair& find_pair(ContactPairs& pairs, std::size_t one, std::size_t other) {
+  const auto before = [](const ContactPair& p, const std::pair<std::size_t, std::size_t>& key) {
+    return std::pair(p.one, p.other) < key;
+  };
+  const auto place = std::lower_bound(pairs.begin(), pairs.end(), std::pair(one, other), before);
+  if (place != pairs.end() && place->one == one && place->other == other) return *place;
+  ContactPair pair;
+  pair.one = one;
+  pair.other = other;
+  pair.row_overlap = pair.surface_overlap = kNone;
+  return *pairs.insert(place, pair);
+}
 
 ContactPairs record_contacts(const Scene& scene, const SolidStates& states, const VelocityEquation& elasticity,
                              const PressureEquation& pressure) {
@@ -88,6 +87,7 @@ void add_contacts(const ContactPairs& later, ContactPairs& sums) {
     pair.surface_overlap = std::max(pair.surface_overlap, more.surface_overlap);
     pair.normal_impulse += more.normal_impulse;
     pair.impulse += more.impulse;
+    pair.exchanged_vertices += more.exchanged_vertices;
   }
 }
 

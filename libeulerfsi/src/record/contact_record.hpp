@@ -11,6 +11,8 @@ namespace efsi::sim {
 // Of a step after its projection. Empty without contact impulses.
 ContactPairs record_contacts(const Scene& scene, const SolidStates& states, const VelocityEquation& elasticity,
                              const PressureEquation& pressure);
+// The record of a pair, one < other, made where it is not there.
+ContactPair& find_pair(ContactPairs& pairs, std::size_t one, std::size_t other);
 // Adds those of a later step.
 void add_contacts(const ContactPairs& later, ContactPairs& sums);
 

@@ -14,7 +14,7 @@
 namespace efsi::sim {
 namespace {
 
-constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', 'E'};
+constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', 'F'};
 
 struct HashArchive {
   Hash hash;
@@ -26,8 +26,11 @@ struct HashArchive {
   void array(const std::vector<T>& v) {
     hash.add_array(v);
   }
-  // Where solids are apart, or cannot yield, the hash is that of the other fields.
+  // Where solids are apart, not deep in each other, or cannot yield, the hash is that of the other fields.
   void array(const std::vector<solid::ContactImpulse>& v) {
+    if (!v.empty()) hash.add_array(v);
+  }
+  void array(const std::vector<solid::DeepVertex>& v) {
     if (!v.empty()) hash.add_array(v);
   }
   void array(const std::vector<solid::PlasticNode>& v) {

@@ -83,6 +83,11 @@ std::string body_fault(const solid::SolidState& state, const grid::Grid& box, co
   if (fault.empty() && !std::all_of(state.surface.begin(), state.surface.end(), finite))
     fault = "surface: holds a value that is not finite";
   const auto on_axis = [](const solid::WallImpulse& press) { return press.axis >= 0 && press.axis < 3; };
+  const auto in_order = [](const solid::DeepVertex& one, const solid::DeepVertex& two) {
+    return std::pair(one.other, one.vertex) < std::pair(two.other, two.vertex);
+  };
+  if (fault.empty() && !std::is_sorted(state.deep.begin(), state.deep.end(), in_order))
+    fault = "deep: must be in the order of solids and vertices";
   if (fault.empty() && !std::all_of(state.presses.begin(), state.presses.end(), on_axis))
     fault = "presses: an axis must be 0, 1 or 2";
   return fault;

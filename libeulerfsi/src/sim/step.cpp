@@ -15,6 +15,7 @@
 #include "nodes/node_velocity.hpp"
 #include "record/contact_record.hpp"
 #include "record/energy_ledger.hpp"
+#include "record/side_record.hpp"
 #include "record/step_record.hpp"
 #include "sim/time_step.hpp"
 #include "solid/element/mass.hpp"
@@ -198,6 +199,10 @@ void close_ledger(const StepContext& step, State& state, Workspace& work, Energy
 
 // The state after a step of dt, and what the step reports.
 void finish(const StepContext& step, const SolidWorks& solids, State& state) {
+  {
+    ScopedTimer timer(step.profile, Stage::kContact);
+    record_sides(step.scene, state.solids, step.info.contacts);
+  }
   step.info.time = state.time += step.dt;
   step.info.steps = 1;
   ++state.steps;

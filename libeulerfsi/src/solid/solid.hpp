@@ -92,6 +92,12 @@ struct ContactImpulse {
   Real friction_force[3];  // of friction on the other [N]
 };
 
+// A vertex of the surface that is deep in another solid, and the normal of that one at rest where it went in.
+struct DeepVertex {
+  std::int32_t vertex, other;
+  Real normal[3];
+};
+
 // Plastic strain at a node of the lattice: H = 1/2 log(F_p^T F_p), whose trace is 0.
 struct PlasticNode {
   Real log[5];       // xx yy yz zx xy
@@ -116,6 +122,7 @@ struct SolidState {
   std::vector<std::uint8_t> stiff;       // band cells: CellMemory; empty: nothing is remembered
   std::vector<WallImpulse> presses;      // rows at walls in the last step
   std::vector<ContactImpulse> contacts;  // active contact rows with itself and later solids in the last step
+  std::vector<DeepVertex> deep;          // of the surface in other solids, in the order of (other, vertex)
   std::vector<PlasticNode> plastic;      // nodes of rest.plastic_lattice; empty: it cannot yield
   double flow_due = 0.0;                 // half of the last step, in which that has yet to flow; 0: no step yet [s]
   std::vector<Vec3d> surface;            // positions of the embedded surface [m]
@@ -162,6 +169,7 @@ void visit_fields(State& s, Fields& fields) {
   fields.array(s.stiff);
   fields.array(s.presses);
   fields.array(s.contacts);
+  fields.array(s.deep);
   fields.array(s.plastic);
   if (!s.plastic.empty()) fields.value(s.flow_due);
   fields.array(s.surface);

@@ -1,0 +1,54 @@
+#include "record/side_record.hpp"
+
+#include <algorithm>
+
+#include "contact/solid_contact.hpp"
+#include "record/contact_record.hpp"
+
+namespace efsi::sim {
+namespace {
+
+// Less deep than this a vertex is where it went in, or has left: the surface next to it tells the side [cells].
+constexpr double kDeep = 0.5;
+
+using DeepVertices = std::vector<solid::DeepVertex>;
+
+const solid::DeepVertex* find(const DeepVertices& deep, std::size_t other, std::size_t vertex) {
+  const auto before = [](const solid::DeepVertex& d, const std::pair<std::size_t, std::size_t>& key) {
+    return std::pair(static_cast<std::size_t>(d.other), static_cast<std::size_t>(d.vertex)) < key;
+  };
+  const auto place = std::lower_bound(deep.begin(), deep.end(), std::pair(other, vertex), before);
+  const bool found = place != deep.end() && static_cast<std::size_t>(place->other) == other &&
+                     static_cast<std::size_t>(place->vertex) == vertex;
+  return found ? &*place : nullptr;
+}
+
+void count_vertex(double depth, ContactPair& pair) {
+  ++pair.exchanged_vertices;
+  pair.surface_overlap = std::max(pair.surface_overlap, depth);
+}
+
+}  // namespace
+
+void record_sides(const Scene& scene, SolidStates& states, ContactPairs& pairs) {
+  for (std::size_t l = 0; l < states.size(); ++l) {
+    DeepVertices deep;  // in the order of (other, vertex)
+    for (std::size_t other = 0; other < states.size(); ++other) {
+      if (other == l || (is_collider(scene.pins, l) && is_collider(scene.pins, other))) continue;
+      visit_vertices(scene, states, l, other, [&](const VertexGap& seen) {
+        const solid::DeepVertex* known = find(states[l].deep, other, seen.vertex);
+        const Vec3 normal = seen.rest_normal.cast<Real>();
+        if (seen.rest_distance < -kDeep * scene.grid.h)
+          deep.push_back(known ? *known
+                               : solid::DeepVertex{static_cast<std::int32_t>(seen.vertex),
+                                                   static_cast<std::int32_t>(other),
+                                                   {normal[0], normal[1], normal[2]}});
+        else if (known && normal.dot(Vec3(known->normal)) < 0)
+          count_vertex(-seen.rest_distance / scene.grid.h, find_pair(pairs, std::min(l, other), std::max(l, other)));
+      });
+    }
+    states[l].deep = std::move(deep);
+  }
+}
+
+}  // namespace efsi::sim
