@@ -14,6 +14,7 @@
 #include "grid/interpolate.hpp"
 #include "grid/plane_cut.hpp"
 #include "solid/map/boundary_distance.hpp"
+#include "solid/map/credible.hpp"
 #include "solid/map/inverse_map.hpp"
 
 namespace efsi::sim {
@@ -62,8 +63,6 @@ Vec3d seen_gradient(const solid::SolidRest& rest, const solid::SolidState& state
 // How far the surface of a solid is from the nodes of an overlap [m], and the direction out of it; far away and where
 // the solid's map is not known: kUnknown.
 constexpr double kUnknown = 1e30;
-constexpr double kLeastLength = 0.4, kMostLength = 2.5;  // of the gradient of the distance at rest, as far as believed
-double believed_length(double length) { return std::clamp(length, kLeastLength, kMostLength); }
 struct Sight {
   std::vector<double> distance;
   std::vector<double>
@@ -87,11 +86,11 @@ Sight look(const Parallel& parallel, const solid::SolidRest& rest, const solid::
         const std::size_t n = g.node(at[0], at[1], at[2]);
         if (state.valid[n] == solid::kNoData) continue;
         const double distance = from.sample(g.node_position(at[0], at[1], at[2]) - state.u.at(n).cast<double>());
-        if (std::abs(distance) > kMostLength * kFar * g.h) continue;
+        if (std::abs(distance) > solid::kSurfaceStretch.most * kFar * g.h) continue;
         const Vec3d gradient = seen_gradient(rest, state, at);
         const double length = gradient.norm();
         if (!(length > 0.0)) continue;
-        sight.length[nodes.node(i, j, k)] = believed_length(length);
+        sight.length[nodes.node(i, j, k)] = solid::kSurfaceStretch.clamp(length);
         sight.distance[nodes.node(i, j, k)] = distance / sight.length[nodes.node(i, j, k)];
         sight.outwards[nodes.node(i, j, k)] = gradient / length;
       }
@@ -346,7 +345,7 @@ void visit_vertices(const Scene& scene, const SolidStates& states, std::size_t l
     if (!solid::sample_displacement(state, corner, x, u, gradient)) continue;
     const Vec3d at_rest = distance.gradient(x - u), seen = at_rest - gradient.transpose() * at_rest;
     const double from_surface = distance.sample(x - u);
-    const double gap = from_surface / believed_length(seen.norm()) - kContactSkin * scene.grid.h;
+    const double gap = from_surface / solid::kSurfaceStretch.clamp(seen.norm()) - kContactSkin * scene.grid.h;
     const Vec3d out_of = seen.normalized();
     const Vec3d v = sampler.vector(state.v, at.cast<Real>()).cast<double>(),
                 w = own.vector(vertices.v, ((x - vertices.band.grid.origin) / g.h).cast<Real>()).cast<double>();

@@ -10,6 +10,7 @@
 #include "solid/element/plasticity.hpp"
 #include "solid/hexahedron.hpp"
 #include "solid/map/copies.hpp"
+#include "solid/map/credible.hpp"
 #include "solid/map/displacement.hpp"
 
 namespace efsi::solid {
@@ -23,7 +24,7 @@ constexpr double kThinnestFree = 0.1;  // cells: least width of the deforming pa
 double cutting_distance(const Mat3d& inverse_f) {
   const Mat3d size = inverse_f.cwiseAbs();
   const double norm = std::sqrt(size.rowwise().sum().maxCoeff() * size.colwise().sum().maxCoeff());
-  return 0.5 * std::sqrt(3.0) * std::clamp(1.05 * std::sqrt(3.0) * norm, 0.25, 4.0) + 1e-6;
+  return 0.5 * std::sqrt(3.0) * kCutStretch.clamp(1.05 * std::sqrt(3.0) * norm) + 1e-6;
 }
 
 // The surface near a cell, as seen from its centre, which is at `material`.
@@ -34,12 +35,10 @@ struct Plane {
 Plane plane_of(const geometry::SignedDistance& distance, const Vec3d& material, double phi, const Mat3d& inverse_f) {
   const Vec3d normal = inverse_f.transpose() * distance.gradient(material);
   const double length = normal.norm();
-  return {phi / std::clamp(length, 0.25, 4.0), length > 1e-12 ? Vec3d(normal / length) : Vec3d(0, 1, 0)};
+  return {phi / kCutStretch.clamp(length), length > 1e-12 ? Vec3d(normal / length) : Vec3d(0, 1, 0)};
 }
 
-constexpr double kMostCrushed = 0.2, kMostStretched = 5.0;  // stretches that are accepted at the edge of the data
-constexpr double kSplinterGrowth = 1.25;  // of the volume of an element that is torn off, or its inverse
-constexpr std::size_t kSplinter = 3;      // elements
+constexpr std::size_t kSplinter = 3;  // elements
 
 constexpr int kRoomUnits = 60;  // that a whole cell has in its memory
 
@@ -71,8 +70,8 @@ bool has_valid_map(std::uint8_t nearest, std::uint8_t farthest, const PlasticFie
   if (farthest == kKnown) return true;
   if (nearest == kExtrapolated || !(inverse_f.determinant() > 0.0)) return false;
   const Mat3d squares = inverse_f.transpose() * plastic.metric(material) * inverse_f;
-  return is_positive(squares - Mat3d::Identity() / (kMostStretched * kMostStretched)) &&
-         is_positive(Mat3d::Identity() / (kMostCrushed * kMostCrushed) - squares);
+  return is_positive(squares - Mat3d::Identity() / (kPlausibleStretch.most * kPlausibleStretch.most)) &&
+         is_positive(Mat3d::Identity() / (kPlausibleStretch.least * kPlausibleStretch.least) - squares);
 }
 
 // Returns what the cells hold that are solid in part, by planes.
@@ -108,7 +107,7 @@ std::vector<std::vector<Holding>> compute_fractions(const Parallel& parallel, co
         const double phi = distance.sample(material);
         if (phi > 4.0 * g.h) continue;
         const Mat3d inverse_f = Mat3d::Identity() - displacement_gradient(u, center_gradients(), g.h);
-        const double inverse_det = std::clamp(inverse_f.determinant(), 0.1, 10.0);
+        const double inverse_det = std::clamp(inverse_f.determinant(), 1.0 / kMostDetF, kMostDetF);
         double fraction = phi < 0.0 ? 1.0 : 0.0;
         if (std::abs(phi) < cutting_distance(inverse_f) * g.h) {
           const Plane surface = plane_of(distance, material, phi / g.h, inverse_f);
@@ -311,7 +310,7 @@ void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidSt
   const auto holdings = compute_fractions(parallel, rest, state, work);
   std::vector<std::uint8_t> full(g.cell_count());
   for (std::size_t c = 0; c < full.size(); ++c) full[c] = work.fraction[c] > least_fraction(rest, state, c);
-  remove_cells(find_copies(parallel, g, holdings, full, kMostStretched), full, work);
+  remove_cells(find_copies(parallel, g, holdings, full, kPlausibleStretch.most), full, work);
   remove_splinters(state, full, work);
   find_elements(g, full, work);
   stiffen_by_part(parallel, rest, state, work);

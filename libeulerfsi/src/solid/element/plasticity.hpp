@@ -47,7 +47,7 @@ class PlasticField {
 struct ElasticPoint {
   Deformation elastic;               // of F_e
   Mat3d metric = Mat3d::Identity();  // C_p
-  double total_stretch = 1.0;        // largest principal stretch of F, at most kMaxStretch
+  double total_stretch = 1.0;        // largest principal stretch of F, at most kElementStretch.most
   // Of a solid that can yield:
   bool yielded = false;         // something has flown here
   Vec3d place = Vec3d::Zero();  // X

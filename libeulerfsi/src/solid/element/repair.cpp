@@ -16,9 +16,7 @@ namespace efsi::solid {
 namespace {
 
 constexpr int kMapSweeps = 10, kVelocitySweeps = 10;
-constexpr Real kInside = Real(1) - Real(1e-6);             // of a cell
-constexpr double kRepairedGrowth = 1.8;                    // below kMostGrowth, so that a repaired cell has a margin
-constexpr double kLeastStretch = 0.4, kMostStretch = 2.5;  // principal stretches of a repaired cell
+constexpr Real kInside = Real(1) - Real(1e-6);  // of a cell
 
 // det: det F over that of the solid.
 bool is_broken(double det) { return !(det <= kMostGrowth && det * kMostGrowth >= 1.0); }
@@ -36,7 +34,7 @@ Mat3d sound_inverse(const Mat3d& inverse_f, double mean) {
     u.col(2) *= -1.0;
     stretch[2] *= -1.0;
   }
-  for (int a = 0; a < 3; ++a) stretch[a] = std::clamp(stretch[a], kLeastStretch, kMostStretch);
+  for (int a = 0; a < 3; ++a) stretch[a] = kSurfaceStretch.clamp(stretch[a]);
   const double det = stretch.prod(), sound = std::clamp(mean * det, 1.0 / kRepairedGrowth, kRepairedGrowth) / mean;
   stretch *= std::cbrt(sound / det);
   return u * stretch.asDiagonal() * svd.matrixV().transpose();

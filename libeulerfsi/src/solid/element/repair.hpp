@@ -5,11 +5,10 @@
 #pragma once
 
 #include "base/parallel.hpp"
+#include "solid/map/credible.hpp"
 #include "solid/solid.hpp"
 
 namespace efsi::solid {
-
-inline constexpr double kMostGrowth = 1.95;  // of a cell over that of its solid, or the inverse
 
 // det F over the full cells of a solid, 1 where there is none; an inverted cell counts as 10, and nothing is below 0.1
 // (SolidWork::volume_ratio). broken: those that repair_map puts back, of an incompressible solid.

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "solid/map/credible.hpp"
+
 namespace efsi::solid {
 namespace {
 
@@ -18,12 +20,12 @@ Deformation deformation_of(const Mat3d& squares, double det) {
     d.degenerate = true;
   }
   for (int i = 0; i < 3; ++i) {
-    const double clamped = std::clamp(inverse_stretch[i], 1.0 / kMaxStretch, 1.0 / kMinStretch);
+    const double clamped = std::clamp(inverse_stretch[i], 1.0 / kElementStretch.most, 1.0 / kElementStretch.least);
     if (!(clamped == inverse_stretch[i])) d.degenerate = true;
     d.stretch[i] = 1.0 / clamped;
   }
   d.det = d.stretch.prod();
-  const bool is_flat = d.stretch.minCoeff() < kFlat || d.stretch.maxCoeff() > kLong;
+  const bool is_flat = d.stretch.minCoeff() < kPlausibleStretch.least || d.stretch.maxCoeff() > kPlausibleStretch.most;
   if (is_flat && !(d.det <= kFlatGrowth && d.det * kFlatGrowth >= 1.0)) d.degenerate = true;
   return d;
 }

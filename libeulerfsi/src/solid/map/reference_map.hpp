@@ -11,14 +11,8 @@ struct Deformation {
   Vec3d stretch;
   Mat3d axes;
   double det = 1.0;
-  bool degenerate = false;  // inverted, clamped, or stretched out of shape
+  bool degenerate = false;  // inverted, clamped to kElementStretch, or beyond kPlausibleStretch and kFlatGrowth
 };
-
-// Stretches outside are clamped.
-inline constexpr double kMinStretch = 0.1, kMaxStretch = 10.0;
-// Beyond these stretches a map is believed only while det F is within kFlatGrowth or its inverse: what is pressed flat
-// keeps its volume, what is torn does not.
-inline constexpr double kFlat = 0.2, kLong = 5.0, kFlatGrowth = 2.0;
 
 // displacement_gradient: du_i/dx_j. Eq. 1 through the eigenvectors of (I - du/dx)^T (I - du/dx) = (F F^T)^-1.
 Deformation deformation_from_displacement(const Mat3d& displacement_gradient);

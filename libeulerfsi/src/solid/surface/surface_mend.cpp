@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base/disjoint_sets.hpp"
+#include "solid/map/credible.hpp"
 
 namespace efsi::solid {
 namespace {
@@ -188,7 +189,7 @@ class Mending {
   }
 
   bool torn(std::size_t a, std::size_t b) const {
-    const double limit = kTornStretch * stretch_ * (rest_[a] - rest_[b]).norm() + kShortest * h_;
+    const double limit = kSurfaceStretch.most * stretch_ * (rest_[a] - rest_[b]).norm() + kShortest * h_;
     return (now_[a] - now_[b]).squaredNorm() > limit * limit;
   }
 

@@ -11,12 +11,9 @@
 
 namespace efsi::solid {
 
-// An edge of the surface is torn when it is longer than this times its length at rest times the solid's largest
-// stretch.
-inline constexpr double kTornStretch = 2.5;
-
 // Per point, `lost`: 1 where the map does not hold it; `extrapolated`: 1 where the map comes from the extension alone.
-// Lost as well are the ends of torn edges, what only torn edges join to the largest part of the surface and, while that
+// Lost as well are the ends of torn edges (longer than at rest times the solid's largest stretch times that of
+// kSurfaceStretch), what only torn edges join to the largest part of the surface and, while that
 // does not mend it, more and more of what is around them, first where the map is extrapolated. Lost points move as the
 // points around them at rest do that are kept, rigidly, the nearer the more: x = y + R (X - Y), Y and y weighted means
 // of theirs; inside a lost region from its edge inwards. What no link of the clusters leads to stays where it is. Where

@@ -3,6 +3,7 @@
 #include <catch2/catch.hpp>
 #include <random>
 
+#include "solid/map/credible.hpp"
 #include "solid/map/reference_map.hpp"
 
 using namespace efsi;
@@ -43,8 +44,8 @@ TEST_CASE("Inverted, collapsed and torn cells are marked and clamped") {
     const Deformation d = from_inverse(bad);
     CHECK(d.degenerate);
     for (int i = 0; i < 3; ++i) {
-      CHECK(d.stretch[i] >= kMinStretch * (1 - 1e-12));
-      CHECK(d.stretch[i] <= kMaxStretch * (1 + 1e-12));
+      CHECK(d.stretch[i] >= kElementStretch.least * (1 - 1e-12));
+      CHECK(d.stretch[i] <= kElementStretch.most * (1 + 1e-12));
     }
     CHECK(d.det > 0.0);
   }
