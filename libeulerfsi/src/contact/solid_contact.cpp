@@ -344,12 +344,13 @@ void visit_vertices(const Scene& scene, const SolidStates& states, std::size_t l
     Mat3d gradient;
     if (!solid::sample_displacement(state, corner, x, u, gradient)) continue;
     const Vec3d at_rest = distance.gradient(x - u), seen = at_rest - gradient.transpose() * at_rest;
-    const double from_surface = distance.sample(x - u);
-    const double gap = from_surface / solid::kSurfaceStretch.clamp(seen.norm()) - kContactSkin * scene.grid.h;
     const Vec3d out_of = seen.normalized();
+    const double length = solid::kSurfaceStretch.clamp(seen.norm());
+    const double gap =
+        solid::boundary_distance(scene.solids[other], state, x, out_of, length) - kContactSkin * scene.grid.h;
     const Vec3d v = sampler.vector(state.v, at.cast<Real>()).cast<double>(),
                 w = own.vector(vertices.v, ((x - vertices.band.grid.origin) / g.h).cast<Real>()).cast<double>();
-    visit({vertex, gap, out_of.dot(v - w), from_surface, at_rest.normalized()});
+    visit({vertex, gap, out_of.dot(v - w), distance.sample(x - u), at_rest.normalized()});
   }
 }
 
