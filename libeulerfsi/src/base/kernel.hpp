@@ -1,9 +1,10 @@
 // Purpose: marks a hot loop that is compiled for several instruction sets; the best one is chosen when the library is
-// loaded. Contraction and reordering are off everywhere, so all of them give the same bits.
+// loaded. Contraction and reordering are off everywhere, so all of them give the same bits. A build with assertions has
+// the basic set alone.
 #pragma once
 
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && \
-    defined(__OPTIMIZE__)
+    defined(__OPTIMIZE__) && defined(NDEBUG)
 #define EFSI_KERNEL __attribute__((target_clones("avx512f", "avx2", "default")))
 #else
 #define EFSI_KERNEL

@@ -2,7 +2,7 @@
 // instruction set. One table of scenes, each with what it is here for. (Kernels have tests of their own.)
 //
 // Instruction sets: with the environment variable EFSI_HASHES set to a file name the hashes of the table are compared
-// with its lines, or added to it. A build without optimisation has the basic instruction set alone: docs/testing.md.
+// with its lines, or added to it. A build with assertions has the basic instruction set alone: docs/testing.md.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cstdlib>
