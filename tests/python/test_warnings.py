@@ -10,6 +10,7 @@ import signal
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from conftest import ROOT, author, box, content_hashes, make_scene, metric_stage, sphere
 from eulerfsi.log import Log
@@ -19,7 +20,7 @@ from eulerfsi.run.simulate import Options, load_scene, simulate
 from eulerfsi.run.watch import Watch
 from eulerfsi.solver import binding
 from events import events
-from pxr import Sdf, UsdGeom, UsdPhysics
+from pxr import Sdf, Usd, UsdGeom, UsdPhysics
 from test_resume import start, stop_after
 
 BALL, DOMAIN = "/World/Ball", "/World/Domain"
@@ -193,17 +194,43 @@ def test_a_watch_that_goes_on_from_any_line_ends_as_one_that_saw_all(name):
         assert parts.warnings == whole.warnings
 
 
+def solid(stage: Usd.Stage, path: str, points: np.ndarray, counts: list[int], indices: list[int]) -> UsdGeom.Mesh:
+    mesh = UsdGeom.Mesh.Define(stage, path)
+    mesh.CreatePointsAttr(points)
+    mesh.CreateFaceVertexCountsAttr(counts)
+    mesh.CreateFaceVertexIndicesAttr(indices)
+    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    mesh.GetPrim().ApplyAPI("EulerFsiSolidAPI")
+    return mesh
+
+
+def test_a_ball_as_heavy_as_what_it_falls_on_is_stiff_goes_through_and_the_run_ends_with_4(cli, tmp_path):
+    stage = metric_stage(tmp_path / "heavy.usda", (1, 12))
+    UsdPhysics.Scene.Define(stage, "/World/PhysicsScene")
+    author(box(stage, DOMAIN, (0, 0.2, 0), (0.4, 0.4, 0.4), 1.0, "EulerFsiDomainAPI"), voxelSize=0.02)
+    points, counts, indices = sphere(1.0, 16)
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    faces = [0, 1, 3, 2, 4, 6, 7, 5, 0, 4, 5, 1, 2, 3, 7, 6, 0, 2, 6, 4, 1, 5, 7, 3]
+    block = solid(stage, "/World/Block", corners * (0.16, 0.08, 0.16) + (0, 0.09, 0), [4] * 6, faces)
+    ball = solid(stage, BALL, 0.08 * points + (0, 0.27, 0), counts, indices)
+    author(block.GetPrim(), youngsModulus=1e4)
+    author(ball.GetPrim(), youngsModulus=1e5)
+    UsdPhysics.MassAPI.Apply(ball.GetPrim()).CreateDensityAttr(1e4)
+    stage.GetRootLayer().Save()
+    done = cli("simulate", tmp_path / "heavy.usda", "-o", tmp_path / "cache")
+    assert done.returncode == 4
+    through = r"solid \d \((.*)\) has passed through solid \d \((.*)\): its vertex \d+ has come out on another side"
+    assert set(re.search(through, done.stderr).groups()) == {BALL, "/World/Block"}
+    manifest = json.loads((tmp_path / "cache/manifest.json").read_text())
+    assert manifest["status"] == "failed" and 4 <= len(manifest["frames"]) < 12
+
+
 def test_a_bar_of_steel_whose_solve_gives_up_is_told(cli, tmp_path):
     stage = metric_stage(tmp_path / "bar.usda", (1, 2))
     UsdPhysics.Scene.Define(stage, "/World/PhysicsScene")
     author(box(stage, DOMAIN, (0, 0, 0), (1.2, 0.6, 0.6), 1.0, "EulerFsiDomainAPI"), voxelSize=0.02, ambientFluid=False)
     points, counts, indices = sphere(0.5, 20)
-    bar = UsdGeom.Mesh.Define(stage, "/World/Bar")
-    bar.CreatePointsAttr(points * (0.9, 0.1, 0.1))
-    bar.CreateFaceVertexCountsAttr(counts)
-    bar.CreateFaceVertexIndicesAttr(indices)
-    bar.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
-    bar.GetPrim().ApplyAPI("EulerFsiSolidAPI")
+    bar = solid(stage, "/World/Bar", points * (0.9, 0.1, 0.1), counts, indices)
     author(bar.GetPrim(), youngsModulus=2e11, poissonsRatio=0.45)
     pin = UsdGeom.PrimvarsAPI(bar).CreatePrimvar("eulerfsi:pin", Sdf.ValueTypeNames.FloatArray, "vertex")
     pin.Set([float(x < -0.4) for x in points[:, 0]])

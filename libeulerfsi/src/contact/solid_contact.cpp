@@ -350,7 +350,9 @@ void visit_vertices(const Scene& scene, const SolidStates& states, std::size_t l
         solid::boundary_distance(scene.solids[other], state, x, out_of, length) - kContactSkin * scene.grid.h;
     const Vec3d v = sampler.vector(state.v, at.cast<Real>()).cast<double>(),
                 w = own.vector(vertices.v, ((x - vertices.band.grid.origin) / g.h).cast<Real>()).cast<double>();
-    visit({vertex, gap, out_of.dot(v - w), distance.sample(x - u), at_rest.normalized()});
+    const std::size_t n = g.node(cell[0], cell[1], cell[2]);
+    const bool known = std::ranges::all_of(corner, [&](std::size_t c) { return state.valid[n + c] == solid::kKnown; });
+    visit({vertex, gap, out_of.dot(v - w), distance.sample(x - u), at_rest.normalized(), known});
   }
 }
 

@@ -34,6 +34,7 @@ struct VertexGap {
   double gap, closing;   // between the surfaces, less what they keep [m]; how fast it closes [m/s]
   double rest_distance;  // from the surface of the other at rest [m]; < 0: inside
   Vec3d rest_normal;     // out of it
+  bool known;            // the other carries data all around: none of this is extrapolated
 };
 using VisitVertex = std::function<void(const VertexGap& seen)>;
 // Calls visit for the vertices of a solid that are within reach of another one's map, some cells, in their order.

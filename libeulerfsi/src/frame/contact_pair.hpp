@@ -3,11 +3,15 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include "base/math_types.hpp"
 
 namespace efsi::sim {
+
+inline constexpr double kResolved = 3.0;  // cells, at rest: parts as thick as that keep solids out
 
 // Two solids with an active row between them, or that exchange sides, or one with an active row between its folds;
 // counts are sums over the steps in which one did, overlaps are at their starts.
@@ -19,6 +23,8 @@ struct ContactPair {
   double surface_overlap = 0.0;                                // the same of vertices and rows, without the skin
   double normal_impulse = 0.0;                                 // sum of all impulses along their normals [N s]
   Vec3d impulse = Vec3d::Zero();                               // of `one` on `other`, 0 of folds [N s]
+  // Solid and vertex that has gone through a part of the other of at least kResolved cells.
+  std::optional<std::pair<std::size_t, std::size_t>> passed;
   std::uint64_t exchanged_vertices = 0;  // that came out of the other solid on another side than they went in
 };
 using ContactPairs = std::vector<ContactPair>;  // in the order of (one, other)

@@ -88,6 +88,7 @@ void add_contacts(const ContactPairs& later, ContactPairs& sums) {
     pair.normal_impulse += more.normal_impulse;
     pair.impulse += more.impulse;
     pair.exchanged_vertices += more.exchanged_vertices;
+    if (!pair.passed) pair.passed = more.passed;
   }
 }
 

@@ -1,6 +1,7 @@
 #include "record/side_record.hpp"
 
 #include <algorithm>
+#include <optional>
 
 #include "contact/solid_contact.hpp"
 #include "record/contact_record.hpp"
@@ -23,28 +24,42 @@ const solid::DeepVertex* find(const DeepVertices& deep, std::size_t other, std::
   return found ? &*place : nullptr;
 }
 
-void count_vertex(double depth, ContactPair& pair) {
+// What is remembered of a vertex that is deep in another solid; nothing where that is not certain.
+std::optional<solid::DeepVertex> remember(const solid::DeepVertex* known, std::size_t other, const VertexGap& seen) {
+  if (!known && !seen.known) return {};
+  const Vec3 normal = seen.rest_normal.cast<Real>();
+  solid::DeepVertex deep = known ? *known
+                                 : solid::DeepVertex{static_cast<std::int32_t>(seen.vertex),
+                                                     static_cast<std::int32_t>(other),
+                                                     {normal[0], normal[1], normal[2]},
+                                                     Real(0)};
+  if (seen.known) deep.deepest = std::max(deep.deepest, static_cast<Real>(-seen.rest_distance));
+  return deep;
+}
+
+// A vertex of a solid has come out on another side.
+void count_vertex(std::size_t solid, const VertexGap& seen, const solid::DeepVertex& deep, double h,
+                  ContactPair& pair) {
   ++pair.exchanged_vertices;
-  pair.surface_overlap = std::max(pair.surface_overlap, depth);
+  pair.surface_overlap = std::max(pair.surface_overlap, -seen.rest_distance / h);
+  if (static_cast<double>(deep.deepest) > 0.5 * kResolved * h && !pair.passed) pair.passed = {solid, seen.vertex};
 }
 
 }  // namespace
 
 void record_sides(const Scene& scene, SolidStates& states, ContactPairs& pairs) {
+  const double h = scene.grid.h;
   for (std::size_t l = 0; l < states.size(); ++l) {
     DeepVertices deep;  // in the order of (other, vertex)
     for (std::size_t other = 0; other < states.size(); ++other) {
       if (other == l || (is_collider(scene.pins, l) && is_collider(scene.pins, other))) continue;
       visit_vertices(scene, states, l, other, [&](const VertexGap& seen) {
         const solid::DeepVertex* known = find(states[l].deep, other, seen.vertex);
-        const Vec3 normal = seen.rest_normal.cast<Real>();
-        if (seen.rest_distance < -kDeep * scene.grid.h)
-          deep.push_back(known ? *known
-                               : solid::DeepVertex{static_cast<std::int32_t>(seen.vertex),
-                                                   static_cast<std::int32_t>(other),
-                                                   {normal[0], normal[1], normal[2]}});
-        else if (known && normal.dot(Vec3(known->normal)) < 0)
-          count_vertex(-seen.rest_distance / scene.grid.h, find_pair(pairs, std::min(l, other), std::max(l, other)));
+        if (seen.rest_distance < -kDeep * h) {
+          if (const auto now = remember(known, other, seen)) deep.push_back(*now);
+        } else if (known && seen.rest_normal.cast<Real>().dot(Vec3(known->normal)) < 0) {
+          count_vertex(l, seen, *known, h, find_pair(pairs, std::min(l, other), std::max(l, other)));
+        }
       });
     }
     states[l].deep = std::move(deep);

@@ -202,6 +202,7 @@ StepInfo Simulation::checked_step(double remaining) {
     if (reason.empty()) {
       std::string end = lost_shape();
       if (end.empty()) end = crosses_periodic_face();
+      if (end.empty()) end = passed_through(info);
       if (!end.empty()) {
         state_ = work_.backup;
         work_.masses_ready = false;
@@ -238,6 +239,22 @@ std::string Simulation::crosses_periodic_face() const {
         return "solid " + std::to_string(l + 1) + " has come within a cell of the periodic faces along " + "xyz"[a] +
                ", which solids cannot cross; a larger box, or walls there, keep it away";
       }
+  }
+  return {};
+}
+
+// Why the run cannot go on: solids have passed through each other where they are thick enough to be resolved. Empty: it
+// can. The paper's contact does not keep them apart.
+std::string Simulation::passed_through(const StepInfo& info) const {
+  if (!params_.numerics.unilateral_walls) return {};
+  for (const ContactPair& pair : info.contacts) {
+    if (!pair.passed) continue;
+    const auto& [solid, vertex] = *pair.passed;
+    const std::size_t other = solid == pair.one ? pair.other : pair.one;
+    return "solid " + std::to_string(solid + 1) + " has passed through solid " + std::to_string(other + 1) +
+           ": its vertex " + std::to_string(vertex) +
+           " has come out on another side than it went in; stiffer or thicker parts, smaller voxels or a lower speed "
+           "may keep them apart";
   }
   return {};
 }

@@ -147,6 +147,7 @@ class Simulation {
   bool fills_box() const { return params_.fluid.present; }  // the common grid
   std::string lost_shape() const;
   std::string crosses_periodic_face() const;
+  std::string passed_through(const StepInfo& info) const;
 
   Params params_;
   Log log_;

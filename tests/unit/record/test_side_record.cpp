@@ -24,8 +24,9 @@ TestSolid plate() {
       }));
 }
 
-// Vertices that have exchanged sides when one has been at these places, cells from the middle of the plate.
-std::uint64_t exchanged(TwoSolids& s, const std::vector<Vec3d>& places) {
+// Vertices that have exchanged sides when one has been at these places, cells from the middle of the plate. thick:
+// where the plate is three cells thick or more.
+std::uint64_t exchanged(TwoSolids& s, const std::vector<Vec3d>& places, bool thick = true) {
   sim::ContactPairs pairs;
   for (const Vec3d& x : places) {
     s.place_vertex(kMiddle + kSmall * x, Vec3d::Zero());
@@ -34,6 +35,8 @@ std::uint64_t exchanged(TwoSolids& s, const std::vector<Vec3d>& places) {
   CHECK(pairs.size() <= 1);
   if (pairs.empty()) return 0;
   CHECK((pairs[0].one == 0 && pairs[0].other == 1 && pairs[0].steps == 0));
+  CHECK(pairs[0].passed.has_value() == thick);
+  if (thick) CHECK(pairs[0].passed == std::pair<std::size_t, std::size_t>(1, 0));
   return pairs[0].exchanged_vertices;
 }
 
@@ -47,6 +50,17 @@ TEST_CASE("A vertex that goes through a plate has exchanged sides, once; one tha
   CHECK(exchanged(s, {{-2.3, 0, 0}, {2.3, 0, 0}}) == 0);  // never deep: within the limit of what a step may move
 }
 
+TEST_CASE("A run goes on where what has exchanged sides has been less than one and a half cells deep") {
+  TwoSolids s(plate());
+  CHECK(exchanged(s, {{-3, 0, 0}, {-1.8, 0, 0}, {-1.1, 0, 0}, {1.1, 0, 0}, {2.6, 0, 0}}, false) == 1);
+}
+
+TEST_CASE("What is made up of a map beside a solid takes no vertex in") {
+  TwoSolids s(plate());
+  std::fill(s.body.state.valid.begin(), s.body.state.valid.end(), solid::kExtrapolated);
+  CHECK(exchanged(s, {{-3.2, 0, 0}, {-1.8, 0, 0}, {0, 0, 0}, {1.8, 0, 0}, {3.0, 0, 0}}) == 0);
+}
+
 TEST_CASE("Half a cell deep around an edge no sides are exchanged, nor out of reach") {
   TwoSolids s(plate());
   CHECK(exchanged(s, {{-3, 5, 0}, {-1.9, 5.4, 0}, {-1.9, 5.6, 0}, {-1.9, 6.2, 0}}) == 0);
@@ -56,7 +70,7 @@ TEST_CASE("Half a cell deep around an edge no sides are exchanged, nor out of re
 
 TEST_CASE("What is deep in another solid is remembered, part of the state and of its hash") {
   TwoSolids s(plate());
-  const std::vector<Vec3d> first = {{-3.2, 0, 0}, {-1.8, 0, 0}}, then = {{1.0, 0, 0}, {2.6, 0, 0}};
+  const std::vector<Vec3d> first = {{-3.2, 0, 0}, {-1.8, 0, 0}}, then = {{0.5, 0, 0}, {2.6, 0, 0}};
   CHECK(exchanged(s, first) == 0);
   REQUIRE(s.states[1].deep.size() == 1);
   CHECK(s.states[1].deep[0].other == 0);
