@@ -57,6 +57,17 @@ def _domain(scene: bpy.types.Scene) -> bpy.types.Object | None:
     return found[0] if found else None
 
 
+def _rebake(layout: bpy.types.UILayout, scene: bpy.types.Scene, now: bake.Status) -> None:
+    """Greyed out where nothing can be baked anew from the current frame on, with the reason below."""
+    why = bake.why_no_rebake(scene, now.cache)
+    name = "Bake from Here" if why else f"Bake from Frame {bake.rebake_frame(scene, now.cache) + 1}"
+    row = layout.row()
+    row.enabled = not why
+    row.operator("eulerfsi.bake", text=name, icon="RECOVER_LAST").mode = "REBAKE"
+    if why:
+        _lines(layout, why)
+
+
 class EULERFSI_PT_bake(_Panel, bpy.types.Panel):
     bl_idname = "EULERFSI_PT_bake"
     bl_label = "Bake"
@@ -97,9 +108,8 @@ class EULERFSI_PT_bake(_Panel, bpy.types.Panel):
         recoverable = now.kind == "damaged" and job.has_copy(now.folder)
         if recoverable or (frames and (now.kind != "complete" or scene.frame_end > frames[-1])):
             row.operator("eulerfsi.bake", text="Resume", icon="PLAY").mode = "RESUME"
-        if frames and (frame := bake.rebake_frame(scene, now.cache)) is not None:
-            again = layout.operator("eulerfsi.bake", text=f"Bake from Frame {frame + 1}", icon="RECOVER_LAST")
-            again.mode = "REBAKE"
+        if frames:
+            _rebake(layout, scene, now)
         row = layout.row(align=True)
         row.operator("eulerfsi.validate", icon="CHECKMARK")
         if frames:
