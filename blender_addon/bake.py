@@ -13,7 +13,7 @@ from pathlib import Path
 
 import bpy
 
-from . import job, load, preferences, scene_export, wording
+from . import job, load, preferences, scene_export, thickness, wording
 from .scene_export import Finding
 
 _jobs: dict[str, job.Job] = {}  # by folder: bakes that this Blender has started or found
@@ -328,6 +328,7 @@ def on_load(_file: str) -> None:
     """Another file is open: what the last one's jobs were is found again on disk, bakes that run are followed."""
     _jobs.clear()
     _checks.clear()
+    thickness.forget()
     if any(scene.eulerfsi.uid for scene in bpy.data.scenes):
         follow()
 

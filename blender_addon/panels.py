@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import bake, estimate, job, load, presets, properties, scene_export, table
+from . import bake, estimate, job, load, presets, properties, scene_export, table, thickness
 
 _WALLS = "wall_"
 _ICONS = {
@@ -20,6 +20,7 @@ _ICONS = {
 }
 _SIGNS = {"error": "ERROR", "warning": "INFO", "info": "CHECKMARK"}
 _MOST = 12  # messages that are shown
+_FEW_CELLS = 4  # of a part that bends
 _MARGIN, _LETTER = 70, 6.0  # pixels of a line that no text has (frame, icon, tabs), of a letter in the mean; at scale 1
 _NARROW, _UNSEEN = 16, 40  # characters of the shortest line, and of one without a window
 
@@ -216,11 +217,12 @@ def counts(scene: bpy.types.Scene, domain: bpy.types.Object) -> list[str]:
     frames = scene.frame_end - scene.frame_start + 1
     disk = estimate.disk(frames, number, vertices, smoke, scene.eulerfsi.half)
     lines = [f"{number:,} cells, {estimate.text(memory)} memory, at most {estimate.text(disk)} on disk"]
-    solids = [(min(obj.dimensions) * unit / voxel, obj.name) for obj in scene_export.members(scene, "SOLID")]
+    depsgraph = bpy.context.view_layer.depsgraph  # as it is: no evaluation while a panel is drawn
+    solids = [o for o in scene_export.members(scene, "SOLID") if o.type in scene_export.MESH_TYPES]
     if solids:
-        thin, name = min(solids)
-        few = ": too few, take smaller voxels" if thin < 4 else ""
-        lines.append(f"thinnest side: {thin:.1f} cells ({name}){few}")
+        thin, name = min((thickness.thinnest(obj, depsgraph) * unit / voxel, obj.name) for obj in solids)
+        few = ": too few, take smaller voxels" if thin < _FEW_CELLS else ""
+        lines.append(f"thinnest part: {thin:.1f} cells ({name}){few}")
     return lines
 
 

@@ -91,6 +91,23 @@ def check_messages_name_what_is_shown() -> None:
     assert part("bake").to_finding(scene, event).message == "no room: choose another folder in Cache"
 
 
+def check_thinnest_part() -> None:
+    """Of a cube with a fin the fin, of a tilted cube its edge; it follows the voxel size, the scale and the mesh."""
+    jelly("thin", voxel=0.1)
+    cube = bpy.data.objects["Cube"]
+    cube.rotation_euler.x = 0.6
+    cube.modifiers.clear()
+    bpy.context.view_layer.update()
+    assert "thinnest part: 20.0 cells (Cube)" in draw().texts, draw().texts
+    bpy.data.objects["Domain"].eulerfsi.domain.voxel_size = 0.2
+    assert "thinnest part: 10.0 cells (Cube)" in draw().texts, draw().texts
+    bpy.ops.mesh.primitive_cube_add(size=2.0, location=(0.0, 0.0, 2.0), scale=(0.15, 1.0, 0.5))
+    pick("Cube", bpy.context.object.name)
+    bpy.ops.object.join()
+    bpy.context.view_layer.update()
+    assert "thinnest part: 1.5 cells (Cube): too few" in draw().texts, draw().texts
+
+
 def check_unsaved() -> None:
     bpy.ops.wm.read_homefile(use_factory_startup=True)
     import addon_utils
