@@ -34,7 +34,7 @@ class Frame:
 
 def run(scene: dict[str, Any], variant: dict[str, Any]) -> list[Frame]:
     """Frames 1 (the start) to scene["frames"] of a scene with the values of a variant."""
-    values = {name: {**scene.get(name, {}), **variant.get(name, {})} for name in ("domain", "solid", "emitter")}
+    values = {name: {**scene.get(name, {}), **variant.get(name, {})} for name in ("domain", "solid", "emitter", "force")}
     domain = _DOMAIN | values["domain"]
     voxel, (width, height) = domain["voxel_size"], scene["box"]
     with Simulation(domain | {"domain_size": (width, height, voxel)}) as simulation:
@@ -47,6 +47,8 @@ def run(scene: dict[str, Any], variant: dict[str, Any]) -> list[Frame]:
             rider = simulation.add_passenger(solid, np.c_[points, np.full(len(points), voxel / 2)])
         if "region" in scene:
             simulation.add_emitter(transform=_place(*scene["region"], voxel), **values["emitter"])
+        if values["force"]:
+            simulation.add_force(transform=_place(*scene["force_region"], voxel), **values["force"])
         frames = [_look(simulation, solid, rider)]
         while len(frames) < scene["frames"]:
             simulation.advance(1 / scene.get("rate", FPS))
