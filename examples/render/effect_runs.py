@@ -17,6 +17,7 @@ FPS = 24
 _SIDE = 16  # edges of a block's side, and squares of its pattern
 # What every run begins with; a row of effects.toml and its variants change it. Names are fields of the C structs.
 _DOMAIN = {"voxel_size": 0.02, "gravity": (0.0, -9.81, 0.0), "threads": 1}
+_VALUES = ("domain", "solid", "emitter", "force")
 _SOLID = {"density": 1000.0, "youngs_modulus": 2e4, "poissons_ratio": 0.45}
 
 
@@ -34,7 +35,7 @@ class Frame:
 
 def run(scene: dict[str, Any], variant: dict[str, Any]) -> list[Frame]:
     """Frames 1 (the start) to scene["frames"] of a scene with the values of a variant."""
-    values = {name: {**scene.get(name, {}), **variant.get(name, {})} for name in ("domain", "solid", "emitter", "force")}
+    values = {name: {**scene.get(name, {}), **variant.get(name, {})} for name in _VALUES}
     domain = _DOMAIN | values["domain"]
     voxel, (width, height) = domain["voxel_size"], scene["box"]
     with Simulation(domain | {"domain_size": (width, height, voxel)}) as simulation:
