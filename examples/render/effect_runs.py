@@ -15,9 +15,9 @@ __all__ = ["Frame", "LibraryError", "run"]
 
 FPS = 24
 _SIDE = 16  # edges of a block's side, and squares of its pattern
+_VALUES = ("domain", "solid", "emitter", "force")
 # What every run begins with; a row of effects.toml and its variants change it. Names are fields of the C structs.
 _DOMAIN = {"voxel_size": 0.02, "gravity": (0.0, -9.81, 0.0), "threads": 1}
-_VALUES = ("domain", "solid", "emitter", "force")
 _SOLID = {"density": 1000.0, "youngs_modulus": 2e4, "poissons_ratio": 0.45}
 
 
