@@ -13,7 +13,7 @@ from pathlib import Path
 
 import bpy
 
-from . import job, load, preferences, scene_export
+from . import job, load, preferences, scene_export, thickness, wording
 from .scene_export import Finding
 
 _jobs: dict[str, job.Job] = {}  # by folder: bakes that this Blender has started or found
@@ -134,13 +134,18 @@ def to_finding(scene: bpy.types.Scene, event: dict) -> Finding:
             message = re.sub(rf"{path}(?!\w)", lambda _, name=obj.name: f"“{name}”", message)
     found = scene_export.object_of(scene, event.get("prim"))
     field = (event.get("field") or "").rpartition(":")[2]
-    return Finding(event["level"], found.name if found else "", field, message.replace("eulerfsi:", ""))
+    message = wording.in_blender(message.replace("eulerfsi:", ""))
+    return Finding(event["level"], found.name if found else "", field, message)
 
 
 def first_error(scene: bpy.types.Scene, work: job.Job) -> str:
     errors = [event for event in work.told.findings if event["level"] == "error"]
-    text = to_finding(scene, errors[0]).message if errors else (work.told.end or {}).get("error") or "unknown"
+    text = to_finding(scene, errors[0]).message if errors else _end_error(work)
     return text if len(text) < _LONGEST else f"{text[: text.rfind(' ', 0, _LONGEST)]} ..."
+
+
+def _end_error(work: job.Job) -> str:
+    return wording.in_blender((work.told.end or {}).get("error") or "unknown")
 
 
 def findings(scene: bpy.types.Scene, now: Status) -> list[Finding]:
@@ -207,11 +212,9 @@ def _arguments(scene: bpy.types.Scene, folder: Path, mode: str, found: job.Cache
     words += [*(["--half"] if settings.half else []), "--smoke-threshold", f"{settings.smoke_threshold:.7g}"]
     if mode == "NEW":
         return [*words, "--overwrite"]
-    frame = rebake_frame(scene, found)
-    if frame is None:
-        there = ", ".join(map(str, found.checkpoints)) or "none"
-        raise job.JobError(f"no checkpoint at or before frame {scene.frame_current}; there are: {there}")
-    return [*words, "--rebake-from", str(frame)]
+    if why := why_no_rebake(scene, found):
+        raise job.JobError(why)
+    return [*words, "--rebake-from", str(rebake_frame(scene, found))]
 
 
 def _threads(scene: bpy.types.Scene) -> list[str]:
@@ -222,6 +225,17 @@ def rebake_frame(scene: bpy.types.Scene, found: job.Cache) -> int | None:
     """The last checkpoint at or before the current frame from which something is left to bake."""
     usable = [frame for frame in found.checkpoints if frame <= scene.frame_current and frame < scene.frame_end]
     return max(usable, default=None)
+
+
+def why_no_rebake(scene: bpy.types.Scene, found: job.Cache) -> str:
+    """Why nothing can be baked anew from the current frame on, "" where it can."""
+    if scene.frame_current <= found.first:
+        return f"To bake from a frame on, go to one after {found.first}: those before it stay"
+    if rebake_frame(scene, found) is None:
+        there = ", ".join(map(str, found.checkpoints)) or "none"
+        end = f" and before the end, {scene.frame_end}" if scene.frame_current >= scene.frame_end else ""
+        return f"no checkpoint at or before frame {scene.frame_current}{end}; there are: {there}"
+    return ""
 
 
 def check(scene: bpy.types.Scene) -> list[Finding]:
@@ -314,6 +328,7 @@ def on_load(_file: str) -> None:
     """Another file is open: what the last one's jobs were is found again on disk, bakes that run are followed."""
     _jobs.clear()
     _checks.clear()
+    thickness.forget()
     if any(scene.eulerfsi.uid for scene in bpy.data.scenes):
         follow()
 

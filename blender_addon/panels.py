@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import bake, estimate, job, load, presets, properties, scene_export, table
+from . import bake, estimate, job, load, presets, properties, scene_export, table, thickness
 
 _WALLS = "wall_"
 _ICONS = {
@@ -20,6 +20,7 @@ _ICONS = {
 }
 _SIGNS = {"error": "ERROR", "warning": "INFO", "info": "CHECKMARK"}
 _MOST = 12  # messages that are shown
+_FEW_CELLS = 4  # of a part that bends
 _MARGIN, _LETTER = 70, 6.0  # pixels of a line that no text has (frame, icon, tabs), of a letter in the mean; at scale 1
 _NARROW, _UNSEEN = 16, 40  # characters of the shortest line, and of one without a window
 
@@ -55,6 +56,17 @@ def _lines(layout: bpy.types.UILayout, text: str, icon: str = "NONE") -> None:
 def _domain(scene: bpy.types.Scene) -> bpy.types.Object | None:
     found = scene_export.members(scene, "DOMAIN")
     return found[0] if found else None
+
+
+def _rebake(layout: bpy.types.UILayout, scene: bpy.types.Scene, now: bake.Status) -> None:
+    """Greyed out where nothing can be baked anew from the current frame on, with the reason below."""
+    why = bake.why_no_rebake(scene, now.cache)
+    name = "Bake from Here" if why else f"Bake from Frame {bake.rebake_frame(scene, now.cache) + 1}"
+    row = layout.row()
+    row.enabled = not why
+    row.operator("eulerfsi.bake", text=name, icon="RECOVER_LAST").mode = "REBAKE"
+    if why:
+        _lines(layout, why)
 
 
 class EULERFSI_PT_bake(_Panel, bpy.types.Panel):
@@ -97,9 +109,8 @@ class EULERFSI_PT_bake(_Panel, bpy.types.Panel):
         recoverable = now.kind == "damaged" and job.has_copy(now.folder)
         if recoverable or (frames and (now.kind != "complete" or scene.frame_end > frames[-1])):
             row.operator("eulerfsi.bake", text="Resume", icon="PLAY").mode = "RESUME"
-        if frames and (frame := bake.rebake_frame(scene, now.cache)) is not None:
-            again = layout.operator("eulerfsi.bake", text=f"Bake from Frame {frame + 1}", icon="RECOVER_LAST")
-            again.mode = "REBAKE"
+        if frames:
+            _rebake(layout, scene, now)
         row = layout.row(align=True)
         row.operator("eulerfsi.validate", icon="CHECKMARK")
         if frames:
@@ -206,11 +217,12 @@ def counts(scene: bpy.types.Scene, domain: bpy.types.Object) -> list[str]:
     frames = scene.frame_end - scene.frame_start + 1
     disk = estimate.disk(frames, number, vertices, smoke, scene.eulerfsi.half)
     lines = [f"{number:,} cells, {estimate.text(memory)} memory, at most {estimate.text(disk)} on disk"]
-    solids = [(min(obj.dimensions) * unit / voxel, obj.name) for obj in scene_export.members(scene, "SOLID")]
+    depsgraph = bpy.context.view_layer.depsgraph  # as it is: no evaluation while a panel is drawn
+    solids = [o for o in scene_export.members(scene, "SOLID") if o.type in scene_export.MESH_TYPES]
     if solids:
-        thin, name = min(solids)
-        few = ": too few, take smaller voxels" if thin < 4 else ""
-        lines.append(f"thinnest side: {thin:.1f} cells ({name}){few}")
+        thin, name = min((thickness.thinnest(obj, depsgraph) * unit / voxel, obj.name) for obj in solids)
+        few = ": too few, take smaller voxels" if thin < _FEW_CELLS else ""
+        lines.append(f"thinnest part: {thin:.1f} cells ({name}){few}")
     return lines
 
 

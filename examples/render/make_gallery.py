@@ -10,7 +10,6 @@ with requirements-blender.txt, default .eulerfsi/bpy, which `./eulerfsi test --b
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import subprocess
 import sys
@@ -18,7 +17,8 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[2]
+from caches import ROOT, simulate
+
 HERE = Path(__file__).resolve().parent
 PICTURES, PAGE = ROOT / "docs" / "images" / "gallery", ROOT / "docs" / "gallery.md"
 HEAD = """# Gallery
@@ -61,25 +61,12 @@ def page() -> str:
     return text.rstrip("\n") + "\n"
 
 
-def complete(cache: Path, last: int) -> bool:
-    """Whether a cache has all frames to the last one that is shown."""
-    try:
-        manifest = json.loads((cache / "manifest.json").read_text(encoding="utf-8"))
-    except OSError:
-        return False
-    return manifest["status"] == "complete" and manifest["last"] >= last
-
-
 def make(picture: dict[str, Any], python: Path, threads: int | None, samples: int) -> None:
     """Simulates where there is no cache, and renders. Raises subprocess.CalledProcessError."""
     name = picture["scene"]
     caches = ROOT / "build" / "gallery"
     cache = caches / name
-    if not complete(cache, max(picture["frames"])):
-        words = [sys.executable, "-m", "eulerfsi", "simulate", f"examples/scenes/{name}.usda", "-o", str(cache)]
-        words += ["--overwrite", *options(picture, f"{caches}/"), *(["--threads", str(threads)] if threads else [])]
-        packages = os.pathsep.join(str(ROOT / folder) for folder in ("batch", "usd_plugin"))
-        subprocess.run(words, cwd=ROOT, check=True, env={**os.environ, "PYTHONPATH": packages})
+    simulate(name, cache, max(picture["frames"]), options(picture, f"{caches}/"), threads)
     PICTURES.mkdir(parents=True, exist_ok=True)
     words = [python, HERE / "paint.py", cache / f"{name}.usda", PICTURES / f"{name}.webp"]
     words += ["--frames", *map(str, picture["frames"]), "--smoke", str(picture["smoke"]), "--samples", str(samples)]

@@ -126,7 +126,8 @@ def check_full_disk() -> None:
         return
     try:
         scene.eulerfsi.folder = str(small)
-        refused(bpy.ops.eulerfsi.bake, "are free: make room")
+        told = refused(bpy.ops.eulerfsi.bake, "are free: make room")
+        assert "Half Floats" in told and "--" not in told + findings(), (told, findings())
         now = part("bake").status(scene)
         assert now.kind == "failed" and not now.cache.frames, now
     finally:

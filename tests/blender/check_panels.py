@@ -17,10 +17,15 @@ def draw() -> Layout:
     for cls in part("panels").CLASSES:
         parent = next((c for c in part("panels").CLASSES if c.bl_idname == getattr(cls, "bl_parent_id", "")), None)
         if all(c.poll(bpy.context) for c in (cls, parent) if c and hasattr(c, "poll")):
-            own = types.SimpleNamespace(layout=Layout(drawn.calls), _buttons=getattr(cls, "_buttons", None))
+            own = types.SimpleNamespace(layout=Layout(drawn), _buttons=getattr(cls, "_buttons", None))
             own._solid = getattr(cls, "_solid", None)
             cls.draw(own, bpy.context)
     return drawn
+
+
+def greyed(drawn: Layout) -> list[str]:
+    """Texts of buttons that cannot be pressed."""
+    return [arguments.get("text", "") for name, arguments in drawn.greyed if name == "operator"]
 
 
 def check_layout_finds_faults() -> None:
@@ -76,6 +81,33 @@ def check_ready_and_roles() -> None:
     assert "pin_to" in {str(a["property"]) for name, a in draw().calls if name == "prop"}
 
 
+def check_messages_name_what_is_shown() -> None:
+    """Where messages of the solver advise options, the artist reads of settings that the panels draw."""
+    jelly("words")
+    drawn = draw()
+    labels = {str(a["data"].bl_rna.properties[a["property"]].name) for name, a in drawn.calls if name == "prop"}
+    assert {"Cache", "Half Floats", "Smoke Threshold", "Checkpoint Every", "Keep All Checkpoints"} <= labels, labels
+    scene, event = bpy.context.scene, {"level": "error", "message": "no room: choose another folder with -o"}
+    assert part("bake").to_finding(scene, event).message == "no room: choose another folder in Cache"
+
+
+def check_thinnest_part() -> None:
+    """Of a cube with a fin the fin, of a tilted cube its edge; it follows the voxel size, the scale and the mesh."""
+    jelly("thin", voxel=0.1)
+    cube = bpy.data.objects["Cube"]
+    cube.rotation_euler.x = 0.6
+    cube.modifiers.clear()
+    bpy.context.view_layer.update()
+    assert "thinnest part: 20.0 cells (Cube)" in draw().texts, draw().texts
+    bpy.data.objects["Domain"].eulerfsi.domain.voxel_size = 0.2
+    assert "thinnest part: 10.0 cells (Cube)" in draw().texts, draw().texts
+    bpy.ops.mesh.primitive_cube_add(size=2.0, location=(0.0, 0.0, 2.0), scale=(0.15, 1.0, 0.5))
+    pick("Cube", bpy.context.object.name)
+    bpy.ops.object.join()
+    bpy.context.view_layer.update()
+    assert "thinnest part: 1.5 cells (Cube): too few" in draw().texts, draw().texts
+
+
 def check_unsaved() -> None:
     bpy.ops.wm.read_homefile(use_factory_startup=True)
     import addon_utils
@@ -100,7 +132,11 @@ def check_baking_done_failed() -> None:
     assert not bake.findings(scene, now), "what the artist has asked for is no message"
     scene.frame_set(9)
     drawn = draw()
-    assert "Resume" in drawn.texts and "Bake from Frame" in drawn.texts, drawn.texts
+    assert "Resume" in drawn.texts and "Bake from Frame" in drawn.texts and not greyed(drawn), drawn.texts
+    scene.frame_set(1)  # nothing before it could stay
+    drawn = draw()
+    assert greyed(drawn) == ["Bake from Here"] and "go to one after 1" in drawn.texts, drawn.texts
+    refused(bpy.ops.eulerfsi.bake, "go to one after 1", mode="REBAKE")
     scene.frame_end = bake.status(scene).cache.frames[-1] + 2
     assert bpy.ops.eulerfsi.bake(mode="RESUME") == {"FINISHED"}
     drawn = draw()

@@ -91,7 +91,8 @@ def check_bouncing_jelly() -> None:
 
 def check_undo_save_load() -> None:
     """Settings survive; nothing of a bake's state is stored."""
-    scene, folder = jelly("kept")
+    scene, folder = jelly("kept", frames=16)
+    scene.frame_start = 11  # a shot begins where it likes
     cube = bpy.data.objects["Cube"]
     cube.eulerfsi.solid.youngs_modulus = 12345.0
     bpy.ops.ed.undo_push(message="set")
@@ -100,6 +101,8 @@ def check_undo_save_load() -> None:
     bpy.ops.ed.undo()
     assert bpy.data.objects["Cube"].eulerfsi.solid.youngs_modulus == 12345.0
     assert bpy.ops.eulerfsi.bake() == {"FINISHED"}
+    assert part("bake").status(bpy.context.scene).cache.frames == list(range(11, 17))
+    assert bpy.data.objects["Smoke Bake"].data.frame_start == 11
     bpy.ops.wm.save_mainfile()
     moved = folder.with_name("kept_moved")
     shutil.rmtree(moved, ignore_errors=True)
@@ -108,7 +111,7 @@ def check_undo_save_load() -> None:
     scene, cube = bpy.context.scene, bpy.data.objects["Cube"]
     assert (cube.eulerfsi.role, cube.eulerfsi.solid.youngs_modulus) == ("SOLID", 12345.0)
     assert part("bake").status(scene).kind == "complete"
-    assert np.abs(points_of("Cube Bake", 1) - points_of("Cube Bake", 6)).max() > 0.1, "the cache moved with its file"
+    assert np.abs(points_of("Cube Bake", 11) - points_of("Cube Bake", 16)).max() > 0.1, "the cache moved with its file"
     bpy.ops.wm.save_as_mainfile(filepath=str(moved / "other.blend"))
     assert part("bake").status(bpy.context.scene).kind == "ready", "the new file has its own place"
     assert bpy.ops.eulerfsi.bake() == {"FINISHED"}

@@ -32,10 +32,13 @@ class _Properties:
 
 
 class Layout:
-    """calls: (function, arguments) of this layout and those in it; texts: of labels and bars."""
+    """calls: (function, arguments) of this layout and those in it; texts: of labels and bars; greyed: calls in layouts
+    that are not enabled."""
 
-    def __init__(self, calls: list[tuple[str, dict[str, Any]]] | None = None) -> None:
-        object.__setattr__(self, "calls", [] if calls is None else calls)
+    def __init__(self, parent: Layout | None = None) -> None:
+        object.__setattr__(self, "calls", parent.calls if parent else [])
+        object.__setattr__(self, "greyed", parent.greyed if parent else [])
+        object.__setattr__(self, "is_on", parent is None or parent.is_on)
 
     @property
     def texts(self) -> str:
@@ -48,6 +51,8 @@ class Layout:
     def __setattr__(self, name: str, value: Any) -> None:
         if name not in _RNA.properties or _RNA.properties[name].is_readonly:
             raise DrawError(f"layout.{name} cannot be set")
+        if name == "enabled":
+            object.__setattr__(self, "is_on", self.is_on and value)
 
     def __getattr__(self, name: str) -> Any:
         function = _RNA.functions.get(name)
@@ -60,8 +65,10 @@ class Layout:
             arguments |= named
             self._check(name, {p.identifier: p for p in given}, arguments)
             self.calls.append((name, arguments))
+            if not self.is_on:
+                self.greyed.append((name, arguments))
             if name in _LAYOUTS:
-                return Layout(self.calls)
+                return Layout(self)
             return _Properties(_operator(arguments["operator"])) if name == "operator" else None
 
         return call

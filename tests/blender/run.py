@@ -68,7 +68,20 @@ def _bpy() -> Path:
         shutil.rmtree(place, ignore_errors=True)
         base = shutil.which("python3.11") or sys.executable
         _run(base, "-m", "venv", place)
-        _run(python, "-m", "pip", "install", "--quiet", "--no-input", "-r", _REQUIREMENTS)
+        _run(
+            python,
+            "-m",
+            "pip",
+            "install",
+            "--quiet",
+            "--no-input",
+            "--retries",
+            "5",
+            "--timeout",
+            "60",
+            "-r",
+            _REQUIREMENTS,
+        )
         stamp.write_text(_REQUIREMENTS.read_text())  # last: what was interrupted is made again
     return python
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import fcntl
 import importlib
 import importlib.util
@@ -73,6 +74,41 @@ def test_every_row_has_a_property_and_presets_are_rows(addon):
             assert (low is None or value >= low) and (high is None or value <= high), name
     assert table.plain(float(np.float32(0.3))) == 0.3
     assert [name for name, row in rows.items() if table.is_advanced(row)] == ["material", "contact_stiffness"]
+
+
+# Options that no bake of Blender passes, so that no message of one is about them.
+NOT_PASSED = {"--confine", "--flipbook", "--frames", "--path-map", "--region", "--set", "--start-frame", "--start-from"}
+NOT_PASSED |= {"--strict", "--max-wall-seconds", "--from-usd", "--solid", "--wait"}
+
+
+def advice() -> dict[str, str]:
+    """{text: file} of every string in the run's code that names an option; of an f-string its parts, with 7 between."""
+    found = {}
+    for path in [p for folder in ("cache", "run", "scene") for p in (ROOT / "batch/eulerfsi" / folder).glob("*.py")]:
+        tree = ast.parse(path.read_text())
+        documented = {id(n.value) for n in ast.walk(tree) if isinstance(n, ast.Expr)}
+        inside = {id(part) for n in ast.walk(tree) if isinstance(n, ast.JoinedStr) for part in n.values}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.JoinedStr):
+                text = "".join(part.value if isinstance(part, ast.Constant) else "7" for part in node.values)
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in inside | documented:
+                text = node.value
+            else:
+                continue
+            if re.search(r"(^|[\s(;])(--[a-z]|-o\b)", text) and not text.startswith("-"):
+                found[text] = path.name
+    return found
+
+
+def test_no_message_names_an_option_of_the_command_line(addon):
+    translate, told = addon("wording").in_blender, advice()
+    assert any("make room" in text for text in told) and len(told) > 8
+    left = {text: set(re.findall(r"(?<![\w-])(?:--[a-z][a-z-]*|-o\b)", translate(text))) - NOT_PASSED for text in told}
+    assert {text: options for text, options in left.items() if options} == {}
+    assert translate("c: --rebake-from 4: x") == "c: Bake from Frame 5: x"
+    assert translate("a cache; continue it with --resume or replace it with --overwrite") == (
+        "a cache; continue it with Resume or replace it with Bake Anew"
+    )
 
 
 def export(folder: Path, unit: float) -> Path:

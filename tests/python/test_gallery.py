@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
+import importlib
+import sys
 from pathlib import Path
 
 import pytest
@@ -14,10 +15,8 @@ SCENES = ROOT / "examples" / "scenes"
 
 @pytest.fixture(scope="module")
 def gallery():
-    spec = importlib.util.spec_from_file_location("make_gallery", ROOT / "examples" / "render" / "make_gallery.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    sys.path.insert(0, str(ROOT / "examples" / "render"))
+    return importlib.import_module("make_gallery")
 
 
 def test_page_is_made_from_the_table(gallery) -> None:

@@ -451,6 +451,12 @@ def test_foreground_makes_a_cache_and_tells_tops_of_its_files(asset, hou, tmp_pa
     asset.execute(setup.kwargs)
     assert capfd.readouterr().out == ""
     assert Usd.Stage.Open(str(files[0])).GetEndTimeCode() == 3
+    setup.put("mode", "resume")
+    setup.put("framerange", 1, 4)
+    asset.execute(setup.kwargs)
+    manifest = json.loads((tmp_path / "cache" / "manifest.json").read_text())
+    assert sorted(manifest["frames"]) == ["1", "2", "3", "4"]
+    assert [stretch["last"] for stretch in manifest["stretches"]] == [1], "frame 1 is that of the first run"
 
 
 def test_faults_of_the_solver_are_shown(asset, hou, tmp_path: Path) -> None:

@@ -97,3 +97,10 @@ def test_names_choose_and_unknown_ones_are_refused() -> None:
     with pytest.raises(ValueError, match="no such part: nothing"):
         nightly.chosen(PARTS, None, "nothing")
     assert {part["kind"] for part in nightly.chosen(PARTS, None, None)} == {"slice", "whole"}
+
+
+def test_every_check_in_blender_is_run_by_ci_each_time_or_by_one_slice() -> None:
+    files = {path.stem.removeprefix("check_") for path in (ROOT / "tests" / "blender").glob("check_*.py")}
+    commands = [*(ROOT / ".ci" / "run").read_text().splitlines(), *(part["command"] for part in SLICES)]
+    named = [line.partition("tests/blender/run.py")[2].split() for line in commands if "tests/blender/run.py" in line]
+    assert sorted(name for names in named for name in names) == sorted(files) and {"scene", "panels"} <= set(named[0])

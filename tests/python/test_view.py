@@ -27,6 +27,12 @@ from PIL import Image
 from pxr import Sdf, Usd, UsdGeom
 
 HOSTILE = '"><img src=x onerror=alert(1)></script><script>alert(2)</script>'
+# Thirteen curves in the first plot; how each is dashed.
+MANY_CURVES = """(() => {
+  const plot = document.querySelector('figure svg'), all = () => [...plot.querySelectorAll('path')];
+  while (all().length < 13) plot.append(all()[0].cloneNode());
+  return all().map((curve) => getComputedStyle(curve).strokeDasharray);
+})()"""
 browser_needed = pytest.mark.skipif(not find_browser(), reason="no Chromium")
 
 
@@ -320,6 +326,8 @@ def test_without_webgl_it_says_so_and_shows_the_rest(cache):
         assert page.value("document.documentElement.dataset.state") == "failed"
         assert "needs WebGL 2" in page.value("document.getElementById('message').innerText")
         assert page.value("document.querySelectorAll('figure').length") == 4
+        dashes = page.value(MANY_CURVES)
+        assert [len(set(dashes[i : i + 6])) for i in (0, 6)] == [1, 1] and len({dashes[i] for i in (0, 6, 12)}) == 3
 
 
 @pytest.mark.nightly

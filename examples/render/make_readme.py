@@ -1,0 +1,70 @@
+"""Makes the pictures of the README anew that are frames of flip-books.
+
+    .venv/bin/python examples/render/make_readme.py [NAME...] [--threads N]     # default: all of readme.toml
+
+Caches lie in build/readme and are used again where they are complete.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from caches import ROOT, simulate
+from PIL import Image
+
+CACHES, PICTURES = ROOT / "build" / "readme", ROOT / "docs" / "images"
+GAP = 6
+
+
+def pictures() -> list[dict[str, Any]]:
+    """The rows of readme.toml."""
+    return tomllib.loads(Path(__file__).with_name("readme.toml").read_text(encoding="utf-8"))["picture"]
+
+
+def options(run: dict[str, Any]) -> list[str]:
+    """Of `simulate`."""
+    voxel = ["--set", f"/World/Domain.voxelSize={run['voxel']}"] if "voxel" in run else []
+    return ["--frames", f"1-{max(run['frames'])}", "--flipbook", *voxel]
+
+
+def frames_of(run: dict[str, Any], threads: int | None) -> list[Image.Image]:
+    """The frames of a run that are shown."""
+    cache = CACHES / run["scene"]
+    simulate(run["scene"], cache, max(run["frames"]), options(run), threads)
+    return [Image.open(cache / "flipbook" / f"{run['scene']}.{frame:04}.png") for frame in run["frames"]]
+
+
+def put_together(images: list[Image.Image], height: int, columns: int) -> Image.Image:
+    """Rows of images of one height, in few colors, which makes the file small."""
+    images = [image.convert("RGB").resize((round(image.width * height / image.height), height)) for image in images]
+    rows = [images[at : at + columns] for at in range(0, len(images), columns)]
+    width = max(sum(image.width + GAP for image in row) - GAP for row in rows)
+    sheet = Image.new("RGB", (width, len(rows) * (height + GAP) - GAP), "white")
+    for number, row in enumerate(rows):
+        for at, image in enumerate(row):
+            sheet.paste(image, (sum(other.width + GAP for other in row[:at]), number * (height + GAP)))
+    return sheet.quantize(256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.FLOYDSTEINBERG)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("names", nargs="*", metavar="NAME")
+    parser.add_argument("--threads", type=int, help="of runs; default: all")
+    given = parser.parse_args(arguments)
+    known = {picture["name"]: picture for picture in pictures()}
+    if unknown := [name for name in given.names if name not in known]:
+        parser.error(f"{', '.join(unknown)}: not in readme.toml")
+    for name in given.names or known:
+        images = [image for run in known[name]["runs"] for image in frames_of(run, given.threads)]
+        path = PICTURES / f"{name}.png"
+        put_together(images, known[name]["height"], known[name].get("columns", len(images))).save(path, optimize=True)
+        print(f"{path}: {path.stat().st_size:,} bytes", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
