@@ -26,7 +26,7 @@ struct FluidParams {
 struct FluidState {
   VectorField velocity;           // nodes [m/s]
   std::vector<Real> pressure;     // padded cells [Pa]; where PCR starts on Eq. 12
-  double carried_time = 0.0;      // length of the step in which a part of it has acted already; 0: none has [s]
+  double carried_time = 0.0;      // for which the carried part of it has acted already; 0: none has [s]
   std::vector<Real> smoke;        // cells, density; empty where the scene has no smoke
   std::vector<Real> temperature;  // cells, above ambient [K]; empty where unused
 };

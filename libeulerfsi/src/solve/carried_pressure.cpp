@@ -1,6 +1,7 @@
 #include "solve/carried_pressure.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "frame/grid_loops.hpp"
 #include "grid/boundary.hpp"
@@ -111,6 +112,13 @@ void take_carried_pressure(const Parallel& parallel, const CommonGrid& common, c
     for_faded(common.grid, fade, static_cast<int>(k),
               [&](std::size_t c, Real part) { carried[c] = level + part * (carried[c] - level); });
   });
+}
+
+double spread_of(const Parallel& parallel, const Grid& g, std::vector<Real>& pressure) {
+  if (pressure.empty()) return 0.0;
+  grid::clear_ghosts(g, pressure);
+  const double sum = linalg::sum(parallel, pressure), square = linalg::dot(parallel, pressure, pressure);
+  return std::sqrt(std::max(0.0, square - sum * sum / static_cast<double>(g.cell_count())));
 }
 
 void take_back_carried(const Parallel& parallel, const CommonGrid& common, const SolidStates& states,

@@ -15,6 +15,9 @@ namespace efsi::sim {
 void take_carried_pressure(const Parallel& parallel, const CommonGrid& common, const SolidStates& states,
                            const std::vector<Real>& pressure, std::vector<Real>& carried);
 
+// Root of the sum of the squares of a pressure about its mean; 0 of none.
+double spread_of(const Parallel& parallel, const grid::Grid& g, std::vector<Real>& pressure);
+
 // Takes the part that was carried in a step of dt out of the velocity after it: forces and solids are not ahead by half
 // a step. density: of the fluid; q: scratch.
 void take_back_carried(const Parallel& parallel, const CommonGrid& common, const SolidStates& states,

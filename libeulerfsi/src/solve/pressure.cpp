@@ -190,15 +190,17 @@ void prepare_pressure(const StepContext& step, const SolidStates& states, SolidW
 
 namespace {
 
-// q := -dt times the last pressure, less what of it has been carried; that takes the place of the last pressure.
+// q := -dt times the last pressure, less what of it has been carried; its carried part takes the place of the last
+// pressure.
 void begin_pressure(const StepContext& step, const SolidStates& states, const Matter& matter, fluid::FluidState& fluid,
                     PressureEquation& pressure) {
   std::vector<Real>& last = fluid.pressure;
-  pressure.carries = fluid.carried_time > 0.0;
-  if (pressure.carries) {
+  pressure.carried = fluid.carried_time / step.dt;
+  if (step.scene.params.numerics.carries_pressure && !last.empty()) {
     take_carried_pressure(step.parallel, matter.common, states, last, pressure.q);
-    linalg::scale(step.parallel, pressure.q, fluid.carried_time / step.dt);
-    linalg::add_scaled(step.parallel, last, -1.0, pressure.q);
+    linalg::add_scaled(step.parallel, last, -pressure.carried, pressure.q);
+  } else {
+    pressure.q.clear();
   }
   std::swap(pressure.q, last);
   pressure.q.resize(matter.common.grid.padded_count(), 0);
@@ -286,7 +288,7 @@ void project_velocity(const StepContext& step, const Grid& g, VelocityEquation& 
     add_pin_reactions(reaction, elasticity.given);
   }
   linalg::scale(step.parallel, pressure.q, -1.0 / step.dt);
-  if (pressure.carries) linalg::add_scaled(step.parallel, pressure.q, 1.0, next);
+  if (pressure.carried > 0.0) linalg::add_scaled(step.parallel, pressure.q, pressure.carried, next);
   std::swap(pressure.q, next);
   const system::DivergenceNorms after = pressure.system.norms(step.parallel, velocity.field, pressure.source);
   step.info.divergence_after = after.all;

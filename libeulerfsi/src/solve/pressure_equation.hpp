@@ -18,7 +18,7 @@ struct PressureEquation {
   std::vector<Real> q;           // the multiplier, padded cells; the state's pressure is put away in it meanwhile
   std::vector<Real> taken;       // the part of q that acts before the projection, padded cells
   bool takes = false;            // if this
-  bool carries = false;          // a part of the last pressure has acted before the transport
+  double carried = 0.0;          // of the carried part of the last pressure that has acted before the transport
   std::vector<Real> impulse;     // J^T q on the unknowns of Eq. 8 [kg m/s]
   double largest = 0.0;          // norm of those that Eq. 13 was solved for in the step [kg m/s]
   std::vector<Real> correction;  // G^-1 J^T q on them [m/s]

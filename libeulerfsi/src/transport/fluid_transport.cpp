@@ -50,10 +50,13 @@ void advect_fluid(const StepContext& step, const SolidStates& states, grid::Vect
     ScopedTimer timer(step.profile, Stage::kFluidAdvection);
     work.exchange_carried();
     for (std::size_t a = 0; a < 3; ++a) linalg::copy(step.parallel, work.carried.c[a], flow.c[a]);
+    // Solids push the fluid by impulses of one step. What the last pressure did not have by size is not carried.
+    const double last = states.empty() ? 0.0 : spread_of(step.parallel, g, pressure.q);
     take_carried_pressure(step.parallel, matter.common, states, fluid.pressure, pressure.q);
-    linalg::scale(step.parallel, pressure.q, -step.dt);
+    const double now = states.empty() ? 0.0 : spread_of(step.parallel, g, pressure.q);
+    fluid.carried_time = now > last ? step.dt * (last / now) : step.dt;
+    linalg::scale(step.parallel, pressure.q, -fluid.carried_time);
     pressure.system.project(step.parallel, pressure.q, work.carried);
-    fluid.carried_time = step.dt;
     work.first.c[0].swap(pressure.q);  // no more needed
   }
   for (const system::SlipNode& n : slip.nodes())  // fluid like any other: corrected
