@@ -26,6 +26,7 @@ namespace {
 constexpr double kReach = 1.0;  // cells: rows from this gap on
 constexpr double kFan =
     0.01;  // 1 less the square of the mean of the normals in a cell, of a surface of middling curvature
+constexpr double kSought = 2.0;  // cells: farther from a vertex a surface is where the map around the vertex has it
 constexpr double kFacing = 0.5;  // least cosine between the normal of a surface and that of the other turned round
 
 // What two bands have in common, in cells of the box.
@@ -322,17 +323,41 @@ void remember_contacts(double dt, const SolidContacts& contacts, SolidStates& st
   }
 }
 
+Vec3d SeenVertex::rest_normal() const { return solid::distance_of(rest, state).gradient(material).normalized(); }
+
+bool SeenVertex::is_known() const {
+  return std::ranges::all_of(grid::corner_offsets(state.band.grid),
+                             [&](std::size_t c) { return state.valid[node + c] == solid::kKnown; });
+}
+
+SeenVertex::Gap SeenVertex::gap() const {
+  const Grid& g = state.band.grid;
+  Vec3d u;
+  Mat3d gradient;
+  solid::sample_displacement(state, grid::corner_offsets(g), x, u, gradient);
+  const Vec3d at_rest = solid::distance_of(rest, state).gradient(material);
+  const Vec3d seen = at_rest - gradient.transpose() * at_rest, outwards = seen.normalized();
+  const double length = solid::kSurfaceStretch.clamp(seen.norm());
+  const bool near = std::abs(rest_distance) < kSought * g.h;
+  const double distance = near ? solid::boundary_distance(rest, state, x, outwards, length) : rest_distance / length;
+  const auto velocity = [&](const solid::SolidState& of) {
+    const Grid& band = of.band.grid;
+    return Vec3d(grid::NodeSampler(band).vector(of.v, ((x - band.origin) / band.h).cast<Real>()).cast<double>());
+  };
+  return {distance - kContactSkin * g.h, outwards.dot(velocity(state) - velocity(own))};
+}
+
 void visit_vertices(const Scene& scene, const SolidStates& states, std::size_t l, std::size_t other,
                     const VisitVertex& visit) {
-  const solid::SolidState &vertices = states[l], &state = states[other];
-  if (!overlap(vertices.band.grid, state.band.grid).any()) return;
+  const solid::SolidState &own = states[l], &state = states[other];
+  if (!overlap(own.band.grid, state.band.grid).any()) return;
   const Grid& g = state.band.grid;
-  const geometry::SignedDistance& distance = solid::distance_of(scene.solids[other], state);
-  const grid::NodeSampler sampler(g), own(vertices.band.grid);
+  const solid::SolidRest& rest = scene.solids[other];
+  const geometry::SignedDistance& distance = solid::distance_of(rest, state);
+  const grid::NodeSampler sampler(g);
   const auto corner = grid::corner_offsets(g);
-  for (std::size_t vertex = 0; vertex < vertices.surface.size(); ++vertex) {
-    const Vec3d& x = vertices.surface[vertex];
-    const Vec3d at = (x - g.origin) / g.h;
+  for (std::size_t vertex = 0; vertex < own.surface.size(); ++vertex) {
+    const Vec3d &x = own.surface[vertex], at = (x - g.origin) / g.h;
     Vec3i cell;
     bool inside = true;
     for (std::size_t a = 0; a < 3; ++a) {
@@ -340,32 +365,33 @@ void visit_vertices(const Scene& scene, const SolidStates& states, std::size_t l
       inside = inside && cell[a] >= 0 && cell[a] < g.cells[a];
     }
     if (!inside) continue;
-    Vec3d u;
-    Mat3d gradient;
-    if (!solid::sample_displacement(state, corner, x, u, gradient)) continue;
-    const Vec3d at_rest = distance.gradient(x - u), seen = at_rest - gradient.transpose() * at_rest;
-    const Vec3d out_of = seen.normalized();
-    const double length = solid::kSurfaceStretch.clamp(seen.norm());
-    const double gap =
-        solid::boundary_distance(scene.solids[other], state, x, out_of, length) - kContactSkin * scene.grid.h;
-    const Vec3d v = sampler.vector(state.v, at.cast<Real>()).cast<double>(),
-                w = own.vector(vertices.v, ((x - vertices.band.grid.origin) / g.h).cast<Real>()).cast<double>();
     const std::size_t n = g.node(cell[0], cell[1], cell[2]);
-    const bool known = std::ranges::all_of(corner, [&](std::size_t c) { return state.valid[n + c] == solid::kKnown; });
-    visit({vertex, gap, out_of.dot(v - w), distance.sample(x - u), at_rest.normalized(), known});
+    const auto holds = [&](std::size_t offset) { return state.valid[n + offset] != solid::kNoData; };
+    if (!std::all_of(corner.begin(), corner.end(), holds)) continue;
+    const Vec3d material = x - sampler.vector(state.u, at.cast<Real>()).cast<double>();
+    visit({own, rest, state, vertex, n, x, material, distance.sample(material)});
   }
 }
 
 void visit_gaps(const Scene& scene, const SolidStates& states, std::size_t one, std::size_t other,
                 const VisitGap& visit) {
-  const auto pass_on = [&](const VertexGap& seen) { visit(seen.gap, seen.closing); };
-  visit_vertices(scene, states, one, other, pass_on);
-  visit_vertices(scene, states, other, one, pass_on);
+  const auto look = [&](const SeenVertex& seen) {
+    const auto [gap, closing] = seen.gap();
+    visit(gap, closing);
+  };
+  visit_vertices(scene, states, one, other, look);
+  visit_vertices(scene, states, other, one, look);
 }
 
 double least_gap(const Scene& scene, const SolidStates& states, std::size_t one, std::size_t other) {
   double least = std::numeric_limits<double>::infinity();
-  visit_gaps(scene, states, one, other, [&](double gap, double) { least = std::min(least, gap); });
+  const auto look = [&](const SeenVertex& seen) {
+    const auto [smallest, largest] = solid::kSurfaceStretch;  // strained as far as is believed it is no nearer than
+    const double at_least = seen.rest_distance / (seen.rest_distance > 0.0 ? largest : smallest);
+    if (at_least - kContactSkin * scene.grid.h < least) least = std::min(least, seen.gap().size);
+  };
+  visit_vertices(scene, states, one, other, look);
+  visit_vertices(scene, states, other, one, look);
   return least;
 }
 

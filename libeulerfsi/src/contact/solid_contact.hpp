@@ -28,15 +28,22 @@ SolidPairs active_pairs(const SolidContacts& contacts);
 // What the next step wants to know.
 void remember_contacts(double dt, const SolidContacts& contacts, SolidStates& states);
 
-// A vertex of a solid, and the surface of another one near it.
-struct VertexGap {
-  std::size_t vertex;
-  double gap, closing;   // between the surfaces, less what they keep [m]; how fast it closes [m/s]
-  double rest_distance;  // from the surface of the other at rest [m]; < 0: inside
-  Vec3d rest_normal;     // out of it
-  bool known;            // the other carries data all around: none of this is extrapolated
+// A vertex of a solid, and the surface of another one near it as that one's map has it.
+struct SeenVertex {
+  const solid::SolidState& own;
+  const solid::SolidRest& rest;  // the other
+  const solid::SolidState& state;
+  std::size_t vertex, node;  // corner 0 of the cell of the other's band that it is in
+  Vec3d x, material;         // where it is; what of the other is there
+  double rest_distance;      // from the surface of the other at rest [m]; < 0: inside
+  Vec3d rest_normal() const;
+  bool is_known() const;  // the other carries data all around: none of this is extrapolated
+  struct Gap {
+    double size, closing;  // between the surfaces, less what they keep [m]; how fast it closes [m/s]
+  };
+  Gap gap() const;
 };
-using VisitVertex = std::function<void(const VertexGap& seen)>;
+using VisitVertex = std::function<void(const SeenVertex& seen)>;
 // Calls visit for the vertices of a solid that are within reach of another one's map, some cells, in their order.
 void visit_vertices(const Scene& scene, const SolidStates& states, std::size_t l, std::size_t other,
                     const VisitVertex& visit);

@@ -25,20 +25,21 @@ const solid::DeepVertex* find(const DeepVertices& deep, std::size_t other, std::
 }
 
 // What is remembered of a vertex that is deep in another solid; nothing where that is not certain.
-std::optional<solid::DeepVertex> remember(const solid::DeepVertex* known, std::size_t other, const VertexGap& seen) {
-  if (!known && !seen.known) return {};
-  const Vec3 normal = seen.rest_normal.cast<Real>();
+std::optional<solid::DeepVertex> remember(const solid::DeepVertex* known, std::size_t other, const SeenVertex& seen) {
+  const bool certain = seen.is_known();
+  if (!known && !certain) return {};
+  const Vec3 normal = seen.rest_normal().cast<Real>();
   solid::DeepVertex deep = known ? *known
                                  : solid::DeepVertex{static_cast<std::int32_t>(seen.vertex),
                                                      static_cast<std::int32_t>(other),
                                                      {normal[0], normal[1], normal[2]},
                                                      Real(0)};
-  if (seen.known) deep.deepest = std::max(deep.deepest, static_cast<Real>(-seen.rest_distance));
+  if (certain) deep.deepest = std::max(deep.deepest, static_cast<Real>(-seen.rest_distance));
   return deep;
 }
 
 // A vertex of a solid has come out on another side.
-void count_vertex(std::size_t solid, const VertexGap& seen, const solid::DeepVertex& deep, double h,
+void count_vertex(std::size_t solid, const SeenVertex& seen, const solid::DeepVertex& deep, double h,
                   ContactPair& pair) {
   ++pair.exchanged_vertices;
   pair.surface_overlap = std::max(pair.surface_overlap, -seen.rest_distance / h);
@@ -53,11 +54,11 @@ void record_sides(const Scene& scene, SolidStates& states, ContactPairs& pairs) 
     DeepVertices deep;  // in the order of (other, vertex)
     for (std::size_t other = 0; other < states.size(); ++other) {
       if (other == l || (is_collider(scene.pins, l) && is_collider(scene.pins, other))) continue;
-      visit_vertices(scene, states, l, other, [&](const VertexGap& seen) {
+      visit_vertices(scene, states, l, other, [&](const SeenVertex& seen) {
         const solid::DeepVertex* known = find(states[l].deep, other, seen.vertex);
         if (seen.rest_distance < -kDeep * h) {
           if (const auto now = remember(known, other, seen)) deep.push_back(*now);
-        } else if (known && seen.rest_normal.cast<Real>().dot(Vec3(known->normal)) < 0) {
+        } else if (known && seen.rest_normal().cast<Real>().dot(Vec3(known->normal)) < 0) {
           count_vertex(l, seen, *known, h, find_pair(pairs, std::min(l, other), std::max(l, other)));
         }
       });

@@ -18,12 +18,13 @@ TEST_CASE("A vertex sees the gap to a turned and squashed ball, and how fast it 
   set_displacement(s.body, [&](const Vec3d& x) { return Vec3d(x - middle - f.inverse() * (x - middle)); });
   s.place_vertex(middle + Vec3d(0.0, squash * kRadius + kAbove, 0.0), closing);
   std::size_t seen = 0;
-  s.look([&](const sim::VertexGap& vertex) {
+  s.look([&](const sim::SeenVertex& vertex) {
     ++seen;
-    CHECK(vertex.gap / kSmall == Approx(kAbove / kSmall - sim::kContactSkin).margin(0.03));
-    CHECK(vertex.closing == Approx(1.0).epsilon(0.02));  // along y alone
+    const auto [gap, approach] = vertex.gap();
+    CHECK(gap / kSmall == Approx(kAbove / kSmall - sim::kContactSkin).margin(0.03));
+    CHECK(approach == Approx(1.0).epsilon(0.02));  // along y alone
     CHECK(vertex.rest_distance == Approx(kAbove / squash).margin(0.03 * kSmall));
-    CHECK((turn * vertex.rest_normal - Vec3d::UnitY()).norm() < 0.05);
+    CHECK((turn * vertex.rest_normal() - Vec3d::UnitY()).norm() < 0.05);
   });
   CHECK(seen == 1);
 }
