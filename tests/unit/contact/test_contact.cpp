@@ -177,8 +177,8 @@ TEST_CASE("Two balls that meet leave each other and keep their momentum", "[law]
   CHECK(out.gained < (fluid > 1.0 ? 1e-3 : 1e-5) * out.impulse);  // a liquid takes part of it
   CHECK(out.made < 0.02);
   CHECK((fluid > 1.0 || out.steady < 0.02));
-  CHECK(speed(*s, 0) < -0.15);
-  CHECK(speed(*s, 1) > 0.15);
+  CHECK(speed(*s, 0) < -0.13);  // varies by a tenth with anything: docs/bars.md
+  CHECK(speed(*s, 1) > 0.13);
   CHECK(out.apart);
 }
 
