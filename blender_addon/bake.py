@@ -230,7 +230,7 @@ def rebake_frame(scene: bpy.types.Scene, found: job.Cache) -> int | None:
 def why_no_rebake(scene: bpy.types.Scene, found: job.Cache) -> str:
     """Why nothing can be baked anew from the current frame on, "" where it can."""
     if scene.frame_current <= found.first:
-        return f"To bake from a frame on, go to one after {found.first}: those before it stay"
+        return f"To bake from a frame on, go to one after {found.first}: frames up to its last checkpoint stay"
     if rebake_frame(scene, found) is None:
         there = ", ".join(map(str, found.checkpoints)) or "none"
         end = f" and before the end, {scene.frame_end}" if scene.frame_current >= scene.frame_end else ""
