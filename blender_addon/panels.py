@@ -108,8 +108,7 @@ class EULERFSI_PT_bake(_Panel, bpy.types.Panel):
         row.enabled = now.kind not in ("unsaved", "foreign")
         row.scale_y = 1.4
         row.operator("eulerfsi.bake", text="Bake Anew" if frames else "Bake", icon="RENDER_ANIMATION").mode = "NEW"
-        recoverable = now.kind == "damaged" and job.has_copy(now.folder)
-        if recoverable or (frames and (now.kind != "complete" or scene.frame_end > frames[-1])):
+        if bake.can_resume(scene, now):
             row.operator("eulerfsi.bake", text="Resume", icon="PLAY").mode = "RESUME"
         if frames:
             _rebake(layout, scene, now)

@@ -154,6 +154,13 @@ def check_baking_done_failed() -> None:
     assert "material_preset" in {str(a["property"]) for name, a in drawn.calls if name == "prop"}, "those of the Cube"
     bpy.data.objects["Cube"].eulerfsi.solid.youngs_modulus = 7000.0
     assert "Changed since the bake: Cube: Youngs Modulus" in draw().texts, draw().texts
+    assert "Resume" not in draw().texts, "all frames are there"
+    told = refused(bpy.ops.eulerfsi.bake, "Set the value back", "Bake from Frame", "Bake Anew", mode="RESUME")
+    drawn = draw()
+    assert "Changed since the bake: Cube: Youngs Modulus" in drawn.texts, (told, drawn.texts)
+    assert not [a for name, a in drawn.calls if name == "operator" and a.get("text") == "Resume"], drawn.texts
+    scene.frame_end += 1
+    assert [a for name, a in draw().calls if name == "operator" and a.get("text") == "Resume"], draw().texts
     bpy.data.objects["Cube"].location.z = 40.0
     bpy.context.view_layer.update()
     refused(bpy.ops.eulerfsi.bake, "Failed", "“Cube”")
