@@ -182,9 +182,10 @@ def begin(scene: bpy.types.Scene, mode: str) -> job.Job:
         load.remove(scene)
     _export(scene, folder)
     _checks.pop(scene.eulerfsi.uid, None)
+    before = job.owner(folder).get("settings") if mode == "RESUME" else None  # refused where they are others
     work = job.start(folder, preferences.version(), arguments, str(folder / "scene.usdc"))
     facts = {"uid": scene.eulerfsi.uid, "scene": scene.name, "file": bpy.data.filepath, "mode": mode}
-    (folder / job.OWNER).write_text(json.dumps({**facts, "settings": scene_export.snapshot(scene)}, indent=1))
+    (folder / job.OWNER).write_text(json.dumps({**facts, "settings": before or scene_export.snapshot(scene)}, indent=1))
     _jobs[str(folder)] = work
     follow()
     return work
@@ -230,12 +231,20 @@ def rebake_frame(scene: bpy.types.Scene, found: job.Cache) -> int | None:
 def why_no_rebake(scene: bpy.types.Scene, found: job.Cache) -> str:
     """Why nothing can be baked anew from the current frame on, "" where it can."""
     if scene.frame_current <= found.first:
-        return f"To bake from a frame on, go to one after {found.first}: those before it stay"
+        return f"To bake from a frame on, go to one after {found.first}: frames up to its last checkpoint stay"
     if rebake_frame(scene, found) is None:
         there = ", ".join(map(str, found.checkpoints)) or "none"
         end = f" and before the end, {scene.frame_end}" if scene.frame_current >= scene.frame_end else ""
         return f"no checkpoint at or before frame {scene.frame_current}{end}; there are: {there}"
     return ""
+
+
+def can_resume(scene: bpy.types.Scene, now: Status) -> bool:
+    """Whether frames are missing that Resume could make, also after a start that was refused."""
+    if now.kind == "damaged":
+        return job.has_copy(now.folder)
+    frames = now.cache.frames
+    return bool(frames) and (now.cache.status != "complete" or scene.frame_end > frames[-1])
 
 
 def check(scene: bpy.types.Scene) -> list[Finding]:

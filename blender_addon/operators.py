@@ -13,7 +13,11 @@ from . import bake, job, load, scene_export
 _MODES = (
     ("NEW", "Bake", "From the first frame; a bake that is there is replaced"),
     ("RESUME", "Resume", "Go on where it stopped, or with more frames at the end"),
-    ("REBAKE", "Bake from Here", "Keep frames up to the last checkpoint before this frame, make later ones anew"),
+    (
+        "REBAKE",
+        "Bake from Here",
+        "Keep frames up to the last checkpoint that is not after this frame, make later ones anew",
+    ),
 )
 
 

@@ -59,14 +59,16 @@ def _domain(scene: bpy.types.Scene) -> bpy.types.Object | None:
 
 
 def _rebake(layout: bpy.types.UILayout, scene: bpy.types.Scene, now: bake.Status) -> None:
-    """Greyed out where nothing can be baked anew from the current frame on, with the reason below."""
-    why = bake.why_no_rebake(scene, now.cache)
-    name = "Bake from Here" if why else f"Bake from Frame {bake.rebake_frame(scene, now.cache) + 1}"
+    """Names the first frame that is made anew; greyed out where there is none, with the reason below."""
+    why, kept = bake.why_no_rebake(scene, now.cache), bake.rebake_frame(scene, now.cache)
+    name = "Bake from Here" if why else f"Bake from Frame {kept + 1}"
     row = layout.row()
     row.enabled = not why
     row.operator("eulerfsi.bake", text=name, icon="RECOVER_LAST").mode = "REBAKE"
     if why:
         _lines(layout, why)
+    elif kept < scene.frame_current:
+        _lines(layout, f"Frames up to {kept} stay: the last checkpoint before frame {scene.frame_current}")
 
 
 class EULERFSI_PT_bake(_Panel, bpy.types.Panel):
@@ -106,8 +108,7 @@ class EULERFSI_PT_bake(_Panel, bpy.types.Panel):
         row.enabled = now.kind not in ("unsaved", "foreign")
         row.scale_y = 1.4
         row.operator("eulerfsi.bake", text="Bake Anew" if frames else "Bake", icon="RENDER_ANIMATION").mode = "NEW"
-        recoverable = now.kind == "damaged" and job.has_copy(now.folder)
-        if recoverable or (frames and (now.kind != "complete" or scene.frame_end > frames[-1])):
+        if bake.can_resume(scene, now):
             row.operator("eulerfsi.bake", text="Resume", icon="PLAY").mode = "RESUME"
         if frames:
             _rebake(layout, scene, now)

@@ -17,6 +17,11 @@ _WORDS = (
     ("--allow-restart accepts that", "Bake Anew makes all of it again"),
     ("--resume", "Resume"),
     ("--overwrite", "Bake Anew"),
+    ("cannot resume, the scene has changed since the cache was started",
+     "Resume needs the scene as it was. Set the value back, or keep earlier frames by Bake from Frame, or Bake Anew"),
+    ("Open a face of the domain (wallYMax = open), or disable the fluid (ambientFluid = false)",
+     "Set Domain > Walls > Wall Z Max to open, or Domain > Ambient Fluid off"),
+    ("compressible = true: should be false in", "Compressible should be off in"),
 )  # fmt: skip
 _TABLE = dict(_WORDS)
 _OPTIONS = re.compile("|".join(re.escape(words) for words, _ in _WORDS))

@@ -94,6 +94,20 @@ def check_solver_names_objects() -> None:
     assert "error Bällchen 1.001|" in findings(), findings()
 
 
+def check_foam_without_room() -> None:
+    """The warning names settings as the panels do; with the wall open there is none."""
+    jelly("foam")
+    bpy.data.objects["Cube"].eulerfsi.material_preset = "FOAM"
+    domain = bpy.data.objects["Domain"].eulerfsi.domain
+    bpy.ops.eulerfsi.validate()
+    names = [domain.bl_rna.properties[name].name for name in ("wall_z_max", "ambient_fluid")]
+    assert all(name in findings() for name in names) and "Compressible should be off" in findings(), findings()
+    assert "wallY" not in findings() and "ambientFluid" not in findings(), findings()
+    domain.wall_z_max = "open"
+    bpy.ops.eulerfsi.validate()
+    assert "warning" not in findings(), findings()
+
+
 def check_missing_or_other_solver() -> None:
     scene, _ = jelly("solver")
     place = part("job").SOLVER

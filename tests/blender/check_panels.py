@@ -120,6 +120,7 @@ def check_unsaved() -> None:
 
 def check_baking_done_failed() -> None:
     scene, _ = jelly("baking", frames=200)
+    scene.eulerfsi.checkpoint_every = 2
     bake = part("bake")
     work = bake.begin(scene, "NEW")
     assert "eulerfsi.cancel" in draw().operators  # preparing
@@ -133,6 +134,13 @@ def check_baking_done_failed() -> None:
     scene.frame_set(9)
     drawn = draw()
     assert "Resume" in drawn.texts and "Bake from Frame" in drawn.texts and not greyed(drawn), drawn.texts
+    found = bake.status(scene).cache
+    gap = next(frame for frame in range(4, 99) if frame not in found.checkpoints)
+    scene.frame_set(gap)
+    kept, shown = max(frame for frame in found.checkpoints if frame < gap), draw().texts
+    assert f"Bake from Frame {kept + 1}" in shown and f"Frames up to {kept} stay" in shown, (shown, found.checkpoints)
+    scene.frame_set(kept)
+    assert f"Bake from Frame {kept + 1}" in draw().texts and "stay: " not in draw().texts, draw().texts
     scene.frame_set(1)  # nothing before it could stay
     drawn = draw()
     assert greyed(drawn) == ["Bake from Here"] and "go to one after 1" in drawn.texts, drawn.texts
@@ -146,6 +154,13 @@ def check_baking_done_failed() -> None:
     assert "material_preset" in {str(a["property"]) for name, a in drawn.calls if name == "prop"}, "those of the Cube"
     bpy.data.objects["Cube"].eulerfsi.solid.youngs_modulus = 7000.0
     assert "Changed since the bake: Cube: Youngs Modulus" in draw().texts, draw().texts
+    assert "Resume" not in draw().texts, "all frames are there"
+    told = refused(bpy.ops.eulerfsi.bake, "Set the value back", "Bake from Frame", "Bake Anew", mode="RESUME")
+    drawn = draw()
+    assert "Changed since the bake: Cube: Youngs Modulus" in drawn.texts, (told, drawn.texts)
+    assert not [a for name, a in drawn.calls if name == "operator" and a.get("text") == "Resume"], drawn.texts
+    scene.frame_end += 1
+    assert [a for name, a in draw().calls if name == "operator" and a.get("text") == "Resume"], draw().texts
     bpy.data.objects["Cube"].location.z = 40.0
     bpy.context.view_layer.update()
     refused(bpy.ops.eulerfsi.bake, "Failed", "“Cube”")

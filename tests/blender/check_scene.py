@@ -94,6 +94,7 @@ def check_undo_save_load() -> None:
     scene, folder = jelly("kept", frames=16)
     scene.frame_start = 11  # a shot begins where it likes
     cube = bpy.data.objects["Cube"]
+    cube.location, cube.rotation_euler.x = (0.1, 0.2, 0.3), 0.4
     cube.eulerfsi.solid.youngs_modulus = 12345.0
     bpy.ops.ed.undo_push(message="set")
     cube.eulerfsi.solid.youngs_modulus = 999.0
@@ -110,7 +111,8 @@ def check_undo_save_load() -> None:
     bpy.ops.wm.open_mainfile(filepath=str(moved / "shot.blend"))
     scene, cube = bpy.context.scene, bpy.data.objects["Cube"]
     assert (cube.eulerfsi.role, cube.eulerfsi.solid.youngs_modulus) == ("SOLID", 12345.0)
-    assert part("bake").status(scene).kind == "complete"
+    now = part("bake").status(scene)
+    assert now.kind == "complete" and not part("bake").stale(scene, now), part("bake").stale(scene, now)
     assert np.abs(points_of("Cube Bake", 11) - points_of("Cube Bake", 16)).max() > 0.1, "the cache moved with its file"
     bpy.ops.wm.save_as_mainfile(filepath=str(moved / "other.blend"))
     assert part("bake").status(bpy.context.scene).kind == "ready", "the new file has its own place"

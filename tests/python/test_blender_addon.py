@@ -106,6 +106,9 @@ def test_no_message_names_an_option_of_the_command_line(addon):
     left = {text: set(re.findall(r"(?<![\w-])(?:--[a-z][a-z-]*|-o\b)", translate(text))) - NOT_PASSED for text in told}
     assert {text: options for text, options in left.items() if options} == {}
     assert translate("c: --rebake-from 4: x") == "c: Bake from Frame 5: x"
+    assert "Set the value back, or" in translate(
+        "c: cannot resume, the scene has changed since the cache was started: E"
+    )
     assert translate("a cache; continue it with --resume or replace it with --overwrite") == (
         "a cache; continue it with Resume or replace it with Bake Anew"
     )
