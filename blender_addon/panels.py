@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import bake, estimate, job, load, presets, properties, scene_export, table, thickness
+from . import bake, estimate, job, load, place, presets, properties, scene_export, table, thickness
 
 _WALLS = "wall_"
 _ICONS = {
@@ -210,7 +210,7 @@ def counts(scene: bpy.types.Scene, domain: bpy.types.Object) -> list[str]:
     voxel = settings.voxel_size
     unit = scene.unit_settings.scale_length
     bodies = [o for o in scene_export.members(scene, "SOLID", "COLLIDER") if o.type in scene_export.MESH_TYPES]
-    boxes = [[edge * unit for edge in obj.dimensions] for obj in bodies]
+    boxes = [[edge * unit for edge in place.edges(obj)] for obj in bodies]
     number = estimate.cells(size, voxel)
     memory = estimate.memory(size, voxel, boxes, settings.ambient_fluid)
     vertices = sum(len(o.data.vertices) for o in scene_export.members(scene, "SOLID", "PASSENGER") if o.type == "MESH")

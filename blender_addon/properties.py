@@ -16,7 +16,7 @@ from bpy.props import (
     StringProperty,
 )
 
-from . import presets, table
+from . import place, presets, table
 
 ROLES = (
     ("NONE", "None", "Takes no part in the simulation"),
@@ -67,7 +67,7 @@ def _take_preset(settings: EULERFSI_PG_object, _context: bpy.types.Context) -> N
     if preset is None:
         return
     obj = settings.id_data
-    size = max(obj.dimensions) * bpy.context.scene.unit_settings.scale_length or presets.SIZE
+    size = max(place.edges(obj)) * bpy.context.scene.unit_settings.scale_length or presets.SIZE
     for name, row in table.rows("solid").items():
         if name not in presets.KEPT:
             value = preset.values.get(name, row["default"])

@@ -13,9 +13,8 @@ from typing import Any
 
 import bpy
 import numpy as np
-from mathutils import Matrix
 
-from . import properties, table
+from . import place, properties, table
 
 MESH_TYPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 _RESERVED = {"PhysicsScene", "smoke"}
@@ -124,15 +123,9 @@ def _check_object(scene: bpy.types.Scene, obj: bpy.types.Object) -> Iterable[Fin
         yield Finding(
             "error", obj.name, "Pin Group", f"Pin Group “{settings.pin_group}”: there is no such vertex group"
         )
-    scale = place(obj).to_scale()
+    scale = place.of(obj).to_scale()
     if min(abs(s) for s in scale) == 0.0:
         yield Finding("error", obj.name, "Scale", f"scale {tuple(round(s, 4) for s in scale)} must not be zero")
-
-
-def place(obj: bpy.types.Object) -> Matrix:
-    """In the world. What is hidden, as the originals of a bake, has no matrix_world in a file that was just opened."""
-    free = obj.parent is None and not obj.constraints
-    return obj.matrix_basis if free else obj.matrix_world
 
 
 def domain_box(obj: bpy.types.Object) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -148,7 +141,7 @@ def domain_box(obj: bpy.types.Object) -> tuple[tuple[float, ...], tuple[float, .
 def world_size(scene: bpy.types.Scene, obj: bpy.types.Object) -> list[float]:
     """Edges of an object's box in metres, along its own axes."""
     edges, _ = domain_box(obj)
-    scale = place(obj).to_scale()
+    scale = place.of(obj).to_scale()
     unit = scene.unit_settings.scale_length
     return [abs(e * s) * unit for e, s in zip(edges, scale, strict=True)]
 
@@ -411,7 +404,7 @@ def snapshot(scene: bpy.types.Scene) -> dict[str, Any]:
         scope = properties.SCOPE_OF.get(settings.role)
         facts: dict[str, Any] = {"Role": settings.role, "Mesh": len(obj.data.vertices) if obj.type == "MESH" else 0}
         if not (obj.animation_data and obj.animation_data.action) and not obj.parent and not obj.constraints:
-            facts["Place"] = [table.plain(x) for row in place(obj) for x in row]
+            facts["Place"] = [table.plain(x) for row in place.of(obj) for x in row]
         facts["Pin Group"] = settings.pin_group
         if scope:
             group = getattr(settings, scope)

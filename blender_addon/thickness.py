@@ -9,6 +9,8 @@ import numpy as np
 from mathutils import Matrix, Vector
 from mathutils.bvhtree import BVHTree
 
+from . import place
+
 _SAMPLES = 400  # faces that are looked at
 _SHARE = 5.0  # percent of them that may be thinner: edges and tips have no thickness
 _SHELLS = 4  # surfaces that a ray may meet on its way out
@@ -20,12 +22,12 @@ def thinnest(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> float:
     shown = obj.evaluated_get(depsgraph)
     mesh = shown.data if isinstance(shown.data, bpy.types.Mesh) else None
     if mesh is None or not mesh.polygons:
-        return min(obj.dimensions) if obj.type != "MESH" else float("inf")
+        return min(place.edges(obj)) if obj.type != "MESH" else float("inf")
     if obj.hide_viewport and obj.name_full in _known:  # as while its bake is shown: it has no modifiers then
         return _known[obj.name_full][1]
     stamp = _stamp(mesh, obj)
     if _known.get(obj.name_full, (None, 0.0))[0] != stamp:
-        _known[obj.name_full] = (stamp, _measure(mesh, obj.matrix_world.to_3x3(), min(obj.dimensions)))
+        _known[obj.name_full] = (stamp, _measure(mesh, place.of(obj).to_3x3(), min(place.edges(obj))))
     return _known[obj.name_full][1]
 
 
@@ -37,7 +39,7 @@ def forget() -> None:
 def _stamp(mesh: bpy.types.Mesh, obj: bpy.types.Object) -> int:
     points = np.empty(3 * len(mesh.vertices), np.float32)
     mesh.vertices.foreach_get("co", points)
-    return hash((points.tobytes(), len(mesh.polygons), tuple(obj.matrix_world.to_scale())))
+    return hash((points.tobytes(), len(mesh.polygons), tuple(place.of(obj).to_scale())))
 
 
 def _measure(mesh: bpy.types.Mesh, matrix: Matrix, most: float) -> float:

@@ -89,12 +89,20 @@ def check_bouncing_jelly() -> None:
     assert np.abs(smoke[1] - empty).max() > 0.05 and np.abs(smoke[1] - smoke[0]).max() > 0.02
 
 
+def sizes(obj: bpy.types.Object) -> list[object]:
+    """What the panel counts, and the modulus of a preset, which follow the size of an object."""
+    domain = bpy.data.objects["Domain"]
+    return [obj.eulerfsi.solid.youngs_modulus, part("panels").counts(bpy.context.scene, domain)[0]]
+
+
 def check_undo_save_load() -> None:
     """Settings survive; nothing of a bake's state is stored."""
     scene, folder = jelly("kept", frames=16)
     scene.frame_start = 11  # a shot begins where it likes
     cube = bpy.data.objects["Cube"]
-    cube.location, cube.rotation_euler.x = (0.1, 0.2, 0.3), 0.4
+    cube.location, cube.rotation_euler.x, cube.scale.x = (0.1, 0.2, 0.3), 0.4, 1.5
+    cube.eulerfsi.material_preset = "JELLY"
+    shown = sizes(cube)
     cube.eulerfsi.solid.youngs_modulus = 12345.0
     bpy.ops.ed.undo_push(message="set")
     cube.eulerfsi.solid.youngs_modulus = 999.0
@@ -113,6 +121,10 @@ def check_undo_save_load() -> None:
     assert (cube.eulerfsi.role, cube.eulerfsi.solid.youngs_modulus) == ("SOLID", 12345.0)
     now = part("bake").status(scene)
     assert now.kind == "complete" and not part("bake").stale(scene, now), part("bake").stale(scene, now)
+    cube = bpy.data.objects["Cube"]
+    cube.eulerfsi.material_preset = "JELLY"
+    assert sizes(cube) == shown, (sizes(cube), shown)
+    cube.eulerfsi.solid.youngs_modulus = 12345.0
     assert np.abs(points_of("Cube Bake", 11) - points_of("Cube Bake", 16)).max() > 0.1, "the cache moved with its file"
     bpy.ops.wm.save_as_mainfile(filepath=str(moved / "other.blend"))
     assert part("bake").status(bpy.context.scene).kind == "ready", "the new file has its own place"
