@@ -288,6 +288,7 @@ void restore_solids(Simulation& simulation, const std::string& path) {
     demand_fit(body_fault(solids[l], simulation.grid(), simulation.solids()[l]), path);
     solids[l].presses.clear();
     solids[l].contacts.clear();
+    solids[l].deep.clear();
     solids[l].acceleration = -1.0;  // what acts on it may be other than it was
   }
   simulation.set_solids(std::move(solids));

@@ -164,6 +164,9 @@ TEST_CASE("Solids of a checkpoint start another scene of the same box") {
   const TemporaryFile file;
   auto first = scene();
   for (int n = 0; n < 3; ++n) first->step(0.02);
+  sim::State deep = first->state();
+  deep.solids[0].deep = {{0, 1, {0, 1, 0}, Real(0.1)}};  // in a solid that the other scene has not
+  first->set_state(std::move(deep));
   sim::save_checkpoint(*first, file.name());
   const auto alone = [](double density, double voxel, Vec3d center) {
     sim::Params p = vacuum({0.3, 0.3, 0.3}, voxel);
@@ -183,6 +186,7 @@ TEST_CASE("Solids of a checkpoint start another scene of the same box") {
   CHECK(after.rest_volume_cells == before.rest_volume_cells);
   CHECK(second->surface_points(0) == first->surface_points(0));
   CHECK((second->state().steps == 0 && second->state().time == 0.0));
+  CHECK(second->state().solids[0].deep.empty());
   second->step(0.02);
   CHECK_FALSE(second->diagnose_solid(0).center == before.center);
   CHECK(refused([&] { sim::restore_solids(*second, file.name()); }) == static_cast<int>(ErrorCode::kArgument));
