@@ -134,7 +134,7 @@ def to_finding(scene: bpy.types.Scene, event: dict) -> Finding:
             message = re.sub(rf"{path}(?!\w)", lambda _, name=obj.name: f"“{name}”", message)
     found = scene_export.object_of(scene, event.get("prim"))
     field = (event.get("field") or "").rpartition(":")[2]
-    message = wording.in_blender(message.replace("eulerfsi:", ""))
+    message = wording.in_blender(message)
     return Finding(event["level"], found.name if found else "", field, message)
 
 
@@ -160,7 +160,7 @@ def stale(scene: bpy.types.Scene, now: Status) -> list[str]:
     """What has changed since the bake."""
     if now.kind not in ("complete", "interrupted", "stopped", "failed") or now.folder is None or not now.cache.frames:
         return []
-    before = job.owner(now.folder).get("settings")
+    before = job.made_with(now.folder, job_of(now.folder).told)
     return scene_export.changes(before, _json(scene_export.snapshot(scene))) if before else []
 
 
@@ -182,10 +182,12 @@ def begin(scene: bpy.types.Scene, mode: str) -> job.Job:
         load.remove(scene)
     _export(scene, folder)
     _checks.pop(scene.eulerfsi.uid, None)
-    before = job.owner(folder).get("settings") if mode == "RESUME" else None  # refused where they are others
+    before = job.made_with(folder, job_of(folder).told)
     work = job.start(folder, preferences.version(), arguments, str(folder / "scene.usdc"))
     facts = {"uid": scene.eulerfsi.uid, "scene": scene.name, "file": bpy.data.filepath, "mode": mode}
-    (folder / job.OWNER).write_text(json.dumps({**facts, "settings": before or scene_export.snapshot(scene)}, indent=1))
+    facts["settings"] = before
+    facts["asked"] = before if before and mode == "RESUME" else scene_export.snapshot(scene)  # Resume refuses others
+    (folder / job.OWNER).write_text(json.dumps(facts, indent=1))
     _jobs[str(folder)] = work
     follow()
     return work

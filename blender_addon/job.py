@@ -5,7 +5,7 @@ Whether a bake runs is read from the folder (locks, manifest, events), never fro
 on when Blender ends and is found again when the file is opened. The process of a bake holds a lock on its events from
 its start to its end; the lock in cache/ is that of any run, also of one outside Blender.
 
-    <folder>/owner.json     which scene of which file it belongs to, and the settings it was made with
+    <folder>/owner.json     which scene of which file it belongs to, the settings it was made with, and those asked for last
     <folder>/export/        meshes as the host wrote them; scene.usdc, which the solver's Python makes of them
     <folder>/cache/         of the solver
     <folder>/events.jsonl   its events (`--progress json`), messages.txt what it says to people
@@ -292,3 +292,9 @@ def owner(folder: Path) -> dict[str, Any]:
         return json.loads((folder / OWNER).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
+
+
+def made_with(folder: Path, told: Told) -> dict[str, Any] | None:
+    """Settings of the frames that are there: those of the last start, unless it was refused."""
+    facts = owner(folder)
+    return facts["asked"] if told.start and "asked" in facts else facts.get("settings")

@@ -108,6 +108,22 @@ def check_foam_without_room() -> None:
     assert "warning" not in findings(), findings()
 
 
+def check_refused_bake_leaves_the_settings_of_the_last() -> None:
+    """The frames that are there are still those of the values that made them: the panel says which have changed since."""
+    scene, _ = jelly("kept")
+    bake, cube = part("bake"), bpy.data.objects["Cube"]
+    assert bpy.ops.eulerfsi.bake() == {"FINISHED"}
+    assert not bake.stale(scene, bake.status(scene))
+    cube.location.x += 40  # leaves the domain
+    changed = bake.stale(scene, bake.status(scene))
+    refused(bpy.ops.eulerfsi.bake, "“Cube”", mode="NEW")
+    now = bake.status(scene)
+    assert now.kind == "failed" and len(now.cache.frames) == 6, now
+    assert changed and bake.stale(scene, now) == changed, (changed, bake.stale(scene, now))
+    cube.location.x -= 40
+    assert not bake.stale(scene, bake.status(scene))
+
+
 def check_missing_or_other_solver() -> None:
     scene, _ = jelly("solver")
     place = part("job").SOLVER

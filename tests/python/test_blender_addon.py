@@ -114,6 +114,17 @@ def test_no_message_names_an_option_of_the_command_line(addon):
     )
 
 
+def test_messages_name_parameters_as_the_panels_do(addon) -> None:
+    translate, table = addon("wording").in_blender, addon("table")
+    label = {row["name"]: row["label"] for scope in table.SCOPES for row in table.rows(scope).values()}
+    told = "“Cube”: youngsModulus = 1 Pa: must be at least 10 Pa; voxel_size = 0.05: must be 0.06"
+    assert translate(told) == (
+        f"“Cube”: {label['youngsModulus']} = 1 Pa: must be at least 10 Pa; {label['voxelSize']} = 0.05: must be 0.06"
+    )
+    for same in ("wallYMax = open", "/home/youngsModulus/x.usda: cannot be read", "its density is 3", "readOnly"):
+        assert translate(same) == same
+
+
 def export(folder: Path, unit: float) -> Path:
     """What Blender writes of a cube of 0.2 m in a scene of that unit; its top is pinned, the emitter keyed."""
     folder.mkdir()
