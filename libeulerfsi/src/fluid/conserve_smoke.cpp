@@ -76,12 +76,12 @@ std::vector<TileSpline> splines_along(int cells, int tiles, bool periodic) {
   return all;
 }
 
-// A tile of cells and the functions along its axes.
+// A tile of cells and the functions along its axes, null where smoke is not kept.
 struct Tile {
   Tile(const TileMask& tiles, std::int64_t t, const std::array<std::vector<TileSpline>, 3>& splines) {
     tiles.range(t, begin, end);
     for (std::size_t a = 0; a < 3; ++a) {
-      axis[a] = &splines[a][static_cast<std::size_t>(begin[a] / kTileSize)];
+      axis[a] = splines[a].empty() ? nullptr : &splines[a][static_cast<std::size_t>(begin[a] / kTileSize)];
       count[a] = end[a] - begin[a];
     }
   }

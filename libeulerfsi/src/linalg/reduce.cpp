@@ -160,7 +160,7 @@ void fill(const Parallel& parallel, std::vector<Real>& y, std::size_t n, Real va
 void copy(const Parallel& parallel, std::vector<Real>& y, const std::vector<Real>& x) {
   y.resize(x.size());
   for_parts(parallel, y.size(), [&](std::int64_t begin, std::int64_t length) {
-    std::memcpy(y.data() + begin, x.data() + begin, static_cast<std::size_t>(length) * sizeof(Real));
+    std::copy_n(x.data() + begin, length, y.data() + begin);
   });
 }
 
