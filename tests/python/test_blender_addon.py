@@ -121,7 +121,7 @@ def test_messages_name_parameters_as_the_panels_do(addon) -> None:
     assert translate(told) == (
         f"“Cube”: {label['youngsModulus']} = 1 Pa: must be at least 10 Pa; {label['voxelSize']} = 0.05: must be 0.06"
     )
-    for same in ("wallYMax = open", "/home/youngsModulus/x.usda: cannot be read", "its density is 3", "readOnly"):
+    for same in ("wallYMax = open", "shots/youngsModulus/x.usda: cannot be read", "its density is 3", "readOnly"):
         assert translate(same) == same
 
 
