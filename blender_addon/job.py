@@ -5,7 +5,7 @@ Whether a bake runs is read from the folder (locks, manifest, events), never fro
 on when Blender ends and is found again when the file is opened. The process of a bake holds a lock on its events from
 its start to its end; the lock in cache/ is that of any run, also of one outside Blender.
 
-    <folder>/owner.json     which scene of which file it belongs to, the settings it was made with, and those asked for last
+    <folder>/owner.json     which scene of which file it belongs to, the settings that made it, and those asked for last
     <folder>/export/        meshes as the host wrote them; scene.usdc, which the solver's Python makes of them
     <folder>/cache/         of the solver
     <folder>/events.jsonl   its events (`--progress json`), messages.txt what it says to people

@@ -109,7 +109,7 @@ def check_foam_without_room() -> None:
 
 
 def check_refused_bake_leaves_the_settings_of_the_last() -> None:
-    """The frames that are there are still those of the values that made them: the panel says which have changed since."""
+    """The frames that are there are still those of the values that made them; the panel says which have changed."""
     scene, _ = jelly("kept")
     bake, cube = part("bake"), bpy.data.objects["Cube"]
     assert bpy.ops.eulerfsi.bake() == {"FINISHED"}

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <cstring>
 #include <string>
 
 #include "base/error.hpp"
@@ -24,11 +23,16 @@ void check_size(std::size_t size, const std::string& argument) {
                   "`; the caller was compiled against a newer version, whose later members this library lacks");
 }
 
+// As std::memcpy, whose addresses may not be null even where nothing is copied.
+inline void copy_bytes(const void* from, std::size_t size, void* to) {
+  std::copy_n(static_cast<const unsigned char*>(from), size, static_cast<unsigned char*>(to));
+}
+
 // Writes a result to the caller's struct, which may be an older and shorter one. function: for the message.
 template <class Struct>
 void give(const Struct& value, Struct* out, std::size_t size, const char* function) {
   check_size<Struct>(size, std::string(function) + ": size");
-  std::memcpy(out, &value, size);
+  copy_bytes(&value, size, out);
 }
 
 // The first `capacity` results, to an array of the caller's structs of `size` bytes each.
@@ -36,14 +40,14 @@ template <class Struct, class Values>
 void give_array(const Values& values, Struct* out, std::size_t size, std::size_t capacity, const char* function) {
   check_size<Struct>(size, std::string(function) + ": size of an element");
   auto* bytes = reinterpret_cast<unsigned char*>(out);
-  for (std::size_t i = 0; i < values.size() && i < capacity; ++i) std::memcpy(bytes + i * size, &values[i], size);
+  for (std::size_t i = 0; i < values.size() && i < capacity; ++i) copy_bytes(&values[i], size, bytes + i * size);
 }
 
 // An element of an array of the caller's structs; members that the caller's header did not have are zero.
 template <class Struct>
 Struct take(const Struct* array, std::size_t size, std::size_t index) {
   Struct value{};
-  std::memcpy(&value, reinterpret_cast<const unsigned char*>(array) + index * size, std::min(size, sizeof(Struct)));
+  copy_bytes(reinterpret_cast<const unsigned char*>(array) + index * size, std::min(size, sizeof(Struct)), &value);
   return value;
 }
 

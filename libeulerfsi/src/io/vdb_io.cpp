@@ -382,7 +382,9 @@ std::uint64_t write_vdb(const std::string& path, std::span<const DenseGrid> grid
 VdbSummary read_vdb_summary(const std::string& path) {
   VdbSummary summary;
   const Content content = decode(path);
-  summary.creator = content.metadata->metaValue<std::string>(kCreatorKey);
+  const auto creator = content.metadata->getMetadata<openvdb::StringMetadata>(kCreatorKey);
+  if (!creator) fail(path, std::string("it lacks the metadata '") + kCreatorKey + "'");
+  summary.creator = creator->value();
   for (const auto& grid : *content.grids) summary.grids.push_back(summarize(*grid, summary.content_hash));
   return summary;
 }

@@ -159,9 +159,8 @@ void fill(const Parallel& parallel, std::vector<Real>& y, std::size_t n, Real va
 
 void copy(const Parallel& parallel, std::vector<Real>& y, const std::vector<Real>& x) {
   y.resize(x.size());
-  for_parts(parallel, y.size(), [&](std::int64_t begin, std::int64_t length) {
-    std::copy_n(x.data() + begin, length, y.data() + begin);
-  });
+  for_parts(parallel, y.size(),
+            [&](std::int64_t begin, std::int64_t length) { std::copy_n(x.data() + begin, length, y.data() + begin); });
 }
 
 void multiply(const Parallel& parallel, std::vector<Real>& y, const std::vector<Real>& d, const std::vector<Real>& x,
