@@ -88,6 +88,8 @@ typedef struct EfsiFluidDiagnostics {
   double max_speed;      /**< [m/s] */
   double smoke;          /**< integral of the smoke density [m^3] */
   double max_divergence; /**< [1/s] */
+  double carried_energy; /**< what the half of the pressure that the transport carries has added to the kinetic energy
+                              ahead of time; the energy ledger counts it as the fluid's (preset production) [J] */
 } EfsiFluidDiagnostics;
 
 /** Returns integrals and extrema of the fluid.

@@ -58,6 +58,24 @@ EFSI_API EfsiStatus efsi_mesh_load(const char* path, EfsiMesh** mesh, EfsiError*
  * @param[out] view valid until the mesh is destroyed */
 EFSI_API EfsiStatus efsi_mesh_get_view(const EfsiMesh* mesh, EfsiMeshView* view);
 
+/** An object of a mesh file: faces that follow each other. */
+typedef struct EfsiMeshObject {
+  const char* name;    /**< as in the file, often not unique; "" without one. Valid until the mesh is destroyed */
+  uint64_t first_face; /**< its first face */
+  uint64_t face_count; /**< number of its faces, at least 1 */
+} EfsiMeshObject;
+
+/** Returns the objects of a mesh, in the order of their faces; each face belongs to one. An object is a node of the
+ * file that has faces; in an .obj file what a line `o` begins, or `g` where there is no `o`; in a file that knows no
+ * objects the whole of it.
+ * @param[out] objects the first `capacity` of them; may be NULL where capacity is 0
+ * @param object_size sizeof *objects
+ * @param capacity number of elements of `objects`
+ * @param[out] count number of objects
+ * @param[out] error may be NULL */
+EFSI_API EfsiStatus efsi_mesh_get_objects(const EfsiMesh* mesh, EfsiMeshObject* objects, size_t object_size,
+                                          uint64_t capacity, uint64_t* count, EfsiError* error);
+
 /** Destroys a mesh; NULL is allowed. */
 EFSI_API void efsi_mesh_destroy(EfsiMesh* mesh);
 

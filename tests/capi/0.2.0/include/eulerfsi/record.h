@@ -11,6 +11,24 @@ extern "C" {
 
 struct EfsiSim;
 
+/** What limits a step. */
+typedef enum EfsiStepRule {
+  EFSI_STEP_RULE_END = 0,        /**< the end of the duration, in one step */
+  EFSI_STEP_RULE_MAXIMUM = 1,    /**< EfsiSimulationDef.max_time_step */
+  EFSI_STEP_RULE_SPEED = 2,      /**< the speed of a solid */
+  EFSI_STEP_RULE_STRAIN = 3,     /**< the strain or rotation of a solid in flight */
+  EFSI_STEP_RULE_WALL = 4,       /**< a solid approaches a wall */
+  EFSI_STEP_RULE_WALL_WAVE = 5,  /**< shear waves in a solid at a wall */
+  EFSI_STEP_RULE_SOLID = 6,      /**< two bodies approach each other */
+  EFSI_STEP_RULE_SOLID_WAVE = 7, /**< shear waves in a solid at another body */
+  EFSI_STEP_RULE_FOLD = 8,       /**< folds of a solid approach each other */
+  EFSI_STEP_RULE_FOLD_WAVE = 9,  /**< shear waves in a solid whose folds touch */
+  EFSI_STEP_RULE_START = 10,     /**< the first step of a solid in a dense fluid */
+  EFSI_STEP_RULE_COLLIDER = 11,  /**< the speed of a collider */
+  EFSI_STEP_RULE_FLUID = 12,     /**< the speed of the fluid, a wall or a jet */
+  EFSI_STEP_RULE_REPEATED = 13,  /**< a step that was rolled back */
+} EfsiStepRule;
+
 /** Counters and extrema of the steps of one call. */
 typedef struct EfsiStepInfo {
   double time;                    /**< at the end of the step [s] */
@@ -31,6 +49,10 @@ typedef struct EfsiStepInfo {
   uint64_t degenerate_cells;      /**< cells whose F was clamped, or whose map was rejected or rebuilt */
   uint64_t retries;               /**< steps that were rolled back and repeated at half the size */
   uint64_t unconverged;           /**< solves that stopped at their iteration limit */
+  int32_t limit_rule;             /**< EfsiStepRule: what limited the last step */
+  uint32_t limiting_solid;        /**< id of the solid, or collider, that it looked at; 0: none */
+  uint32_t limiting_other;        /**< id of the other one, where it looked at two */
+  uint32_t padding;               /**< unused */
 } EfsiStepInfo;
 
 /** Stages of a step in the profile. */
@@ -83,15 +105,17 @@ typedef struct EfsiRepairs {
  * with the same id twice; it keeps a minimum distance and has no friction; its `impulse`, of the solid on itself, is 0.
  */
 typedef struct EfsiContactPair {
-  uint32_t solid[2];      /**< ids, the smaller one first; equal: folds of one solid */
-  uint64_t steps;         /**< number of steps with a contact impulse */
-  uint64_t rows;          /**< rows, summed over these steps */
-  uint64_t active_rows;   /**< rows with a non-zero normal impulse, summed over these steps */
-  uint64_t sticking_rows; /**< of active_rows, those that stick */
-  double row_overlap;     /**< largest overlap of a row relative to the contact distance [cells] */
-  double surface_overlap; /**< largest depth of a row or vertex of one solid in the other [cells] */
-  double normal_impulse;  /**< magnitude of the normal impulses, summed over rows and steps [N s] */
-  EfsiVec3 impulse;       /**< of solid[0] on solid[1], friction included, summed over rows and steps [N s] */
+  uint32_t solid[2];           /**< ids, the smaller one first; equal: folds of one solid */
+  uint64_t steps;              /**< number of steps with a contact impulse */
+  uint64_t rows;               /**< rows, summed over these steps */
+  uint64_t active_rows;        /**< rows with a non-zero normal impulse, summed over these steps */
+  uint64_t sticking_rows;      /**< of active_rows, those that stick */
+  double row_overlap;          /**< largest overlap of a row relative to the contact distance [cells] */
+  double surface_overlap;      /**< largest depth of a row or vertex of one solid in the other [cells] */
+  double normal_impulse;       /**< magnitude of the normal impulses, summed over rows and steps [N s] */
+  EfsiVec3 impulse;            /**< of solid[0] on solid[1], friction included, summed over rows and steps [N s] */
+  uint64_t exchanged_vertices; /**< vertices of either solid that came out of the other one on another side than that by
+                                    which they went in: the solids have passed through each other */
 } EfsiContactPair;
 
 /** Stages of a step in the energy ledger. */

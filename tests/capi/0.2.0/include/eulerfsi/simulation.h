@@ -17,6 +17,7 @@ typedef struct EfsiSim EfsiSim;
 typedef enum EfsiPreset {
   EFSI_PRESET_PRODUCTION = 0, /**< default */
   EFSI_PRESET_PAPER2016 = 1,  /**< the paper's scheme */
+  EFSI_PRESET_FAST = 2,       /**< production in the longest steps that geometry allows: damped, for layout */
 } EfsiPreset;
 
 /** Conditions at a face of the box. */
@@ -57,6 +58,8 @@ typedef struct EfsiSimulationDef {
   void* log_user;               /**< passed to `log` */
   int32_t volume_source;        /**< 1: a volume source restores the rest volume of solids; not in preset paper2016 */
   int32_t padding;              /**< unused */
+  double step_tolerance;        /**< part of its energy that the steps of a solid in contact may take while an elastic
+                                   wave passes it; 0: from the preset */
 } EfsiSimulationDef;
 
 /** Reports progress. Called after each step on the caller's thread. fraction: completed part of the requested duration,
@@ -147,6 +150,15 @@ EFSI_API EfsiStatus efsi_simulation_save_checkpoint(EfsiSim* sim, const char* pa
  * @retval EFSI_ERROR_IO the file cannot be read
  * @retval EFSI_ERROR_CHECKPOINT a checkpoint of another scene or version */
 EFSI_API EfsiStatus efsi_simulation_restore_checkpoint(EfsiSim* sim, const char* path);
+
+/** Restores the state from a checkpoint of a simulation with other parameters, to continue with these; allowed at any
+ * time. Box, voxel size, periodic axes, and solids and colliders with their meshes must be the same in the same order;
+ * parameters, walls, materials, emitters, forces, pins and later motions may differ. With the same definitions it does
+ * what efsi_simulation_restore_checkpoint does.
+ * @param path UTF-8
+ * @retval EFSI_ERROR_IO the file cannot be read
+ * @retval EFSI_ERROR_CHECKPOINT a checkpoint of another box, other bodies or another version */
+EFSI_API EfsiStatus efsi_simulation_restore_state(EfsiSim* sim, const char* path);
 
 /** Restores shape, velocity and plastic strain of the solids from a checkpoint of a simulation with the same box, voxel
  * size and solids in the same order; allowed before the first step only. Fluid, forces, walls, emitters, materials,
