@@ -55,22 +55,20 @@ void check_ply(const std::string& path, std::uintmax_t bytes) {
   if (least > static_cast<double>(bytes)) refuse(path, announced, bytes);
 }
 
-// [ST][C][N][4][n]OFF, for n the number of coordinates, then the numbers of vertices, faces and edges. A vertex takes
-// at least a digit for each of three coordinates and what parts them, a face its number of corners.
+// [ST][C][N][4][n]OFF, for n the number of coordinates, then the numbers of vertices, faces and edges, for assimp's
+// reader also right behind it. A vertex takes at least a digit for each of three coordinates and what parts them, a
+// face its number of corners.
 void check_off(const std::string& path, std::uintmax_t bytes) {
   constexpr double kVertexBytes = 6.0, kFaceBytes = 2.0;
   std::istringstream text = beginning_of(path);
   std::string line, header, first, coordinates, vertices, faces;
   while (std::getline(text, line)) header += line.substr(0, line.find('#')) + '\n';
+  std::istringstream(header) >> first;
+  const std::size_t name = first.find("OFF");
+  if (name != std::string::npos) header.erase(0, header.find("OFF") + 3);
   std::istringstream words(header);
-  words >> first;
-  if (first.ends_with("nOFF")) words >> coordinates;
-  if (first.ends_with("OFF")) {
-    words >> vertices;
-  } else {
-    vertices = first;
-  }
-  words >> faces;
+  if (name != std::string::npos && name > 0 && first[name - 1] == 'n') words >> coordinates;
+  words >> vertices >> faces;
   const double least =
       kVertexBytes * std::strtod(vertices.c_str(), nullptr) + kFaceBytes * std::strtod(faces.c_str(), nullptr);
   // The last line needs no end.

@@ -248,7 +248,7 @@ TEST_CASE("Counts in a header are refused where the file is too short for them, 
           "[law]") {
   const Scratch scratch;
   // The shortest files there are: one digit a number, no line end at the end.
-  const std::vector<std::string> headers = {"OFF\n", "OFF ", "NOFF # normals\n", "nOFF 3\n", ""};
+  const std::vector<std::string> headers = {"OFF\n", "OFF ", "NOFF # normals\n", "nOFF 3\n", "", "OFF"};
   for (const std::string& header : headers) {
     std::string text = header + "300 100 0\n";
     for (int n = 0; n < 300; ++n) text += n % 3 == 0 ? "0 0 0\n" : n % 3 == 1 ? "1 0 0\n" : "0 1 0\n";
