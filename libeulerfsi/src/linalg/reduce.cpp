@@ -133,6 +133,14 @@ double advance(const Parallel& parallel, double s, const std::vector<Real>& d, c
   });
 }
 
+double turn(const Parallel& parallel, std::vector<Real>& d, double s, const std::vector<Real>& z,
+            const std::vector<Real>& r) {
+  return sum_chunks(parallel, d.size(), [&](std::int64_t begin, std::int64_t length) {
+    scale_add_entries(length, static_cast<Real>(s), z.data() + begin, d.data() + begin);
+    return dot_entries(length, d.data() + begin, r.data() + begin);
+  });
+}
+
 void add_scaled(const Parallel& parallel, std::vector<Real>& y, double s, const std::vector<Real>& x) {
   for_parts(parallel, y.size(), [&](std::int64_t begin, std::int64_t length) {
     add_entries(length, static_cast<Real>(s), x.data() + begin, y.data() + begin);

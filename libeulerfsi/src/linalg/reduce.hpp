@@ -23,6 +23,9 @@ inline double norm(const Parallel& parallel, const std::vector<Real>& a) { retur
 // x += s d, r -= s q; returns |r|^2, summed as dot does.
 double advance(const Parallel& parallel, double s, const std::vector<Real>& d, const std::vector<Real>& q,
                std::vector<Real>& x, std::vector<Real>& r);
+// d = z + s d; returns d.r, summed as dot does.
+double turn(const Parallel& parallel, std::vector<Real>& d, double s, const std::vector<Real>& z,
+            const std::vector<Real>& r);
 // y += s x
 void add_scaled(const Parallel& parallel, std::vector<Real>& y, double s, const std::vector<Real>& x);
 // y = x + s y

@@ -17,14 +17,12 @@ constexpr double kDescended =
 // The rows along x + t d.
 class Ray {
  public:
-  Ray(const std::vector<ContactRow>& rows, const std::vector<Real>& x)
-      : rows_(rows), change_(rows.size(), Vec3d::Zero()) {
-    for (const ContactRow& row : rows) velocity_.push_back(row_velocity(row, x));
+  Ray(const Parallel& parallel, const std::vector<ContactRow>& rows, const std::vector<Real>& x)
+      : parallel_(parallel), rows_(rows), velocity_(rows.size()), change_(rows.size(), Vec3d::Zero()) {
+    find_velocities(x, velocity_);
     move(0.0);
   }
-  void point(const std::vector<Real>& d) {
-    for (std::size_t r = 0; r < rows_.size(); ++r) change_[r] = row_velocity(rows_[r], d);
-  }
+  void point(const std::vector<Real>& d) { find_velocities(d, change_); }
   // d.B^T r there.
   double force(double t) const {
     double sum = 0.0;
@@ -54,9 +52,57 @@ class Ray {
   const std::vector<RowAct>& acts() const { return acts_; }
 
  private:
+  void find_velocities(const std::vector<Real>& v, std::vector<Vec3d>& out) const {
+    parallel_.for_each(static_cast<std::int64_t>(rows_.size()), [&](std::int64_t n) {
+      const auto r = static_cast<std::size_t>(n);
+      out[r] = row_velocity(rows_[r], v);
+    });
+  }
+
+  const Parallel& parallel_;
   const std::vector<ContactRow>& rows_;
   std::vector<Vec3d> velocity_, change_;
   std::vector<RowAct> acts_;
+};
+
+// B^T r of what moves, for the few entries that are in a row.
+class RowLoad {
+ public:
+  RowLoad(const std::vector<ContactRow>& rows, const VelocitySystem& system)
+      : rows_(rows), system_(system), load_(3 * static_cast<std::size_t>(system.unknowns()), Real(0)) {
+    for (const ContactRow& row : rows)
+      for (const RowPart& part : row.parts)
+        for (std::size_t a = 0; a < 3; ++a) {
+          const std::size_t entry = 3 * part.unknown + a;
+          if (load_[entry] == 0) entries_.push_back(entry);
+          load_[entry] = 1;
+        }
+    for (const std::size_t entry : system.followed(load_)) {
+      if (load_[entry] == 0) entries_.push_back(entry);
+      load_[entry] = 1;
+    }
+  }
+  void set(const std::vector<RowAct>& acts) {
+    for (const std::size_t entry : entries_) load_[entry] = 0;
+    for (std::size_t r = 0; r < rows_.size(); ++r)
+      if (acts[r].closed()) add_impulse(rows_[r], acts[r].impulse(rows_[r]), load_);
+    system_.fold(entries_, load_);
+  }
+  double norm() const {
+    double sum = 0.0;
+    for (const std::size_t entry : entries_)
+      sum += static_cast<double>(load_[entry]) * static_cast<double>(load_[entry]);
+    return std::sqrt(sum);
+  }
+  void add_to(std::vector<Real>& f) const {
+    for (const std::size_t entry : entries_) f[entry] += load_[entry];
+  }
+
+ private:
+  const std::vector<ContactRow>& rows_;
+  const VelocitySystem& system_;
+  std::vector<std::size_t> entries_;
+  std::vector<Real> load_;
 };
 
 // Line search along d to a zero of the directional derivative; that of the system falls from `start` by `slope` t.
@@ -96,23 +142,19 @@ linalg::SolveStats descend(const Parallel& parallel, const std::vector<Real>& f,
   // The forces without contact, updated along with x.
   linalg::SolveStats stats;
   system.follow_ties(x);
-  Ray ray(rows, x);
-  std::vector<Real> rest = f, contact_load, left, before, z, d, whole, q;  // rest: f - G x; left: the residual
+  Ray ray(parallel, rows, x);
+  RowLoad load(rows, system);
+  std::vector<Real> rest = f, left, before, z, d(f.size(), Real(0)), q;  // rest: f - G x; left: the residual
   system.multiply(parallel, x, q);
   linalg::add_scaled(parallel, rest, -1.0, q);
   system.fold(parallel, rest);
   double residual = 0.0, enough = 0.0;
   // The residual with the impulses of the rows, and the tolerance.
   const auto find_left = [&] {
-    linalg::fill(parallel, contact_load, f.size(), Real(0));
-    for (std::size_t r = 0; r < rows.size(); ++r) {
-      const RowAct& a = ray.acts()[r];
-      if (a.closed()) add_impulse(rows[r], a.impulse(rows[r]), contact_load);
-    }
-    system.fold(parallel, contact_load);
-    enough = std::max(target.least, target.of_impulse * linalg::norm(parallel, contact_load));
+    load.set(ray.acts());
+    enough = std::max(target.least, target.of_impulse * load.norm());
     linalg::copy(parallel, left, rest);
-    linalg::add_scaled(parallel, left, 1.0, contact_load);
+    load.add_to(left);
     residual = linalg::norm(parallel, left);
   };
   find_left();
@@ -121,19 +163,24 @@ linalg::SolveStats descend(const Parallel& parallel, const std::vector<Real>& f,
     // Search direction (Polak-Ribiere); steepest descent where it does not descend.
     if ((iterations + stats.iterations) % kRenew == 0) close_rows(parallel, rows, ray.acts(), system);
     system.precondition(parallel, left, z);
-    const double next = linalg::dot(parallel, left, z);
-    const double beta = rz > 0.0 ? std::max(0.0, (next - linalg::dot(parallel, before, z)) / rz) : 0.0;
-    if (beta > 0.0) linalg::scale_add(parallel, d, beta, z);
-    if (!(beta > 0.0) || !(linalg::dot(parallel, d, left) > 0.0)) linalg::copy(parallel, d, z);
+    double next = 0.0, beta = 0.0;
+    if (rz > 0.0) {
+      const auto [now, last] = linalg::dots(parallel, z, left, before);
+      next = now;
+      beta = std::max(0.0, (now - last) / rz);
+    } else {
+      next = linalg::dot(parallel, left, z);
+    }
+    if (!(linalg::turn(parallel, d, beta, z, left) > 0.0)) linalg::copy(parallel, d, z);
     rz = next;
     // Line search, in which rows open, stick and slide.
     system.apply_bare(parallel, d, q);
-    linalg::copy(parallel, whole, d);
-    system.follow_ties(whole);
-    ray.point(whole);
-    const double t = way(ray, linalg::dot(parallel, d, rest), linalg::dot(parallel, d, q));
-    linalg::add_scaled(parallel, x, t, whole);
-    linalg::add_scaled(parallel, rest, -t, q);
+    const auto [start, slope] = linalg::dots(parallel, d, rest, q);
+    system.follow_ties(d);
+    ray.point(d);
+    const double t = way(ray, start, slope);
+    linalg::advance(parallel, t, d, q, x, rest);
+    system.leave_ties(d);
     ray.move(t);
     std::swap(before, left);
     find_left();

@@ -10,7 +10,8 @@ namespace efsi::system {
 namespace {
 
 constexpr double kStiff = 3.0;      // of a penalty, over the inverse of the mobility of its row by the diagonal of G
-constexpr int kMostUpdates = 20;    // of the impulses
+constexpr int kMostUpdates = 25;    // of the impulses
+constexpr double kLooser = 30.0;    // the tolerance of the first update; half of it in the next, and so on
 constexpr double kOfImpulse = 0.1;  // of the contact impulses, to which the tolerance refers at least
 constexpr double kFiner = 0.3;      // of the tolerance, where an update met it from the start
 constexpr double kSettled = 1e-3;   // change of the impulses in an update, over the largest
@@ -69,14 +70,19 @@ linalg::SolveStats solve_contact(const Parallel& parallel, VelocitySolver solver
                 tolerance * kOfImpulse};
   linalg::SolveStats stats;
   bool settled = false;
+  double looser = kLooser;
   for (int outer = 0; outer < kMostUpdates && !settled; ++outer) {
-    const linalg::SolveStats descent = descend(parallel, f, target, rows, stats.iterations, system, x);
+    const linalg::SolveStats descent =
+        descend(parallel, f, {looser * target.least, looser * target.of_impulse}, rows, stats.iterations, system, x);
     stats.iterations += descent.iterations;
     stats.converged = descent.converged;
     stats.residual = tolerance * descent.residual;
     settled = update(x, negligible, rows);
     // Impulses that change while no unknown does: what the tolerance leaves is more than what they need.
-    if (descent.iterations == 0) target.least *= kFiner, target.of_impulse *= kFiner;
+    if (descent.iterations == 0 && looser == 1.0) target.least *= kFiner, target.of_impulse *= kFiner;
+    const double next = settled ? 1.0 : std::max(1.0, 0.5 * looser);
+    settled = settled && looser == 1.0;
+    looser = next;
   }
   stats.converged = stats.converged && settled;
   // Under the pressure the impulses are not recomputed: only the penalties respond.

@@ -475,6 +475,25 @@ void VelocitySystem::fold(const Parallel& parallel, std::vector<Real>& y) const 
   }
 }
 
+void VelocitySystem::fold(const std::vector<std::size_t>& entries, std::vector<Real>& y) const {
+  for (const std::size_t entry : entries) y[entry] *= moves_[entry];
+  for (const Tie& t : ties_) {
+    y[t.to] += y[t.from];
+    y[t.from] = 0;
+  }
+}
+
+std::vector<std::size_t> VelocitySystem::followed(const std::vector<Real>& y) const {
+  std::vector<std::size_t> entries;
+  for (const Tie& t : ties_)
+    if (y[t.from] != 0) entries.push_back(t.to);
+  return entries;
+}
+
+void VelocitySystem::leave_ties(std::vector<Real>& x) const {
+  for (const Tie& t : ties_) x[t.from] = 0;
+}
+
 void VelocitySystem::multiply_mass(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y) const {
   y.resize(x.size());
   parallel.for_each(unknowns(), [&](std::int64_t node) {

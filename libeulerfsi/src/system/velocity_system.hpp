@@ -148,8 +148,14 @@ class VelocitySystem {
   const std::vector<Real>& moves() const { return moves_; }
   // x becomes that of the component which it is tied to.
   void follow_ties(std::vector<Real>& x) const;
+  // x becomes 0 where it is tied.
+  void leave_ties(std::vector<Real>& x) const;
   // y of what does not move becomes 0, that of what is tied goes to the other.
   void fold(const Parallel& parallel, std::vector<Real>& y) const;
+  // The same where y is 0 but for these entries, and those that followed() names.
+  void fold(const std::vector<std::size_t>& entries, std::vector<Real>& y) const;
+  // The entries that those with y other than 0 are tied to.
+  std::vector<std::size_t> followed(const std::vector<Real>& y) const;
   // y = M x
   void multiply_mass(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y) const;
   // x = M^-1 b

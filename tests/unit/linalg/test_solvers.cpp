@@ -176,6 +176,10 @@ TEST_CASE("Reductions and vector updates give the same bits for 1, 2, 3 and 8 th
   add_scaled(one, y1, 0.3, a);
   scale_add(one, y2, 0.7, a);
   multiply(one, y3, b, a);
+  std::vector<Real> turned = b;
+  const double along = turn(one, turned, 0.7, a, y1);
+  CHECK(turned == y2);
+  CHECK(along == dot(one, y2, y1));
   double plain = 0.0;
   for (std::size_t i = 0; i < a.size(); ++i) plain += static_cast<double>(a[i]) * static_cast<double>(b[i]);
   CHECK(expected == Approx(plain).epsilon(1e-9));
@@ -190,5 +194,8 @@ TEST_CASE("Reductions and vector updates give the same bits for 1, 2, 3 and 8 th
     CHECK(z1 == y1);
     CHECK(z2 == y2);
     CHECK(z3 == y3);
+    std::vector<Real> z4 = b;
+    CHECK(turn(parallel, z4, 0.7, a, y1) == along);
+    CHECK(z4 == y2);
   }
 }

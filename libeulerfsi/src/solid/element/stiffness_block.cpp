@@ -1,6 +1,7 @@
 #include "solid/element/stiffness_block.hpp"
 
 #include <algorithm>
+#include <cstring>
 
 #include "base/kernel.hpp"
 #include "base/parallel.hpp"
@@ -42,52 +43,83 @@ EFSI_INLINE void clear(Real* out, int rows) {
   for (int i = 0; i < rows * kLanes; ++i) out[i] = 0;
 }
 
-// e -> U T(U^T e U) U^T, matrices (i, j) at i + 3 j.
-EFSI_INLINE void respond(const PointBlock& p, Lanes* e) {
-  Lanes half[9], t[9];
+// One value of each element of a block: what a loop over the lanes would do, in registers.
+typedef Real Block __attribute__((vector_size(kBlock * sizeof(Real))));
+
+EFSI_INLINE Block load(const Real* row) {
+  Block lanes;
+  std::memcpy(&lanes, row, sizeof(lanes));
+  return lanes;
+}
+EFSI_INLINE void store(const Block& lanes, Real* row) { std::memcpy(row, &lanes, sizeof(lanes)); }
+EFSI_INLINE Block dot(const Block& a0, const Block& b0, const Block& a1, const Block& b1, const Block& a2,
+                      const Block& b2) {
+  return (a0 * b0 + a1 * b1) + a2 * b2;
+}
+
+// e -> U T(U^T e U) U^T, matrices (i, j) at i + 3 j; u: U.
+EFSI_INLINE void respond(const PointBlock& p, const Block* u, Block* e) {
+  Block half[9], t[9];
   // e -> U^T e U
-  clear(half[0], 9);
+#pragma GCC unroll 3
   for (int j = 0; j < 3; ++j)
-    for (int m = 0; m < 3; ++m)
-      for (int i = 0; i < 3; ++i) add_product(e[i + 3 * m], p.axes[m + 3 * j], half[i + 3 * j]);
-  clear(e[0], 9);
+#pragma GCC unroll 3
+    for (int i = 0; i < 3; ++i) half[i + 3 * j] = dot(e[i], u[3 * j], e[i + 3], u[1 + 3 * j], e[i + 6], u[2 + 3 * j]);
+#pragma GCC unroll 3
   for (int j = 0; j < 3; ++j)
-    for (int m = 0; m < 3; ++m)
-      for (int i = 0; i < 3; ++i) add_product(p.axes[m + 3 * i], half[m + 3 * j], e[i + 3 * j]);
+#pragma GCC unroll 3
+    for (int i = 0; i < 3; ++i)
+      e[i + 3 * j] = dot(u[3 * i], half[3 * j], u[1 + 3 * i], half[1 + 3 * j], u[2 + 3 * i], half[2 + 3 * j]);
   // t = T(e)
-  clear(t[0], 9);
   constexpr int kNormal[3][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}}, kFirst[3] = {1, 2, 0}, kSecond[3] = {2, 0, 1};
+#pragma GCC unroll 3
   for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) add_product(p.normal[kNormal[i][j]], e[4 * j], t[4 * i]);
+    t[4 * i] = dot(load(p.normal[kNormal[i][0]]), e[0], load(p.normal[kNormal[i][1]]), e[4],
+                   load(p.normal[kNormal[i][2]]), e[8]);
+#pragma GCC unroll 3
   for (int q = 0; q < 3; ++q) {
     const int ij = kFirst[q] + 3 * kSecond[q], ji = kSecond[q] + 3 * kFirst[q];
-    add_product(p.pair[3 * q], e[ij], t[ij]);
-    add_product(p.pair[3 * q + 1], e[ji], t[ij]);
-    add_product(p.pair[3 * q + 1], e[ij], t[ji]);
-    add_product(p.pair[3 * q + 2], e[ji], t[ji]);
+    const Block own = load(p.pair[3 * q]), other = load(p.pair[3 * q + 1]), last = load(p.pair[3 * q + 2]);
+    t[ij] = own * e[ij] + other * e[ji];
+    t[ji] = other * e[ij] + last * e[ji];
   }
   // e = U t U^T
-  clear(half[0], 9);
+#pragma GCC unroll 3
   for (int j = 0; j < 3; ++j)
-    for (int m = 0; m < 3; ++m)
-      for (int i = 0; i < 3; ++i) add_product(t[i + 3 * m], p.axes[j + 3 * m], half[i + 3 * j]);
-  clear(e[0], 9);
+#pragma GCC unroll 3
+    for (int i = 0; i < 3; ++i) half[i + 3 * j] = dot(t[i], u[j], t[i + 3], u[j + 3], t[i + 6], u[j + 6]);
+#pragma GCC unroll 3
   for (int j = 0; j < 3; ++j)
-    for (int m = 0; m < 3; ++m)
-      for (int i = 0; i < 3; ++i) add_product(p.axes[i + 3 * m], half[m + 3 * j], e[i + 3 * j]);
+#pragma GCC unroll 3
+    for (int i = 0; i < 3; ++i)
+      e[i + 3 * j] = dot(u[i], half[3 * j], u[i + 3], half[1 + 3 * j], u[i + 6], half[2 + 3 * j]);
+}
+
+EFSI_INLINE void load_axes(const PointBlock& p, Block* u) {
+#pragma GCC unroll 9
+  for (int q = 0; q < 9; ++q) u[q] = load(p.axes[q]);
 }
 
 // out += B^T U T(U^T (B x) U) U^T, B = grad N / h, at one quadrature point.
 EFSI_KERNEL void add_point(const PointBlock& p, const Real (*grad)[3], Real inverse_h, const Lanes* x, Lanes* out) {
-  Lanes e[9];
-  clear(e[0], 9);
+  Block u[9], e[9];
+#pragma GCC unroll 9
+  for (int q = 0; q < 9; ++q) e[q] = Block{};
   for (int a = 0; a < 8; ++a)
+#pragma GCC unroll 3
     for (int j = 0; j < 3; ++j)
-      for (int i = 0; i < 3; ++i) add_scaled(grad[a][j] * inverse_h, x[3 * a + i], e[i + 3 * j]);
-  respond(p, e);
+#pragma GCC unroll 3
+      for (int i = 0; i < 3; ++i) e[i + 3 * j] += (grad[a][j] * inverse_h) * load(x[3 * a + i]);
+  load_axes(p, u);
+  respond(p, u, e);
   for (int a = 0; a < 8; ++a)
-    for (int j = 0; j < 3; ++j)
-      for (int i = 0; i < 3; ++i) add_scaled(grad[a][j] * inverse_h, e[i + 3 * j], out[3 * a + i]);
+#pragma GCC unroll 3
+    for (int i = 0; i < 3; ++i) {
+      Block sum = load(out[3 * a + i]);
+#pragma GCC unroll 3
+      for (int j = 0; j < 3; ++j) sum += (grad[a][j] * inverse_h) * e[i + 3 * j];
+      store(sum, out[3 * a + i]);
+    }
 }
 
 // h grad N of corner a at the point of a one-point element.
@@ -117,20 +149,18 @@ void set_gradient(const PointBlock& p, std::size_t points, std::size_t q, std::s
 // the corner's side along axis j. m = 1, 2, 4 is what the gradient at the centre sees; 3, 5, 6, 7 are the hourglass
 // modes, by which it differs elsewhere. `back`: its transpose.
 template <bool back>
-EFSI_INLINE void exchange_modes(Lanes* v) {
+EFSI_INLINE void exchange_modes(Block* v) {
 #pragma GCC unroll 3
   for (int bit = 1; bit < 8; bit *= 2)
 #pragma GCC unroll 8
     for (int low = 0; low < 8; ++low) {
       if (low & bit) continue;
+#pragma GCC unroll 3
       for (int i = 0; i < 3; ++i) {
-        Real *a = v[3 * low + i], *b = v[3 * (low + bit) + i];
-#pragma omp simd
-        for (int l = 0; l < kLanes; ++l) {
-          const Real first = a[l], second = b[l];
-          a[l] = back ? first - second : second + first;
-          b[l] = back ? first + second : second - first;
-        }
+        Block &a = v[3 * low + i], &b = v[3 * (low + bit) + i];
+        const Block first = a, second = b;
+        a = back ? first - second : second + first;
+        b = back ? first + second : second - first;
       }
     }
 }
@@ -139,21 +169,16 @@ EFSI_INLINE void exchange_modes(Lanes* v) {
 // point's local coordinates.
 constexpr int kGradient[3][4] = {{1, 3, 5, 7}, {2, 3, 6, 7}, {4, 5, 6, 7}};
 
-struct ModeShares {
-  Lanes other[3][3];  // axis, mode 1 to 3 of kGradient
-  explicit ModeShares(const PointBlock& p) {
-    constexpr int kFirst[3] = {1, 0, 0}, kSecond[3] = {2, 2, 1};
-    for (int j = 0; j < 3; ++j) {
-      const Real *first = p.local[kFirst[j]], *second = p.local[kSecond[j]];
-#pragma omp simd
-      for (int l = 0; l < kLanes; ++l) {
-        other[j][0][l] = first[l];
-        other[j][1][l] = second[l];
-        other[j][2][l] = first[l] * second[l];
-      }
-    }
+// Products of local coordinates by which modes 1 to 3 of kGradient count.
+EFSI_INLINE void set_shares(const PointBlock& p, Block (*other)[3]) {
+  constexpr int kFirst[3] = {1, 0, 0}, kSecond[3] = {2, 2, 1};
+#pragma GCC unroll 3
+  for (int j = 0; j < 3; ++j) {
+    other[j][0] = load(p.local[kFirst[j]]);
+    other[j][1] = load(p.local[kSecond[j]]);
+    other[j][2] = other[j][0] * other[j][1];
   }
-};
+}
 
 EFSI_INLINE bool at_centers(const PointBlock& p) {
   Real sum = 0;
@@ -171,54 +196,57 @@ EFSI_INLINE void multiply_one_point(const PointBlock& p, Real inverse_h, Real fa
   const Real strain = Real(0.25) * inverse_h;
   const Real share = static_cast<Real>(kHourglassNorm * kHourglassNorm) * factor;
   // Modes of the corners, and the gradient at the quadrature point.
-  Lanes v[24], e[9];
-  std::copy(x[0], x[0] + 24 * kLanes, v[0]);
+  Block v[24], e[9], u[9], shares[3][3];
+#pragma GCC unroll 24
+  for (int r = 0; r < 24; ++r) v[r] = load(x[r]);
   exchange_modes<false>(v);
-  clear(e[0], 9);
+  if (!centers) set_shares(p, shares);
+#pragma GCC unroll 3
   for (int j = 0; j < 3; ++j)
-    for (int i = 0; i < 3; ++i) add_scaled(strain, v[3 * kGradient[j][0] + i], e[i + 3 * j]);
-  const ModeShares shares(p);
-  if (!centers) {
-    for (int j = 0; j < 3; ++j)
-      for (int i = 0; i < 3; ++i) {
-        Lanes sum;
-        clear(sum, 1);
-        for (int m = 0; m < 3; ++m) add_product(shares.other[j][m], v[3 * kGradient[j][m + 1] + i], sum);
-        add_scaled(strain, sum, e[i + 3 * j]);
-      }
-  }
+#pragma GCC unroll 3
+    for (int i = 0; i < 3; ++i) {
+      e[i + 3 * j] = strain * v[3 * kGradient[j][0] + i];
+      if (!centers)
+        e[i + 3 * j] += strain * dot(shares[j][0], v[3 * kGradient[j][1] + i], shares[j][1], v[3 * kGradient[j][2] + i],
+                                     shares[j][2], v[3 * kGradient[j][3] + i]);
+    }
   // Stress, and its forces on the linear modes.
-  respond(p, e);
-  clear(v[0], 3);  // nothing from what all corners share
-  for (int j = 0; j < 3; ++j) {
-    clear(v[3 * kGradient[j][0]], 3);
-    for (int i = 0; i < 3; ++i) add_scaled(strain * factor, e[i + 3 * j], v[3 * kGradient[j][0] + i]);
-  }
-  // Hourglass stiffness in the axes of the element.
-  for (const int m : kHourglass) {
-    Lanes along[3];
-    clear(along[0], 3);
+  load_axes(p, u);
+  respond(p, u, e);
+#pragma GCC unroll 3
+  for (int i = 0; i < 3; ++i) v[i] = Block{};  // nothing from what all corners share
+#pragma GCC unroll 3
+  for (int j = 0; j < 3; ++j)
+#pragma GCC unroll 3
+    for (int i = 0; i < 3; ++i) {
+      e[i + 3 * j] *= strain * factor;
+      v[3 * kGradient[j][0] + i] = e[i + 3 * j];
+    }
+  // Hourglass stiffness in the axes of the element; away from the centre the stress also acts on these modes.
+  Block stiffness[3];
+#pragma GCC unroll 3
+  for (int j = 0; j < 3; ++j) stiffness[j] = share * load(p.hourglass[j + 1]);
+#pragma GCC unroll 4
+  for (int n = 0; n < 4; ++n) {
+    const int m = kHourglass[n];
+    Block along[3];
+#pragma GCC unroll 3
     for (int j = 0; j < 3; ++j)
-      for (int i = 0; i < 3; ++i) add_product(p.axes[i + 3 * j], v[3 * m + i], along[j]);
-    for (int j = 0; j < 3; ++j)
-#pragma omp simd
-      for (int l = 0; l < kLanes; ++l) along[j][l] *= share * p.hourglass[j + 1][l];
-    clear(v[3 * m], 3);
-    for (int j = 0; j < 3; ++j)
-      for (int i = 0; i < 3; ++i) add_product(p.axes[i + 3 * j], along[j], v[3 * m + i]);
-  }
-  // Away from the centre the stress also acts on the hourglass modes.
-  if (!centers) {
-    for (int j = 0; j < 3; ++j)
-      for (int i = 0; i < 3; ++i) {
-        Lanes stress;
-        clear(stress, 1);
-        add_scaled(strain * factor, e[i + 3 * j], stress);
-        for (int m = 0; m < 3; ++m) add_product(shares.other[j][m], stress, v[3 * kGradient[j][m + 1] + i]);
-      }
+      along[j] = dot(u[3 * j], v[3 * m], u[1 + 3 * j], v[3 * m + 1], u[2 + 3 * j], v[3 * m + 2]) * stiffness[j];
+#pragma GCC unroll 3
+    for (int i = 0; i < 3; ++i) {
+      v[3 * m + i] = dot(u[i], along[0], u[i + 3], along[1], u[i + 6], along[2]);
+      if (centers) continue;
+#pragma GCC unroll 3
+      for (int j = 0; j < 3; ++j)
+#pragma GCC unroll 3
+        for (int k = 0; k < 3; ++k)
+          if (kGradient[j][k + 1] == m) v[3 * m + i] += shares[j][k] * e[i + 3 * j];
+    }
   }
   exchange_modes<true>(v);
-  std::copy(v[0], v[0] + 24 * kLanes, out[0]);
+#pragma GCC unroll 24
+  for (int r = 0; r < 24; ++r) store(v[r], out[r]);
 }
 
 EFSI_KERNEL void multiply_at_centers(const PointBlock& p, Real inverse_h, Real factor, const Lanes* x, Lanes* out) {
