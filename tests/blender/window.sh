@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Purpose: the Blender extension in a real window: Debian 13's Blender (4.3.2, Python 3.13) in a root of its own, under Xvfb with
-# OpenGL by software. clicks.py presses the buttons as a hand would; pictures of the screen lie in build/window. By command, never
-# in CI: it downloads 500 MB. Needs root and mmdebstrap.
+# OpenGL by software. clicks.py presses the buttons as a hand would; pictures of the screen lie in build/window, and the one in
+# docs/blender.md is made of them. By command, never in CI: it downloads 500 MB. Needs root and mmdebstrap.
 # Usage: tests/blender/window.sh
 # Environment: ROOT, a root of an earlier run; KEEP=1 keeps the root; EULERFSI_LIBRARY (build/release), TMPDIR.
 set -euo pipefail
@@ -30,4 +30,5 @@ LINES_SHOWN=40 run_in "$root" /srv/window "bash run.sh" || status=1
 mkdir -p "$repo/build/window"
 cp "$place"/*.png "$repo/build/window/" || status=1
 echo "pictures: $repo/build/window"
+[[ $status != 0 ]] || "$repo/.venv/bin/python" "$repo/examples/render/make_window.py" || status=1
 exit "$status"

@@ -14,6 +14,7 @@ sys.path.insert(0, str(ROOT / "examples" / "render"))
 
 import make_pictures  # noqa: E402
 import make_readme  # noqa: E402
+import make_window  # noqa: E402
 
 
 def test_rows_are_pictures_of_the_readme_and_their_runs_can_be_made() -> None:
@@ -45,3 +46,11 @@ def test_every_picture_of_the_documents_has_a_command() -> None:
     made = {f"{row['name']}.png" for row in make_readme.pictures()} | {"blender.png", "peers.png"}
     made |= {"party_step.png", "blender_window.png"}
     assert {name for name in images - made if not name.startswith("accuracy_")} == set()
+
+
+def test_the_picture_of_the_window_is_made_of_what_the_simulated_hand_takes() -> None:
+    clicks = (ROOT / "tests" / "blender" / "clicks.py").read_text(encoding="utf-8")
+    assert set(make_window.STATES) <= set(re.findall(r'picture\("(\w+)"\)', clicks))
+    assert "make_window.py" in (ROOT / "tests" / "blender" / "window.sh").read_text(encoding="utf-8")
+    with Image.open(make_window.PICTURES / "blender_window.png") as shown:
+        assert shown.height == make_window.BOX[3] - make_window.BOX[1]
