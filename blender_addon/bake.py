@@ -141,6 +141,8 @@ def to_finding(scene: bpy.types.Scene, event: dict) -> Finding:
 def first_error(scene: bpy.types.Scene, work: job.Job) -> str:
     errors = [event for event in work.told.findings if event["level"] == "error"]
     text = to_finding(scene, errors[0]).message if errors else _end_error(work)
+    if len(text) >= _LONGEST:  # the panel shows the folder by itself
+        text = re.sub(rf"{re.escape(str(work.folder / 'cache'))}(?:/|: )", "", text)
     return text if len(text) < _LONGEST else f"{text[: text.rfind(' ', 0, _LONGEST)]} ..."
 
 

@@ -24,6 +24,7 @@ _WORDS = (
      "Resume needs the scene as it was. Set the value back, or keep earlier frames by Bake from Frame, or Bake Anew"),
     ("Open a face of the domain (wallYMax = open), or disable the fluid (ambientFluid = false)",
      "Set Domain > Walls > Wall Z Max to open, or Domain > Ambient Fluid off"),
+    ("must be those of the checkpoint", "must be those of the checkpoint: Bake Anew takes other ones"),
     ("compressible = true: should be false in", "Compressible should be off in"),
 )  # fmt: skip
 _TABLE = dict(_WORDS)

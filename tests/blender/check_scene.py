@@ -159,6 +159,8 @@ def check_cancel_resume_rebake_free() -> None:
     assert (folder / "shot_eulerfsi/Scene/cache/frames/scene.0002.usdc").read_bytes() == early
     assert np.abs(points_of("Cube Bake", done + 3) - late).max() > 1e-3, "later frames are others"
     assert not bake.stale(scene, bake.status(scene))
+    bpy.data.objects["Cube"].eulerfsi.material_preset = "CLAY"  # yields, which cannot begin in the middle
+    refused(bpy.ops.eulerfsi.bake, "“Cube”", "must be those of the checkpoint: Bake Anew", mode="REBAKE")
     assert bpy.ops.eulerfsi.free() == {"FINISHED"}
     assert not (folder / "shot_eulerfsi").exists() and bake.status(scene).kind == "ready"
     cube = bpy.data.objects["Cube"]

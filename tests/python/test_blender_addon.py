@@ -109,6 +109,7 @@ def test_no_message_names_an_option_of_the_command_line(addon):
     assert "Set the value back, or" in translate(
         "c: cannot resume, the scene has changed since the cache was started: E"
     )
+    assert translate("whether it can yield must be those of the checkpoint").endswith("Bake Anew takes other ones")
     assert translate("a cache; continue it with --resume or replace it with --overwrite") == (
         "a cache; continue it with Resume or replace it with Bake Anew"
     )
