@@ -12,7 +12,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from harness import fresh, jelly, part, pick, refused, run, until
+from harness import MODULE, fresh, jelly, part, pick, refused, run, until
 
 SAMPLES = 4
 
@@ -166,6 +166,27 @@ def check_cancel_resume_rebake_free() -> None:
     cube = bpy.data.objects["Cube"]
     assert "Cube Bake" not in bpy.data.objects and not cube.hide_viewport and not cube.hide_render
     assert not bpy.data.cache_files and not bpy.data.volumes
+
+
+def check_cache_root_and_size() -> None:
+    """The preferences' folder takes the bakes of all files, but not of two in one place; 16-bit floats are smaller."""
+    scene, folder = jelly("rooted")
+    root = folder.with_name("root")
+    shutil.rmtree(root, ignore_errors=True)
+    bpy.context.preferences.addons[MODULE].preferences.root = str(root)
+    assert bpy.ops.eulerfsi.bake() == {"FINISHED"}
+    frames = root / "shot_eulerfsi" / "Scene" / "cache"
+    small = sum(file.stat().st_size for file in frames.rglob("*.vdb"))
+    assert small and not (folder / "shot_eulerfsi").exists()
+    scene.eulerfsi.half = False
+    assert bpy.ops.eulerfsi.bake() == {"FINISHED"}
+    large = sum(file.stat().st_size for file in frames.rglob("*.vdb"))
+    assert small < large, (small, large)  # of 648 cells most is the header
+    jelly("rooted_too")  # a file of the same name; preferences are those of the factory
+    bpy.context.preferences.addons[MODULE].preferences.root = str(root)
+    refused(bpy.ops.eulerfsi.bake, "the bake of scene “Scene”", "choose another")
+    bpy.context.preferences.addons[MODULE].preferences.root = ""
+    assert bpy.ops.eulerfsi.bake() == {"FINISHED"}
 
 
 def check_roles() -> None:
