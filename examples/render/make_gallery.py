@@ -4,7 +4,7 @@
     .venv/bin/python examples/render/make_gallery.py --page         # the page alone
 
 Caches lie in build/gallery and are used again where they are complete. Cycles renders the pictures, in an environment
-with requirements-blender.txt, default .eulerfsi/bpy, which `./eulerfsi test --blender` makes.
+with requirements-blender.txt, that of EULERFSI_BPY, default .eulerfsi/bpy, which `./eulerfsi test --blender` makes.
 """
 
 from __future__ import annotations
@@ -81,7 +81,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", metavar="NAME")
     parser.add_argument("--page", action="store_true", help="write the page alone")
-    parser.add_argument("--bpy", type=Path, default=ROOT / ".eulerfsi/bpy/bin/python", metavar="PYTHON")
+    blender = Path(os.environ.get("EULERFSI_BPY", ROOT / ".eulerfsi/bpy")) / "bin/python"
+    parser.add_argument("--bpy", type=Path, default=blender, metavar="PYTHON")
     parser.add_argument("--threads", type=int, help="of runs and pictures; default: all")
     parser.add_argument("--samples", type=int, default=8, help="of Cycles; default: 8")
     given = parser.parse_args(arguments)

@@ -16,7 +16,7 @@ from PIL import Image
 
 sys.path[:0] = [str(ROOT / folder) for folder in ("batch", "usd_plugin", "tests/python")]
 
-from browser import Browser  # noqa: E402
+from browser import Browser, find_browser  # noqa: E402
 from eulerfsi.cache.manifest import Manifest  # noqa: E402
 from eulerfsi.cli.view import view  # noqa: E402
 
@@ -36,6 +36,8 @@ def unfinished(folder: Path) -> Path:
 
 
 def main() -> int:
+    if not find_browser():
+        sys.exit("the picture of the page needs a browser: apt-get install chromium-headless-shell")
     folder = ROOT / "build" / "page"
     page = folder / "heap.html"
     view(unfinished(folder), page, 1, 20.0)

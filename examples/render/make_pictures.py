@@ -2,6 +2,7 @@
 
     .venv/bin/python examples/render/make_pictures.py [PART...]     # default: all, in the order of PARTS
 
+After ./eulerfsi setup; needs Chromium (the page) and fetches bpy (370 MB, once).
 That of the extension's window needs root rights and a download: tests/blender/window.sh.
 """
 

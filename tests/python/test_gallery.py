@@ -42,3 +42,10 @@ def test_every_row_has_a_small_picture(gallery) -> None:
     files = list(Path(gallery.PICTURES).iterdir())
     assert {file.name for file in files} == {f"{picture['scene']}.webp" for picture in gallery.pictures()}
     assert sum(file.stat().st_size for file in files) < 1_500_000
+
+
+def test_blender_is_that_of_the_tests(gallery, monkeypatch, tmp_path, capsys) -> None:
+    monkeypatch.setenv("EULERFSI_BPY", str(tmp_path / "none"))
+    with pytest.raises(SystemExit):
+        gallery.main(["ball"])
+    assert f"{tmp_path / 'none' / 'bin' / 'python'}: there is no Blender" in capsys.readouterr().err

@@ -6,12 +6,14 @@ import re
 import sys
 from pathlib import Path
 
+import pytest
 from conftest import ROOT
 from eulerfsi.cli.main import build_parser
 from PIL import Image
 
 sys.path.insert(0, str(ROOT / "examples" / "render"))
 
+import make_page  # noqa: E402
 import make_pictures  # noqa: E402
 import make_readme  # noqa: E402
 import make_window  # noqa: E402
@@ -54,3 +56,9 @@ def test_the_picture_of_the_window_is_made_of_what_the_simulated_hand_takes() ->
     assert "make_window.py" in (ROOT / "tests" / "blender" / "window.sh").read_text(encoding="utf-8")
     with Image.open(make_window.PICTURES / "blender_window.png") as shown:
         assert shown.height == make_window.BOX[3] - make_window.BOX[1]
+
+
+def test_without_a_browser_the_page_is_refused_before_its_run(monkeypatch) -> None:
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(SystemExit, match="needs a browser"):
+        make_page.main()
