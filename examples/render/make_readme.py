@@ -47,7 +47,7 @@ def put_together(images: list[Image.Image], height: int, columns: int) -> Image.
     for number, row in enumerate(rows):
         for at, image in enumerate(row):
             sheet.paste(image, (sum(other.width + GAP for other in row[:at]), number * (height + GAP)))
-    return sheet.quantize(256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.FLOYDSTEINBERG)
+    return sheet.quantize(256, method=Image.Quantize.MEDIANCUT)  # others change the background's color
 
 
 def main(arguments: list[str] | None = None) -> int:
