@@ -35,7 +35,13 @@ def frames_of(run: dict[str, Any], threads: int | None) -> list[Image.Image]:
     """The frames of a run that are shown."""
     cache = CACHES / run["scene"]
     simulate(run["scene"], cache, max(run["frames"]), options(run), threads)
-    return [Image.open(cache / "flipbook" / f"{run['scene']}.{frame:04}.png") for frame in run["frames"]]
+    images = [Image.open(cache / "flipbook" / f"{run['scene']}.{frame:04}.png") for frame in run["frames"]]
+    return [lower_part(image, run.get("lower", 1.0)) for image in images]
+
+
+def lower_part(image: Image.Image, share: float) -> Image.Image:
+    """That share of the height."""
+    return image.crop((0, round(image.height * (1.0 - share)), image.width, image.height))
 
 
 def put_together(images: list[Image.Image], height: int, columns: int) -> Image.Image:
@@ -47,7 +53,9 @@ def put_together(images: list[Image.Image], height: int, columns: int) -> Image.
     for number, row in enumerate(rows):
         for at, image in enumerate(row):
             sheet.paste(image, (sum(other.width + GAP for other in row[:at]), number * (height + GAP)))
-    return sheet.quantize(256, method=Image.Quantize.MEDIANCUT)  # others change the background's color
+    # Colors that are means of what they stand for, else the background turns blue; dithered, else smoke has steps.
+    palette = sheet.quantize(256, method=Image.Quantize.MAXCOVERAGE, kmeans=1)
+    return sheet.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -40,6 +40,13 @@ def test_frames_are_put_together_in_rows() -> None:
     assert seen == [(255, 0, 0), (0, 128, 0), (0, 0, 255), (255, 255, 255)]
 
 
+def test_the_lower_part_of_a_frame() -> None:
+    image = Image.new("RGB", (10, 50), "white")
+    image.paste("red", (0, 30, 10, 50))
+    part = make_readme.lower_part(image, 0.4)
+    assert part.size == (10, 20) and part.getcolors() == [(200, (255, 0, 0))]
+
+
 def test_every_picture_of_the_documents_has_a_command() -> None:
     words = [str(word) for commands in make_pictures.PARTS.values() for command in commands for word in command]
     scripts = [Path(word) for word in words if word.endswith(".py")]
