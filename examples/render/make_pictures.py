@@ -1,4 +1,4 @@
-"""Makes the pictures of the README and of docs/ anew: runs, renders, plots. Hours, most of them for the gallery.
+"""Makes the pictures of the README and of docs/ anew: runs, renders, plots. Half an hour of one core.
 
     .venv/bin/python examples/render/make_pictures.py [PART...]     # default: all, in the order of PARTS
 
@@ -22,6 +22,7 @@ EULERFSI = [PYTHON, "-m", "eulerfsi"]
 # Commands by part. Later ones use the caches of earlier ones.
 PARTS: dict[str, list[list[str | Path]]] = {
     "effects": [[PYTHON, HERE / "make_effects.py"]],
+    "blender": [[PYTHON, ROOT / "tests/blender/run.py", "picture"]],  # makes the environment of the renderings, too
     "readme": [[PYTHON, HERE / "make_readme.py"]],
     "plots": [
         [*EULERFSI, "plot", "step", ROOT / "build/readme/party", "-o", IMAGES / "party_step.png"],
@@ -29,7 +30,6 @@ PARTS: dict[str, list[list[str | Path]]] = {
         [PYTHON, ROOT / "tests/bench/peers/plot.py"],
     ],
     "page": [[PYTHON, HERE / "make_page.py"]],
-    "blender": [[PYTHON, ROOT / "tests/blender/run.py", "picture"]],  # makes the environment of the gallery, too
     "gallery": [[PYTHON, HERE / "make_gallery.py"]],
 }
 

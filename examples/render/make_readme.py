@@ -1,8 +1,8 @@
-"""Makes the pictures of the README anew that are frames of flip-books.
+"""Makes the pictures of the README anew that are frames of flip-books, or rendered where those show too little.
 
     .venv/bin/python examples/render/make_readme.py [NAME...] [--threads N]     # default: all of readme.toml
 
-Caches lie in build/readme and are used again where they are complete.
+Caches lie in build/readme and are used again where they are complete. What is rendered needs Blender: make_gallery.py.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+import make_gallery
 from caches import ROOT, simulate
 from PIL import Image
 
@@ -28,13 +29,17 @@ def pictures() -> list[dict[str, Any]]:
 def options(run: dict[str, Any]) -> list[str]:
     """Of `simulate`."""
     voxel = ["--set", f"/World/Domain.voxelSize={run['voxel']}"] if "voxel" in run else []
-    return ["--frames", f"1-{max(run['frames'])}", "--flipbook", *voxel]
+    return ["--frames", f"1-{max(run['frames'])}", *voxel, *([] if "smoke" in run else ["--flipbook"])]
 
 
-def frames_of(run: dict[str, Any], threads: int | None) -> list[Image.Image]:
-    """The frames of a run that are shown."""
+def frames_of(run: dict[str, Any], height: int, threads: int | None) -> list[Image.Image]:
+    """The frames of a run that are shown; rendered ones side by side, in that height."""
     cache = CACHES / run["scene"]
     simulate(run["scene"], cache, max(run["frames"]), options(run), threads)
+    if "smoke" in run:
+        strip = CACHES / f"{run['scene']}.webp"
+        make_gallery.render(run, cache, strip, make_gallery.blender(), threads, "--height", height)
+        return [Image.open(strip)]
     images = [Image.open(cache / "flipbook" / f"{run['scene']}.{frame:04}.png") for frame in run["frames"]]
     return [lower_part(image, run.get("lower", 1.0)) for image in images]
 
@@ -66,10 +71,14 @@ def main(arguments: list[str] | None = None) -> int:
     known = {picture["name"]: picture for picture in pictures()}
     if unknown := [name for name in given.names if name not in known]:
         parser.error(f"{', '.join(unknown)}: not in readme.toml")
-    for name in given.names or known:
-        images = [image for run in known[name]["runs"] for image in frames_of(run, given.threads)]
+    names, blender = given.names or known, make_gallery.blender()
+    if any("smoke" in run for name in names for run in known[name]["runs"]) and not blender.is_file():
+        parser.error(f"{blender}: {make_gallery.NO_BLENDER}")
+    for name in names:
+        row = known[name]
+        images = [image for run in row["runs"] for image in frames_of(run, row["height"], given.threads)]
         path = PICTURES / f"{name}.png"
-        put_together(images, known[name]["height"], known[name].get("columns", len(images))).save(path, optimize=True)
+        put_together(images, row["height"], row.get("columns", len(images))).save(path, optimize=True)
         print(f"{path}: {path.stat().st_size:,} bytes", flush=True)
     return 0
 

@@ -40,6 +40,15 @@ def test_frames_are_put_together_in_rows() -> None:
     assert seen == [(255, 0, 0), (0, 128, 0), (0, 0, 255), (255, 255, 255)]
 
 
+def test_what_is_rendered_comes_after_the_environment_that_renders(monkeypatch, tmp_path, capsys) -> None:
+    parts = list(make_pictures.PARTS)
+    assert parts.index("blender") < min(parts.index("readme"), parts.index("gallery"))
+    monkeypatch.setenv("EULERFSI_BPY", str(tmp_path))
+    with pytest.raises(SystemExit):
+        make_readme.main(["cheb"])
+    assert "there is no Blender: ./eulerfsi test --blender makes it" in capsys.readouterr().err
+
+
 def test_the_lower_part_of_a_frame() -> None:
     image = Image.new("RGB", (10, 50), "white")
     image.paste("red", (0, 30, 10, 50))
