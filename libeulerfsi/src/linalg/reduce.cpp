@@ -173,7 +173,7 @@ void copy(const Parallel& parallel, std::vector<Real>& y, const std::vector<Real
 
 void multiply(const Parallel& parallel, std::vector<Real>& y, const std::vector<Real>& d, const std::vector<Real>& x,
               Real s) {
-  for_parts(parallel, y.size(), [&](std::int64_t begin, std::int64_t length) {
+  for_parts(parallel, x.size(), [&](std::int64_t begin, std::int64_t length) {
     multiply_entries(length, s, d.data() + begin, x.data() + begin, y.data() + begin);
   });
 }

@@ -36,7 +36,7 @@ void scale(const Parallel& parallel, std::vector<Real>& y, double s);
 void fill(const Parallel& parallel, std::vector<Real>& y, std::size_t n, Real value);
 // y = x
 void copy(const Parallel& parallel, std::vector<Real>& y, const std::vector<Real>& x);
-// y = s d x, entry by entry
+// y = s d x, entry by entry; y may be longer
 void multiply(const Parallel& parallel, std::vector<Real>& y, const std::vector<Real>& d, const std::vector<Real>& x,
               Real s = 1);
 

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
 
+#include "base/kernel.hpp"
 #include "linalg/reduce.hpp"
 #include "solid/element/stiffness_block.hpp"
 #include "system/multilevel.hpp"
@@ -22,6 +24,45 @@ constexpr std::uint8_t kAllAxes = 7;
 constexpr double kStiffSolid = 20.0;  // of the diagonal of G over inertia
 constexpr double kRounding =
     8.0 * static_cast<double>(std::numeric_limits<Real>::epsilon());  // of what cancels in a residual
+
+// A vector of three, and the value behind it.
+constexpr std::size_t kBehind = 1;
+typedef Real Quad __attribute__((vector_size(4 * sizeof(Real))));
+EFSI_INLINE Quad load_quad(const Real* p) {
+  Quad quad;
+  std::memcpy(&quad, p, sizeof(quad));
+  return quad;
+}
+EFSI_INLINE void store_quad(const Quad& quad, Real* p) { std::memcpy(p, &quad, sizeof(quad)); }
+
+// rows: what x has at the corners of a block, as block_stiffness takes it. x has kBehind values more than it needs.
+EFSI_KERNEL void load_corners(const Real* x, const std::int32_t* corners, Real (*rows)[kLanes]) {
+  Real vectors[8 * kLanes * 3 + kBehind];
+  for (std::size_t c = 0; c < 8 * kLanes; ++c)
+    store_quad(load_quad(x + 3 * static_cast<std::size_t>(corners[c])), vectors + 3 * c);
+  for (std::size_t a = 0; a < 8; ++a) {
+    const Real* at = vectors + 3 * kLanes * a;
+#pragma omp simd
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      rows[3 * a][lane] = at[3 * lane];
+      rows[3 * a + 1][lane] = at[3 * lane + 1];
+      rows[3 * a + 2][lane] = at[3 * lane + 2];
+    }
+  }
+}
+
+// The rows of a block as vectors: corner, lane, component.
+EFSI_KERNEL void store_corners(const Real (*rows)[kLanes], Real* vectors) {
+  for (std::size_t a = 0; a < 8; ++a) {
+    Real* at = vectors + 3 * kLanes * a;
+#pragma omp simd
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      at[3 * lane] = rows[3 * a][lane];
+      at[3 * lane + 1] = rows[3 * a + 1][lane];
+      at[3 * lane + 2] = rows[3 * a + 2][lane];
+    }
+  }
+}
 
 constexpr auto kAsItIs = [](std::size_t, const Vec3& sum) -> Vec3 { return sum; };
 
@@ -180,11 +221,9 @@ void VelocitySystem::list_gathers() {
       corner_[c] = 0;  // a free lane: without stiffness, and nobody gathers from it
       continue;
     }
-    const std::size_t row = c / kLanes, lane = c % kLanes;  // corner c lies at rows 3 row + component
-    gather_[static_cast<std::size_t>(fill[static_cast<std::size_t>(corner_[c])]++)] =
-        static_cast<std::int32_t>(3 * row * kLanes + lane);
+    gather_[static_cast<std::size_t>(fill[static_cast<std::size_t>(corner_[c])]++)] = static_cast<std::int32_t>(3 * c);
   }
-  element_out_.resize(corner_.size() * 3);
+  element_out_.resize(corner_.size() * 3 + kBehind);
 }
 
 // Jacobi preconditioner.
@@ -240,13 +279,11 @@ void VelocitySystem::gather_elements(const Parallel& parallel, const Finish& fin
   out.resize(node_.size() * 3);
   parallel.for_each(unknowns(), [&](std::int64_t u) {
     const auto i = static_cast<std::size_t>(u);
-    Vec3 sum = Vec3::Zero();
-    for (std::int32_t t = gather_begin_[i]; t < gather_begin_[i + 1]; ++t) {
-      const Real* entry = element_out_.data() + gather_[static_cast<std::size_t>(t)];
-      sum += Vec3(entry[0], entry[kLanes], entry[2 * kLanes]);
-    }
-    sum = finish(i, sum);
-    for (std::size_t a = 0; a < 3; ++a) out[3 * i + a] = sum[static_cast<Eigen::Index>(a)];
+    Quad sum = {};
+    for (std::int32_t t = gather_begin_[i]; t < gather_begin_[i + 1]; ++t)
+      sum += load_quad(element_out_.data() + gather_[static_cast<std::size_t>(t)]);
+    const Vec3 value = finish(i, Vec3(sum[0], sum[1], sum[2]));
+    for (std::size_t a = 0; a < 3; ++a) out[3 * i + a] = value[static_cast<Eigen::Index>(a)];
   });
 }
 
@@ -257,11 +294,13 @@ void VelocitySystem::sum_blocks(const Parallel& parallel, const BlockBody& body,
   // One loop over all solids, of each of which a thread has its share: what is strained costs twice.
   const std::int64_t shares = parallel.threads();
   parallel.for_each(shares, [&](std::int64_t share) {
+    Real rows[24][kLanes];
     for (std::size_t l = 0; l < solids_.size(); ++l) {
       const auto blocks = static_cast<std::int64_t>(solids_[l].work->blocks());
       for (std::int64_t n = blocks * share / shares; n < blocks * (share + 1) / shares; ++n) {
         const auto block = static_cast<std::size_t>(n);
-        body(l, block, element_out_.data() + (block_begin_[l] + block) * 24 * kLanes);
+        body(l, block, rows[0]);
+        store_corners(rows, element_out_.data() + (block_begin_[l] + block) * 24 * kLanes);
       }
     }
   });
@@ -275,13 +314,8 @@ void VelocitySystem::multiply_stiffness(const Parallel& parallel, const std::vec
   sum_blocks(
       parallel,
       [&](std::size_t l, std::size_t block, Real* out) {
-        const std::int32_t* corners = &corner_[(block_begin_[l] + block) * 8 * kLanes];
         Real in[24][kLanes];
-        for (std::size_t a = 0; a < 8; ++a)
-          for (std::size_t lane = 0; lane < kLanes; ++lane) {
-            const Real* value = &x[3 * static_cast<std::size_t>(corners[a * kLanes + lane])];
-            for (std::size_t i = 0; i < 3; ++i) in[3 * a + i][lane] = value[i];
-          }
+        load_corners(x.data(), &corner_[(block_begin_[l] + block) * 8 * kLanes], in);
         solid::block_stiffness(*solids_[l].work, block, h_, factor[l], in, out);
       },
       finish, y);
@@ -289,8 +323,10 @@ void VelocitySystem::multiply_stiffness(const Parallel& parallel, const std::vec
 
 void VelocitySystem::add_past_stiffness(const Parallel& parallel, const std::vector<Real>& v, std::vector<Real>& f) {
   if (std::all_of(past_factor_.begin(), past_factor_.end(), [](Real factor) { return factor == 0; })) return;
+  linalg::copy(parallel, masked_, v);
+  masked_.resize(v.size() + kBehind);
   multiply_stiffness(
-      parallel, past_factor_, v,
+      parallel, past_factor_, masked_,
       [&](std::size_t u, const Vec3& past) -> Vec3 { return Vec3(f[3 * u], f[3 * u + 1], f[3 * u + 2]) + past; }, f);
 }
 
@@ -334,8 +370,10 @@ void VelocitySystem::fix(std::size_t unknown, int axis) {
 }
 
 void VelocitySystem::multiply(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y) {
+  linalg::copy(parallel, masked_, x);
+  masked_.resize(x.size() + kBehind);
   multiply_stiffness(
-      parallel, stiffness_factor_, x,
+      parallel, stiffness_factor_, masked_,
       [&](std::size_t u, const Vec3& stiffness) -> Vec3 {
         return stiffness + inertia_[u] * Vec3(x[3 * u], x[3 * u + 1], x[3 * u + 2]) - sliding_momentum(u, x);
       },
@@ -352,7 +390,7 @@ void VelocitySystem::apply_bare(const Parallel& parallel, const std::vector<Real
 
 void VelocitySystem::apply(const Parallel& parallel, const std::vector<Real>& x, bool with_penalties,
                            std::vector<Real>& y) {
-  masked_.resize(x.size());
+  masked_.resize(x.size() + kBehind);
   linalg::multiply(parallel, masked_, free_, x);
   for (const Tie& t : ties_) masked_[t.from] = x[t.to];
   multiply_stiffness(
@@ -376,7 +414,7 @@ void VelocitySystem::apply(const Parallel& parallel, const std::vector<Real>& x,
 }
 
 void VelocitySystem::apply_stiffness(const Parallel& parallel, const std::vector<Real>& x, std::vector<Real>& y) {
-  masked_.resize(x.size());
+  masked_.resize(x.size() + kBehind);
   linalg::multiply(parallel, masked_, free_, x);
   multiply_stiffness(
       parallel, stiffness_factor_, masked_, [](std::size_t, const Vec3& stiffness) { return stiffness; }, y);

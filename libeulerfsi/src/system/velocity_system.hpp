@@ -194,7 +194,7 @@ class VelocitySystem {
   void gather_elements(const Parallel& parallel, const Finish& finish, std::vector<Real>& out);
   template <class BlockBody, class Finish>
   void sum_blocks(const Parallel& parallel, const BlockBody& body, const Finish& finish, std::vector<Real>& out);
-  // The sum is factor K x, one factor per solid.
+  // The sum is factor K x, one factor per solid; x has a value behind the last one.
   template <class Finish>
   void multiply_stiffness(const Parallel& parallel, const std::vector<Real>& factor, const std::vector<Real>& x,
                           const Finish& finish, std::vector<Real>& out);
@@ -229,8 +229,8 @@ class VelocitySystem {
   std::vector<Penalty> penalties_;
   std::shared_ptr<const RowInverse> row_inverse_;  // none without penalties
   std::shared_ptr<const RigidModes> rigid_;        // the same
-  std::vector<Real> element_out_;                  // block, 24 values, lane
-  std::vector<Real> masked_, load_;
+  std::vector<Real> element_out_;                  // block, corner, lane, component; and a value behind
+  std::vector<Real> masked_, load_;  // of masked_ there is a value behind
   Grid global_;
   double h_ = 1.0;
   linalg::PcgWorkspace pcg_;
