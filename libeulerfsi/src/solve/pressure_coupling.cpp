@@ -19,7 +19,7 @@ constexpr double kEstimate = 0.2;        // of the divergence that the estimate 
 constexpr double kWorthCoupling = 0.01;  // of density |div v|^2: the solids over the fluid
 constexpr double kStrains = 1e-3;        // of the solids' energy: what the projection may add to that of all
 constexpr double kGains = 1e-4;          // of that energy: a coupling step that takes less of its error is the last
-constexpr double kLeads = 0.02;          // cells in a step: largest motion of an active contact row by the projection
+constexpr double kLeads = 0.01;          // cells in a step: largest motion of an active contact row by the projection
 
 // The first part of the preconditioner of Cahouet and Chabat (1988) is the inverse of J M^-1 J^T: a pressure that the
 // projection takes, or an estimate of it. This is the second: to a gradient G is M (1 + d2 (2 mu + lambda) / h^3
