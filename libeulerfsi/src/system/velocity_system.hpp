@@ -230,7 +230,7 @@ class VelocitySystem {
   std::shared_ptr<const RowInverse> row_inverse_;  // none without penalties
   std::shared_ptr<const RigidModes> rigid_;        // the same
   std::vector<Real> element_out_;                  // block, corner, lane, component; and a value behind
-  std::vector<Real> masked_, load_;  // of masked_ there is a value behind
+  std::vector<Real> masked_, load_;                // of masked_ there is a value behind
   Grid global_;
   double h_ = 1.0;
   linalg::PcgWorkspace pcg_;
