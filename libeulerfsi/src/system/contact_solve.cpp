@@ -78,11 +78,11 @@ linalg::SolveStats solve_contact(const Parallel& parallel, VelocitySolver solver
     stats.converged = descent.converged;
     stats.residual = tolerance * descent.residual;
     settled = update(x, negligible, rows);
+    const bool exact = looser == 1.0;
     // Impulses that change while no unknown does: what the tolerance leaves is more than what they need.
-    if (descent.iterations == 0 && looser == 1.0) target.least *= kFiner, target.of_impulse *= kFiner;
-    const double next = settled ? 1.0 : std::max(1.0, 0.5 * looser);
-    settled = settled && looser == 1.0;
-    looser = next;
+    if (descent.iterations == 0 && exact) target.least *= kFiner, target.of_impulse *= kFiner;
+    looser = settled ? 1.0 : std::max(1.0, 0.5 * looser);
+    settled = settled && exact;
   }
   stats.converged = stats.converged && settled;
   // Under the pressure the impulses are not recomputed: only the penalties respond.

@@ -507,10 +507,7 @@ void VelocitySystem::follow_ties(std::vector<Real>& x) const {
 
 void VelocitySystem::fold(const Parallel& parallel, std::vector<Real>& y) const {
   linalg::multiply(parallel, y, moves_, y);
-  for (const Tie& t : ties_) {
-    y[t.to] += y[t.from];
-    y[t.from] = 0;
-  }
+  fold(std::vector<std::size_t>{}, y);  // the ties
 }
 
 void VelocitySystem::fold(const std::vector<std::size_t>& entries, std::vector<Real>& y) const {
