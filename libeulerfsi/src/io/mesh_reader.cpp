@@ -30,6 +30,7 @@
 #include "base/error.hpp"
 #include "io/mesh_header.hpp"
 #include "io/obj_objects.hpp"
+#include "io/ply_lists.hpp"
 
 namespace efsi::io {
 
@@ -210,6 +211,7 @@ PolygonMesh read_mesh(const std::string& path) {
   const std::string suffix = suffix_of(path);
   check_suffix(path, suffix);
   check_header(path, suffix);
+  if (suffix == "ply") check_ply_lists(path);
   const bool is_obj = suffix == "obj";
   const NumberedObj obj = is_obj ? number_objects(path) : NumberedObj{};
   Assimp::Importer importer;

@@ -9,6 +9,7 @@
 #include "geometry/mesh_topology.hpp"
 #include "io/mesh_header.hpp"
 #include "io/mesh_reader.hpp"
+#include "io/ply_lists.hpp"
 #include "unit/io/scratch.hpp"
 
 using namespace efsi;
@@ -280,4 +281,49 @@ TEST_CASE("Counts in a header are refused where the file is too short for them, 
   }
   write_text(scratch / "none.ply", "");
   CHECK_NOTHROW(check_header(scratch / "none.ply", "ply"));
+}
+
+TEST_CASE("A list of a PLY file that announces more entries than there are is refused, as text and in binary",
+          "[law]") {
+  const Scratch scratch;
+  const auto header = [](const std::string& format, int faces) {
+    return "ply\nformat " + format + " 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n" +
+           "element face " + std::to_string(faces) +
+           "\nproperty list uchar int vertex_indices\nproperty list uint float weights\nend_header\n";
+  };
+  const auto check = [&](const std::string& text) {
+    write_text(scratch / "lists.ply", text);
+    check_ply_lists(scratch / "lists.ply");
+  };
+  const std::string ascii = header("ascii", 2) + "0 0 0\n\n1 0 0\n0 1 0\n";
+  CHECK_NOTHROW(check(ascii + "3 0 1 2 1 0.5\r\n3 0 2 1 0"));
+  CHECK_NOTHROW(check(ascii + "3 0 1 2 1 0.5 and more\n"));  // a face too few is the reader's to refuse
+  CHECK_THROWS_WITH(check(ascii + "3 0 1 2 1 0.5\n22906492240 0 1 2\n"),
+                    Contains("lists.ply: face 2: its line has fewer entries than the 22906492240 it announces"));
+  CHECK_THROWS_WITH(check(ascii + "3 0 1 2 1\n"), Contains("face 1: its line has fewer entries than the 1 it"));
+  for (const char* word : {"#", "-1", "2.5", "nan", "3a"})
+    CHECK_THROWS_WITH(check(ascii + word + " 0 1 2\n"),
+                      Contains("face 1: '" + std::string(word) + "' is no number of entries of a list"));
+  CHECK_THROWS_WITH(check(ascii + "3 0 1 2\n"), Contains("face 1: '' is no number of entries of a list"));
+  CHECK_THROWS_WITH(check("ply\nformat ascii 1.0\nelement vertex 3\nproperty f\nend_header\n0\n"),
+                    Contains("lists.ply: its header has a property without a known type: property f"));
+
+  for (const bool little : {true, false}) {
+    INFO(little);
+    const auto word = [&](std::uint32_t value) {
+      std::string bytes;
+      for (int i = 0; i < 4; ++i) bytes += static_cast<char>(value >> 8 * (little ? i : 3 - i) & 255u);
+      return bytes;
+    };
+    const std::string begin = header(little ? "binary_little_endian" : "binary_big_endian", 1) + std::string(36, '\0') +
+                              "\3" + std::string(12, '\0');
+    CHECK_NOTHROW(check(begin + word(2) + std::string(8, '\0')));
+    CHECK_THROWS_WITH(check(begin + word(3) + std::string(8, '\0')),
+                      Contains("lists.ply: face 1: a list of 3 entries, more than the rest of the file holds"));
+    CHECK_THROWS_WITH(check(begin + word(4000000000u)), Contains("face 1: a list of 4000000000 entries"));
+    CHECK_NOTHROW(check(begin + "\1"));  // cut within a count: the reader's to refuse
+    std::string negative = begin;
+    negative.replace(negative.find("uchar"), 5, "char").replace(negative.find('\3'), 1, "\377");
+    CHECK_THROWS_WITH(check(negative), Contains("face 1: a list with a negative number of entries"));
+  }
 }
