@@ -32,8 +32,10 @@ void refuse(const std::string& path, const std::string& announced, std::uintmax_
               path + ": announces " + announced + ", more than its " + std::to_string(bytes) + " bytes can hold");
 }
 
+bool is_control(char c) { return std::iscntrl(static_cast<unsigned char>(c)) && c != '\t'; }
+
 // Every property of every element takes one byte at least, as text or as a number. A header without an end would keep
-// assimp's reader at it for ever, or make it crash.
+// assimp's reader at it for ever, or make it crash; so would one whose end is not followed by a blank of its kind.
 void check_ply(const std::string& path, std::uintmax_t bytes) {
   std::istringstream text = beginning_of(path);
   std::string line, word, announced;
@@ -42,6 +44,8 @@ void check_ply(const std::string& path, std::uintmax_t bytes) {
   if (!line.starts_with("ply")) return;  // assimp reads on behind these letters, whatever follows
   double count = 0.0, least = 0.0;
   while (word != "end_header" && std::getline(text, line)) {
+    if (std::any_of(line.begin(), line.end(), is_control))
+      throw Error(ErrorCode::kMesh, path + ": its header has a control character");
     std::istringstream words(line);
     if (!(words >> word)) continue;
     if (word == "property") least += count;

@@ -279,6 +279,11 @@ TEST_CASE("Counts in a header are refused where the file is too short for them, 
     write_text(scratch / "cut.ply", first + std::string("\nformat ascii 1.0\nelement vertex 3\nproperty float x\n"));
     CHECK_THROWS_WITH(check_header(scratch / "cut.ply", "ply"), Contains("cut.ply: its header has no line end_header"));
   }
+  for (const char* blank : {"\v", "\f", "\x1f"}) {
+    write_text(scratch / "odd.ply", "ply\nformat ascii 1.0\nend_header" + std::string(blank) + "0 0 0\n");
+    CHECK_THROWS_WITH(check_header(scratch / "odd.ply", "ply"),
+                      Contains("odd.ply: its header has a control character"));
+  }
   write_text(scratch / "none.ply", "");
   CHECK_NOTHROW(check_header(scratch / "none.ply", "ply"));
 }
