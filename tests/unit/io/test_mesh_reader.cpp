@@ -218,19 +218,21 @@ TEST_CASE("A file that is no mesh is refused with path and reason") {
 
 TEST_CASE("The suffix decides how a file is read, in upper case too") {
   const Scratch scratch;
+  std::string cube = kCubePoints;
+  cube += kCubeFaces;
   for (const char* name : {"cube.obj", "cube.OBJ", "two.dots.Obj"}) {
-    write_text(scratch / name, std::string(kCubePoints) + kCubeFaces);
+    write_text(scratch / name, cube);
     CHECK(read_mesh(scratch / name).points.size() == 8);
   }
   // A good file under the name of another format is refused, never guessed.
   for (const char* name :
        {"cube.ply", "cube.stl", "cube.off", "cube.gltf", "cube.glb", "cube.fbx", "cube.dae", "cube.3ds"}) {
-    write_text(scratch / name, std::string(kCubePoints) + kCubeFaces);
+    write_text(scratch / name, cube);
     CHECK_THAT(refusal(scratch / name, ErrorCode::kMesh), Contains(std::string(name) + ": not a readable ."));
   }
   // Formats that assimp knows and the list does not, and no suffix at all.
   for (const char* name : {"cube.x", "cube.ifc", "cube.blend", "cube", "obj", ".obj"}) {
-    write_text(scratch / name, std::string(kCubePoints) + kCubeFaces);
+    write_text(scratch / name, cube);
     CHECK_THAT(refusal(scratch / name, ErrorCode::kMesh), Contains("must end in one of: obj, ply"));
   }
   CHECK_THAT(refusal("/dev/null", ErrorCode::kIo), Contains("is a device or a pipe"));
@@ -279,8 +281,10 @@ TEST_CASE("Counts in a header are refused where the file is too short for them, 
     write_text(scratch / "cut.ply", first + std::string("\nformat ascii 1.0\nelement vertex 3\nproperty float x\n"));
     CHECK_THROWS_WITH(check_header(scratch / "cut.ply", "ply"), Contains("cut.ply: its header has no line end_header"));
   }
-  for (const char* blank : {"\v", "\f", "\x1f"}) {
-    write_text(scratch / "odd.ply", "ply\nformat ascii 1.0\nend_header" + std::string(blank) + "0 0 0\n");
+  for (const char blank : {'\v', '\f', '\x1f'}) {
+    std::string text = "ply\nformat ascii 1.0\nend_header 0 0 0\n";
+    text[text.find(" 0 0 0")] = blank;
+    write_text(scratch / "odd.ply", text);
     CHECK_THROWS_WITH(check_header(scratch / "odd.ply", "ply"),
                       Contains("odd.ply: its header has a control character"));
   }
@@ -320,8 +324,8 @@ TEST_CASE("A list of a PLY file that announces more entries than there are is re
       for (int i = 0; i < 4; ++i) bytes += static_cast<char>(value >> 8 * (little ? i : 3 - i) & 255u);
       return bytes;
     };
-    const std::string begin = header(little ? "binary_little_endian" : "binary_big_endian", 1) + std::string(36, '\0') +
-                              "\3" + std::string(12, '\0');
+    std::string begin = header(little ? "binary_little_endian" : "binary_big_endian", 1);
+    begin.append(36, '\0').append("\3").append(12, '\0');  // the vertices, and the first list of a face
     CHECK_NOTHROW(check(begin + word(2) + std::string(8, '\0')));
     CHECK_THROWS_WITH(check(begin + word(3) + std::string(8, '\0')),
                       Contains("lists.ply: face 1: a list of 3 entries, more than the rest of the file holds"));
