@@ -23,7 +23,8 @@ constexpr double kLeads = 0.01;          // cells in a step: largest motion of a
 
 // The first part of the preconditioner of Cahouet and Chabat (1988) is the inverse of J M^-1 J^T: a pressure that the
 // projection takes, or an estimate of it. This is the second: to a gradient G is M (1 + d2 (2 mu + lambda) / h^3
-// J M^-1 J^T), so that its inverse also has d2 (2 mu + lambda) / h^3 in the solids' cells; d2 K: the stiffness in G.
+// J M^-1 J^T), so that its inverse also has d2 (2 mu + lambda) / h^3 in the solids' cells; d2 K: the stiffness in G,
+// of an element times its factor.
 void add_stiffness(const StepContext& step, const SolidStates& states, const SolidWorks& solids, const Matter& matter,
                    const system::VelocitySystem& elasticity, const std::vector<Real>& compliance,
                    const std::vector<Real>& divergence, std::vector<Real>& direction) {
@@ -34,9 +35,11 @@ void add_stiffness(const StepContext& step, const SolidStates& states, const Sol
     const double modulus = solids[l].element_weight * (2.0 * solid.elastic.mu + solid.elastic.lambda);
     const Real share = static_cast<Real>(static_cast<double>(elasticity.stiffness_factor(l)) * modulus / volume);
     for_owned_cells(step.parallel, matter.common.grid, matter.owned, l, states[l].band,
-                    [&](std::size_t c, std::size_t) {
+                    [&](std::size_t c, std::size_t cell) {
+                      const auto element = static_cast<std::size_t>(solids[l].element[cell]);
+                      const Real part = share * static_cast<Real>(solids[l].factor(element));
                       const Real given = compliance.empty() ? Real(0) : compliance[c];
-                      direction[c] += share / (1 + share * given) * divergence[c];
+                      direction[c] += part / (1 + part * given) * divergence[c];
                     });
   }
 }
