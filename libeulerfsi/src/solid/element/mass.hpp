@@ -18,7 +18,7 @@ inline constexpr Threshold kElementPart = {Real(0.3), Real(0.1)};
 inline constexpr Threshold kElementPartInFluid = {Real(0.6), Real(0.1)};
 // Of what is thin at rest: a cell that drops out ties its neighbours no more, and strained as they come apart it
 // returns.
-inline constexpr Real kThinElementPart = Real(0.05);
+inline constexpr Real kThinElementPart = Real(0.1);
 
 // Beside a collider the rest of a cell is the contact's skin, which the solid never fills. Where it has more than
 // kLeastRoom of the cell, kRoomPart of that suffices: what enters later is strained as its neighbours, which had to
