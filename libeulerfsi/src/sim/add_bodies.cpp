@@ -117,8 +117,8 @@ std::shared_ptr<const geometry::Surface> surface_of(const SolidDesc& desc, doubl
 }
 
 // What the solid keeps of it.
-void set_surface(const Parallel& parallel, const geometry::Surface& surface, const Numerics& numerics, bool collider,
-                 double h, solid::SolidRest& rest) {
+void set_surface(const geometry::Surface& surface, const Numerics& numerics, bool collider, double h,
+                 solid::SolidRest& rest) {
   rest.distance = surface.distance;
   rest.surface = surface.mesh;
   if (numerics.uses_particles()) rest.nearest = geometry::NearestTriangle(rest.surface);
@@ -126,7 +126,6 @@ void set_surface(const Parallel& parallel, const geometry::Surface& surface, con
   rest.clusters = solid::make_surface_clusters(rest.surface, rest.distance, h);
   if (numerics.unilateral_walls && !collider)
     rest.fold_points = solid::make_fold_points(rest.surface, rest.distance, h);
-  if (rest.stiff_by_part && !collider && !rest.wet) rest.thin = solid::ThinParts(parallel, rest.distance, h);
   rest.volume = surface.report.solid_volume;
   rest.area = geometry::surface_area(rest.surface);
   if (!(rest.volume > 0.0)) throw Error(ErrorCode::kMesh, "EfsiSolidDef.mesh: encloses no volume");
@@ -246,7 +245,7 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
   const std::shared_ptr<const geometry::Surface> surface = surface_of(desc, grid_.h, slab, parallel_);
   report = surface->report;
   if (report.repaired) log_.warning("mesh repaired: " + report.repairs);
-  set_surface(parallel_, *surface, params_.numerics, collider, grid_.h, rest);
+  set_surface(*surface, params_.numerics, collider, grid_.h, rest);
 
   const Vec3d center = geometry::center_of_volume(rest.surface);
   auto start = stretched(desc, center, kRestSpacing * grid_.h, surface, slab, parallel_);

@@ -17,7 +17,6 @@
 #include "grid/grid.hpp"
 #include "material/plastic_flow.hpp"
 #include "solid/surface_data.hpp"
-#include "solid/thin_parts.hpp"
 
 namespace efsi::solid {
 
@@ -57,7 +56,6 @@ struct SolidRest : Properties {
   SurfaceClusters clusters;            // of its points; none: no vertex is mended
   std::vector<FoldPoint> fold_points;  // of it; empty: its folds do not see each other
   Threshold element;                   // parts of cells that carry its stiffness
-  ThinParts thin;                      // where less of a cell does; none: nowhere
   bool wet = false;                    // a fluid fills its cut cells
   bool stiff_by_part = false;          // an element is as stiff as it is solid
   double volume = 0.0;                 // of the closed rest shape [m^3]

@@ -42,9 +42,8 @@ constexpr std::size_t kSplinter = 3;  // elements
 
 constexpr int kRoomUnits = 60;  // that a whole cell has in its memory
 
-// Of a cell that carries stiffness more than this is solid. material: in its middle.
-Real least_fraction(const SolidRest& rest, const SolidState& state, std::size_t c, const Vec3d& material) {
-  if (rest.thin.contains(material)) return kThinElementPart;
+// Of a cell that carries stiffness more than this is solid.
+Real least_fraction(const SolidRest& rest, const SolidState& state, std::size_t c) {
   const auto [fraction, lag] = rest.element;
   if (state.stiff.empty()) return fraction;
   const std::uint8_t memory = state.stiff[c];
@@ -75,17 +74,15 @@ bool has_valid_map(std::uint8_t nearest, std::uint8_t farthest, const PlasticFie
          is_positive(Mat3d::Identity() / (kPlausibleStretch.least * kPlausibleStretch.least) - squares);
 }
 
-// Returns what the cells hold that are solid in part, by planes. full: the cells that are solid enough for an element.
+// Returns what the cells hold that are solid in part, by planes.
 std::vector<std::vector<Holding>> compute_fractions(const Parallel& parallel, const SolidRest& rest,
-                                                    const SolidState& state, std::vector<std::uint8_t>& full,
-                                                    SolidWork& work) {
+                                                    const SolidState& state, SolidWork& work) {
   const Grid& g = state.band.grid;
   const geometry::SignedDistance& distance = distance_of(rest, state);
   const auto corner = grid::corner_offsets(g);
   const PlasticField plastic(rest, state);
   work.fraction.assign(g.cell_count(), 0);
   work.volume_ratio.assign(g.cell_count(), 1);
-  full.assign(g.cell_count(), 0);
   std::vector<std::vector<Holding>> planes(static_cast<std::size_t>(g.cells[2]));
   std::vector<std::uint64_t> rejected(static_cast<std::size_t>(g.cells[2]), 0);
   parallel.for_each(g.cells[2], [&](std::int64_t kk) {
@@ -118,12 +115,10 @@ std::vector<std::vector<Holding>> compute_fractions(const Parallel& parallel, co
         }
         // Cells with an invalid map are counted and left empty.
         const std::size_t c = g.cell(i, j, k);
-        const bool enough = static_cast<Real>(fraction) > least_fraction(rest, state, c, material);
         if (fraction > 0.0 && !has_valid_map(nearest, farthest, plastic, material, inverse_f)) {
-          rejected[static_cast<std::size_t>(k)] += enough;
+          rejected[static_cast<std::size_t>(k)] += static_cast<Real>(fraction) > least_fraction(rest, state, c);
           continue;
         }
-        full[c] = enough;
         work.fraction[c] = static_cast<Real>(fraction);
         work.volume_ratio[c] = static_cast<Real>(1.0 / inverse_det);
         if (fraction > 0.0) planes[static_cast<std::size_t>(k)].push_back({material, {i, j, k}, farthest == kKnown});
@@ -312,8 +307,9 @@ void weigh_elements(const SolidRest& rest, const Grid& g, SolidWork& work) {
 
 void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work) {
   const Grid& g = state.band.grid;
-  std::vector<std::uint8_t> full;
-  const auto holdings = compute_fractions(parallel, rest, state, full, work);
+  const auto holdings = compute_fractions(parallel, rest, state, work);
+  std::vector<std::uint8_t> full(g.cell_count());
+  for (std::size_t c = 0; c < full.size(); ++c) full[c] = work.fraction[c] > least_fraction(rest, state, c);
   remove_cells(find_copies(parallel, g, holdings, full, kPlausibleStretch.most), full, work);
   remove_splinters(state, full, work);
   find_elements(g, full, work);
