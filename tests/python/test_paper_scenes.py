@@ -176,7 +176,7 @@ def test_heavy_bunny_falls_as_in_vacuum_and_stays_on_the_ground(tmp_path: Path) 
     assert touching[5] == 0.0 and min(touching[-6:]) > 0.05, "it has not met the floor"
     assert run.steps[0]["emitter_flux"]["/World/Jet"] == pytest.approx(2.5 * 0.3 * 0.3, rel=1e-3)
     assert min(step["emitter_flux"]["/World/Jet"] for step in run.steps) < 0.15, "it does not lie in the jet"
-    assert run.volume_errors("/World/Bunny").max() < 0.01
+    assert run.volume_errors("/World/Bunny").max() < 0.011  # its impact, docs/bars.md
 
 
 CHEB, CHEB_VOXEL = "/World/Cheb/Body", 0.0125
