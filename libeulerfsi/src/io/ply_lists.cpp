@@ -2,7 +2,6 @@
 #include "io/ply_lists.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
@@ -63,8 +62,7 @@ class Ply {
     if (!ascii && !little && header.format != "binary_big_endian") return;
     for (const Element& element : header.elements) {
       for (double i = 0.0; i < element.count && at_ < text_.size(); i += 1.0) {
-        const std::string where = path_ + ": " + element.name + " " + std::to_string(static_cast<std::uint64_t>(i) + 1);
-        ascii ? check_line(element, where) : skip(element, little, where);
+        ascii ? check_line(element, i) : skip(element, little, i);
       }
     }
   }
@@ -107,8 +105,14 @@ class Ply {
     return header;
   }
 
+  // number: of the element among its kind, from 0.
+  [[noreturn]] void refuse(const Element& element, double number, const std::string& reason) const {
+    throw Error(ErrorCode::kMesh, path_ + ": " + element.name + " " +
+                                      std::to_string(static_cast<std::uint64_t>(number) + 1) + ": " + reason);
+  }
+
   // One element of a text, a line that is not blank.
-  void check_line(const Element& element, const std::string& where) {
+  void check_line(const Element& element, double number) {
     constexpr std::string_view kSpace = " \t\v\f";
     std::string_view line;
     do line = next_line();
@@ -126,16 +130,16 @@ class Ply {
       char* end = nullptr;
       const double entries = std::strtod(word.c_str(), &end);
       if (word.empty() || *end != '\0' || !(entries >= 0.0) || entries != std::floor(entries))
-        throw Error(ErrorCode::kMesh, where + ": '" + word + "' is no number of entries of a list");
+        refuse(element, number, "'" + word + "' is no number of entries of a list");
       for (double i = 0.0; i < entries; i += 1.0) {
         if (next_word().empty())
-          throw Error(ErrorCode::kMesh, where + ": its line has fewer entries than the " + word + " it announces");
+          refuse(element, number, "its line has fewer entries than the " + word + " it announces");
       }
     }
   }
 
   // One element of a binary file.
-  void skip(const Element& element, bool little, const std::string& where) {
+  void skip(const Element& element, bool little, double number) {
     for (const Property& property : element.properties) {
       std::uint64_t entries = 1;
       if (property.list) {
@@ -143,24 +147,26 @@ class Ply {
           at_ = text_.size();
           return;
         }
-        entries = read_count(property.count, little, where);
-        at_ += property.count.bytes;
+        const Type& count = property.count;
+        entries = read_number(count, little);
+        if (count.is_signed && entries >> (8 * count.bytes - 1) != 0)
+          refuse(element, number, "a list with a negative number of entries");
+        at_ += count.bytes;
         if (entries > (text_.size() - at_) / property.value.bytes)
-          throw Error(ErrorCode::kMesh, where + ": a list of " + std::to_string(entries) +
-                                            " entries, more than the rest of the file holds");
+          refuse(element, number,
+                 "a list of " + std::to_string(entries) + " entries, more than the rest of the file holds");
       }
       at_ = std::min<std::uint64_t>(at_ + entries * property.value.bytes, text_.size());
     }
   }
 
-  std::uint64_t read_count(const Type& type, bool little, const std::string& where) const {
+  // What is next, its bits as those of a number without a sign.
+  std::uint64_t read_number(const Type& type, bool little) const {
     std::uint64_t value = 0;
     for (std::size_t i = 0; i < type.bytes; ++i) {
       const std::size_t byte = little ? type.bytes - 1 - i : i;
       value = value << 8 | static_cast<unsigned char>(text_[at_ + byte]);
     }
-    if (type.is_signed && value >> (8 * type.bytes - 1) != 0)
-      throw Error(ErrorCode::kMesh, where + ": a list with a negative number of entries");
     return value;
   }
 
