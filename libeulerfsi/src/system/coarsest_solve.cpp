@@ -80,18 +80,33 @@ void CoarsestSolve::set_rows(std::span<const LatticeRow> rows) {
   factored_ = false;
   with_rows_ = bare_;
   if (rows.empty()) return;
-  Entries entries;
+  // Many rows act on the same few nodes: what they have at each pair of them is summed first.
+  struct Pair {
+    int one, other;
+    Mat3d sum;
+  };
+  const std::size_t nodes = moves_.size() / 3;
+  std::vector<std::int32_t> pair_of(nodes * nodes, -1);
+  std::vector<Pair> pairs;
   for (const LatticeRow& row : rows)
     for (const auto& [one, of_one] : row.parts)
       for (const auto& [other, of_other] : row.parts) {
         if (one < other) continue;
-        for (int i = 0; i < 3; ++i)
-          for (int j = 0; j < 3; ++j) {
-            const int line = 3 * one + i, column = 3 * other + j;
-            if (line >= column && moves_[static_cast<std::size_t>(line)] > 0 &&
-                moves_[static_cast<std::size_t>(column)] > 0)
-              entries.emplace_back(line, column, of_one * of_other * row.stiffness(i, j));
-          }
+        std::int32_t& at = pair_of[static_cast<std::size_t>(one) * nodes + static_cast<std::size_t>(other)];
+        if (at < 0) {
+          at = static_cast<std::int32_t>(pairs.size());
+          pairs.push_back({one, other, Mat3d::Zero()});
+        }
+        pairs[static_cast<std::size_t>(at)].sum += of_one * of_other * row.stiffness;
+      }
+  Entries entries;
+  for (const Pair& pair : pairs)
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j) {
+        const int line = 3 * pair.one + i, column = 3 * pair.other + j;
+        if (line >= column && moves_[static_cast<std::size_t>(line)] > 0 &&
+            moves_[static_cast<std::size_t>(column)] > 0)
+          entries.emplace_back(line, column, pair.sum(i, j));
       }
   Matrix added(bare_.rows(), bare_.cols());
   added.setFromTriplets(entries.begin(), entries.end());

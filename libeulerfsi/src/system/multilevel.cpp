@@ -68,27 +68,29 @@ MultilevelScaling::MultilevelScaling(const Parallel& parallel, const VelocitySys
 }
 
 void MultilevelScaling::set_penalties(const Parallel& parallel, const std::vector<Penalty>& penalties) {
-  std::vector<LatticeRow> rows;
-  for (const Penalty& p : penalties) {
-    LatticeRow& row = rows.emplace_back();
-    row.stiffness = p.stiffness.cast<double>();
-    for (const RowPart& part : p.parts)
+  std::vector<LatticeRow> rows(penalties.size());
+  const auto for_rows = [&](const auto& body) {
+    parallel.for_each(static_cast<std::int64_t>(rows.size()),
+                      [&](std::int64_t r) { body(static_cast<std::size_t>(r), rows[static_cast<std::size_t>(r)]); });
+  };
+  for_rows([&](std::size_t r, LatticeRow& row) {
+    row.stiffness = penalties[r].stiffness.cast<double>();
+    for (const RowPart& part : penalties[r].parts)
       row.parts.emplace_back(static_cast<std::int32_t>(part.unknown), static_cast<double>(part.weight));
-  }
+  });
   for (Level& level : levels_) {
     parallel.for_each(static_cast<std::int64_t>(level.diagonal.size()), [&](std::int64_t n) {
       const auto u = static_cast<std::size_t>(n);
       for (std::size_t a = 0; a < 3; ++a) level.inverse[3 * u + a] = 1 / level.diagonal[u];
     });
-    for (LatticeRow& row : rows) {
-      row = on_parents(row, level.from);
+    for_rows([&](std::size_t, LatticeRow& row) { row = on_parents(row, level.from); });
+    for (const LatticeRow& row : rows)
       for (const auto& [node, weight] : row.parts)
         for (std::size_t a = 0; a < 3; ++a) {
           const auto e = static_cast<Eigen::Index>(a);
           Real& inverse = level.inverse[3 * static_cast<std::size_t>(node) + a];
           inverse = 1 / (1 / inverse + static_cast<Real>(weight * weight * row.stiffness(e, e)));
         }
-    }
   }
   coarsest_.set_rows(rows);
 }

@@ -429,14 +429,15 @@ void VelocitySystem::add_coarse_levels(const Parallel& parallel, const std::vect
 void VelocitySystem::precondition(const Parallel& parallel, const std::vector<Real>& r, std::vector<Real>& z) {
   z.resize(r.size());
   linalg::multiply(parallel, z, inverse_diagonal_, r);
-  if (row_inverse_) row_inverse_->correct(z);
+  if (row_inverse_) row_inverse_->correct(parallel, z);
   if (multilevel_) multilevel_->add(parallel, free_, r, z);
   if (rigid_) rigid_->add(parallel, *this, r, z);
 }
 
 void VelocitySystem::set_penalties(const Parallel& parallel, std::vector<Penalty> penalties) {
   penalties_ = std::move(penalties);
-  row_inverse_ = penalties_.empty() ? nullptr : std::make_shared<RowInverse>(penalties_, inverse_diagonal_, free_);
+  row_inverse_ =
+      penalties_.empty() ? nullptr : std::make_shared<RowInverse>(parallel, penalties_, inverse_diagonal_, free_);
   if (multilevel_)
     multilevel_->set_penalties(parallel, penalties_);
   else

@@ -43,8 +43,9 @@ TEST_CASE("Rows that share nodes, stick, slide and are held in part: the inverse
     }
     std::vector<Real> z(r.size());
     for (std::size_t i = 0; i < r.size(); ++i) z[i] = inverse[i] * r[i];
-    const system::RowInverse rows(penalties, inverse, free);
-    rows.correct(z);
+    const Parallel parallel(2);
+    const system::RowInverse rows(parallel, penalties, inverse, free);
+    rows.correct(parallel, z);
     Eigen::VectorXd right(kSize), found(kSize);
     for (Eigen::Index i = 0; i < kSize; ++i) {
       right[i] = static_cast<double>(r[static_cast<std::size_t>(i)]);
