@@ -71,9 +71,9 @@ def wait_for_children(path: Path, count: int) -> list[int]:
 @pytest.fixture
 def endless(tmp_path) -> Path:
     """A mesh file that is never read to its end: it names a pipe that nobody writes to."""
-    os.mkfifo(tmp_path / "pipe.mtl")
-    path = tmp_path / "endless.obj"
-    path.write_bytes(mesh_samples.obj().replace(b"none.mtl", b"pipe.mtl"))
+    os.mkfifo(tmp_path / "pipe.bin")
+    path = tmp_path / "endless.gltf"
+    path.write_text(json.dumps(mesh_samples.gltf_parts("pipe.bin")[0]))
     return path
 
 

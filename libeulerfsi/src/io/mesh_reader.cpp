@@ -22,6 +22,7 @@
 #include <limits>
 #include <new>
 #include <numeric>
+#include <optional>
 #include <sstream>
 #include <stdexcept>
 #include <string_view>
@@ -30,7 +31,9 @@
 #include "base/error.hpp"
 #include "io/mesh_header.hpp"
 #include "io/obj_objects.hpp"
-#include "io/ply_lists.hpp"
+#include "io/plain_off.hpp"
+#include "io/plain_ply.hpp"
+#include "io/plain_stl.hpp"
 
 namespace efsi::io {
 
@@ -105,12 +108,12 @@ class UriFileSystem : public Assimp::DefaultIOSystem {
   }
 };
 
-// An .obj file with its objects numbered; files that it names are those beside it.
-class ObjFileSystem : public Assimp::DefaultIOSystem {
+// One file, of a given text.
+class TextFileSystem : public Assimp::DefaultIOSystem {
  public:
-  ObjFileSystem(const std::string& path, const std::string& text) : path_(path), text_(text) {}
-  Assimp::IOStream* Open(const char* file, const char* mode) override {
-    if (file != path_) return DefaultIOSystem::Open(file, mode);
+  TextFileSystem(const std::string& path, const std::string& text) : path_(path), text_(text) {}
+  Assimp::IOStream* Open(const char* file, const char*) override {
+    if (file != path_) return nullptr;
     return new Assimp::MemoryIOStream(reinterpret_cast<const std::uint8_t*>(text_.data()), text_.size());
   }
 
@@ -211,13 +214,18 @@ PolygonMesh read_mesh(const std::string& path) {
   const std::string suffix = suffix_of(path);
   check_suffix(path, suffix);
   check_header(path, suffix);
-  if (suffix == "ply") check_ply_lists(path);
   const bool is_obj = suffix == "obj";
   const NumberedObj obj = is_obj ? number_objects(path) : NumberedObj{};
+  const std::optional<std::string> plain = suffix == "ply"   ? std::optional(plain_ply(path))
+                                           : suffix == "off" ? std::optional(plain_off(path))
+                                           : suffix == "stl" ? std::optional(plain_stl(path))
+                                                             : std::nullopt;
+  const std::string* text = is_obj ? &obj.text : plain ? &*plain : nullptr;
   Assimp::Importer importer;
   keep_only(importer, suffix);
   // The importer deletes it.
-  importer.SetIOHandler(is_obj ? static_cast<Assimp::IOSystem*>(new ObjFileSystem(path, obj.text)) : new UriFileSystem);
+  importer.SetIOHandler(text == nullptr ? static_cast<Assimp::IOSystem*>(new UriFileSystem)
+                                        : new TextFileSystem(path, *text));
   importer.SetPropertyBool(AI_CONFIG_IMPORT_NO_SKELETON_MESHES, true);
   const aiScene* scene = importer.ReadFile(path, aiProcess_ValidateDataStructure);
   if (scene == nullptr) {

@@ -2,23 +2,16 @@
 #include "io/obj_objects.hpp"
 
 #include <algorithm>
-#include <filesystem>
-#include <fstream>
+#include <cstring>
 #include <string_view>
+
+#include "io/read_all.hpp"
 
 namespace efsi::io {
 
 namespace {
 
 constexpr const char* kBlank = " \t\v\f";
-
-std::string read_all(const std::string& path) {
-  std::string text(std::filesystem::file_size(path), '\0');
-  std::ifstream file(path, std::ios::binary);
-  file.read(text.data(), static_cast<std::streamsize>(text.size()));
-  text.resize(static_cast<std::size_t>(file.gcount()));
-  return text;
-}
 
 // Of a line without its end: whether it is `KEY` or `KEY NAME`.
 bool begins(std::string_view line, char key) {
@@ -30,13 +23,23 @@ std::string name_in(std::string_view line) {
   return first == line.npos ? "" : std::string(line.substr(first, line.find_last_not_of(kBlank) + 1 - first));
 }
 
-// Calls line(begin, end) for each line, its end of one character or two not within it.
-template <class Line>
-void for_each_line(std::string_view text, const Line& line) {
+// Whether assimp is given it: points, faces, and the sections of curves, whose lines it leaves out.
+bool makes_mesh(std::string_view line) { return begins(line, 'v') || (!line.empty() && std::strchr("fce", line[0])); }
+
+// Calls use(line) for each line without its end; a backslash before an end joins two lines.
+template <class Use>
+void for_each_line(std::string_view text, const Use& use) {
+  constexpr std::string_view kEnds("\n\r\f\0", 4);
+  std::string joined;
   for (std::size_t begin = 0; begin < text.size();) {
-    const std::size_t end = std::min(text.find_first_of("\r\n", begin), text.size());
-    line(begin, end);
-    begin = end + 1;
+    const std::size_t end = std::min(text.find_first_of(kEnds, begin), text.size());
+    std::string_view line = text.substr(begin, end - begin);
+    begin = end + (text.substr(end, 2) == "\r\n" ? 2 : 1);
+    const bool goes_on = line.ends_with('\\');
+    if (goes_on || !joined.empty()) joined += line.substr(0, line.find_last_not_of('\\') + 1);
+    if (goes_on && begin < text.size()) continue;
+    use(joined.empty() ? line : joined);
+    joined.clear();
   }
 }
 
@@ -44,25 +47,18 @@ void for_each_line(std::string_view text, const Line& line) {
 
 NumberedObj number_objects(const std::string& path) {
   const std::string text = read_all(path);
-  const std::string_view view = text;
   bool has_objects = false;
-  for_each_line(view, [&](std::size_t begin, std::size_t end) {
-    has_objects = has_objects || begins(view.substr(begin, end - begin), 'o');
-  });
+  for_each_line(text, [&](std::string_view line) { has_objects = has_objects || begins(line, 'o'); });
   NumberedObj numbered;
   numbered.text.reserve(text.size());
-  std::size_t copied = 0;
-  for_each_line(view, [&](std::size_t begin, std::size_t end) {
-    const std::string_view line = view.substr(begin, end - begin);
-    const bool object = begins(line, has_objects ? 'o' : 'g');
-    if (!object && !begins(line, 'g')) return;
-    numbered.text += view.substr(copied, begin - copied);
-    copied = end;
-    if (!object) return;
-    numbered.text += "o " + std::to_string(numbered.names.size());
-    numbered.names.push_back(name_in(line));
+  for_each_line(text, [&](std::string_view line) {
+    if (begins(line, has_objects ? 'o' : 'g')) {
+      numbered.text += "o " + std::to_string(numbered.names.size()) + "\n";
+      numbered.names.push_back(name_in(line));
+    } else if (makes_mesh(line)) {
+      numbered.text.append(line) += '\n';
+    }
   });
-  numbered.text += view.substr(copied);
   return numbered;
 }
 

@@ -9,7 +9,10 @@
 #include "geometry/mesh_topology.hpp"
 #include "io/mesh_header.hpp"
 #include "io/mesh_reader.hpp"
-#include "io/ply_lists.hpp"
+#include "io/obj_objects.hpp"
+#include "io/plain_off.hpp"
+#include "io/plain_ply.hpp"
+#include "io/plain_stl.hpp"
 #include "unit/io/scratch.hpp"
 
 using namespace efsi;
@@ -302,11 +305,13 @@ TEST_CASE("A list of a PLY file that announces more entries than there are is re
   };
   const auto check = [&](const std::string& text) {
     write_text(scratch / "lists.ply", text);
-    check_ply_lists(scratch / "lists.ply");
+    plain_ply(scratch / "lists.ply");
   };
   const std::string ascii = header("ascii", 2) + "0 0 0\n\n1 0 0\n0 1 0\n";
   CHECK_NOTHROW(check(ascii + "3 0 1 2 1 0.5\r\n3 0 2 1 0"));
-  CHECK_NOTHROW(check(ascii + "3 0 1 2 1 0.5 and more\n"));  // a face too few is the reader's to refuse
+  CHECK_NOTHROW(check(ascii + "3 0 1 2 1 0.5 and more\n3 0 2 1 0\n"));
+  CHECK_THROWS_WITH(check(ascii + "3 0 1 2 1 0.5\n"), Contains("lists.ply: face 2: the file ends before it"));
+  CHECK_THROWS_WITH(check(ascii + "3 0 1 -2 1 0.5\n"), Contains("lists.ply: face 1: '-2' is no number of a vertex"));
   CHECK_THROWS_WITH(check(ascii + "3 0 1 2 1 0.5\n22906492240 0 1 2\n"),
                     Contains("lists.ply: face 2: its line has fewer entries than the 22906492240 it announces"));
   CHECK_THROWS_WITH(check(ascii + "3 0 1 2 1\n"), Contains("face 1: its line has fewer entries than the 1 it"));
@@ -314,8 +319,8 @@ TEST_CASE("A list of a PLY file that announces more entries than there are is re
     CHECK_THROWS_WITH(check(ascii + word + " 0 1 2\n"),
                       Contains("face 1: '" + std::string(word) + "' is no number of entries of a list"));
   CHECK_THROWS_WITH(check(ascii + "3 0 1 2\n"), Contains("face 1: '' is no number of entries of a list"));
-  CHECK_THROWS_WITH(check("ply\nformat ascii 1.0\nelement vertex 3\nproperty f\nend_header\n0\n"),
-                    Contains("lists.ply: its header has a property without a known type: property f"));
+  CHECK_THROWS_WITH(check(header("ascii", 2) + "0 0 0\n1 0\n0 1 0\n3 0 1 2 1 0.5\n"),
+                    Contains("lists.ply: vertex 2: its line has fewer numbers than it has properties"));
 
   for (const bool little : {true, false}) {
     INFO(little);
@@ -330,9 +335,130 @@ TEST_CASE("A list of a PLY file that announces more entries than there are is re
     CHECK_THROWS_WITH(check(begin + word(3) + std::string(8, '\0')),
                       Contains("lists.ply: face 1: a list of 3 entries, more than the rest of the file holds"));
     CHECK_THROWS_WITH(check(begin + word(4000000000u)), Contains("face 1: a list of 4000000000 entries"));
-    CHECK_NOTHROW(check(begin + "\1"));  // cut within a count: the reader's to refuse
+    CHECK_THROWS_WITH(check(begin + "\1"), Contains("lists.ply: face 1: the file ends within it"));
+    CHECK_THROWS_WITH(check(begin.substr(0, begin.size() - 14)), Contains("vertex 3: the file ends within it"));
     std::string negative = begin;
     negative.replace(negative.find("uchar"), 5, "char").replace(negative.find('\3'), 1, "\377");
     CHECK_THROWS_WITH(check(negative), Contains("face 1: a list with a negative number of entries"));
   }
+}
+
+TEST_CASE("Of a PLY file assimp is given points and corners alone, and never a header that leads it astray", "[law]") {
+  const Scratch scratch;
+  const std::string begin = "ply\nformat ascii 1.0\n", xyz = "property float x\nproperty float y\nproperty float z\n";
+  const std::string vertices = "element vertex 3\n" + xyz, points = "0 0 0\n1 0 0\n0 1 0\n";
+  const std::string faces = "element face 1\nproperty list uchar int vertex_indices\n", end = "end_header\n";
+  const auto plain = [&](const std::string& text) {
+    write_text(scratch / "odd.ply", text);
+    return plain_ply(scratch / "odd.ply");
+  };
+  const std::string expected = begin + vertices + faces + end + points + "3 0 1 2\n";
+  CHECK(plain(expected) == expected);
+  // Comments, other elements and properties, faces first, line ends of each kind, and none at the end.
+  CHECK(plain("PLY\r\nformat ascii 1.0\r\ncomment property list uchar int vertex_indices\r\nelement face 1\r\n"
+              "property list uchar float texcoord\r\nproperty list uchar int vertex_indices\r\nelement edge 1\r\n"
+              "property int a\r\nelement vertex 3\r\nproperty uchar red\r\n" +
+              xyz +
+              "end_header\r\n"
+              "8 0 0 0 0 0 0 0 0 3 0 1 2\r\n\r\n7\r\n9 0 0 0\r9 1 0 0\n\n\n9 0 1 0") == expected);
+  const auto refused = [&](const std::string& text, const std::string& reason) {
+    CHECK_THROWS_WITH(plain(text), Contains("odd.ply: " + reason));
+  };
+  const std::string rest = end + points + points;
+  refused(begin + vertices + "element vertex 4\n" + xyz + faces + rest, "its header has more than one element vertex");
+  refused(begin + vertices + faces + faces + rest, "its header has more than one element face");
+  refused(begin + vertices + faces + "property list uchar int vertex_indices\n" + rest,
+          "its face has more than one property vertex_indices");
+  refused(begin + vertices + faces + "element tristrips 1\nproperty list int int vertex_indices\n" + rest,
+          "has triangle strips, which are not read");
+  refused(begin + "element vertex 3\nproperty float nx\n" + faces + rest,
+          "its header has no element vertex with coordinates");
+  refused(begin + vertices + "element face 1\nproperty list uchar float texcoord\n" + rest,
+          "has no faces: its header has no element face with a list vertex_indices");
+  refused(begin + "element vertex x\n" + xyz + rest, "its header has an element without a number: element vertex x");
+  refused(begin + vertices + "property f\n" + rest, "its header has a property without a known type: property f");
+  refused("ply\nformat text 1.0\n" + vertices + faces + rest,
+          "not a readable .ply file: its header has no known format");
+}
+
+TEST_CASE("Bytes of a binary PLY file are read whole where the first one is a line feed") {
+  const Scratch scratch;
+  std::string text =
+      "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+      "property float z\nproperty uchar red\nelement face 1\nproperty uchar flag\n"
+      "property list uchar int vertex_index\nend_header\n";
+  const float points[3][3] = {{1.00000119f, 0, 0}, {2, 0, 0}, {0, 1, 0}};
+  for (const auto& point : points) text.append(reinterpret_cast<const char*>(point), sizeof point).append("\7");
+  REQUIRE(text[text.find("end_header\n") + 11] == '\n');
+  text.append("\1\3");
+  for (const std::int32_t corner : {0, 1, 2}) text.append(reinterpret_cast<const char*>(&corner), sizeof corner);
+  write_text(scratch / "feed.ply", text);
+  const PolygonMesh mesh = read_mesh(scratch / "feed.ply");
+  REQUIRE(mesh.points.size() == 3);
+  for (int i = 0; i < 3; ++i) CHECK(mesh.points[i] == std::array<float, 3>{points[i][0], points[i][1], points[i][2]});
+  CHECK(mesh.face_vertex_indices == std::vector<std::int32_t>{0, 1, 2});
+}
+
+TEST_CASE("Of an OFF file assimp is given points and corners alone, in lines that it can hold", "[law]") {
+  const Scratch scratch;
+  const auto plain = [&](const std::string& text) {
+    write_text(scratch / "odd.off", text);
+    return plain_off(scratch / "odd.off");
+  };
+  const std::string points = "0 0 0\n1 0 0\n0 1 0\n", expected = "OFF\n3 1 0\n" + points + "3 0 1 2\n";
+  CHECK(plain(expected) == expected);
+  CHECK(plain("3 1 0\n" + points + "3 0 1 2") == expected);
+  CHECK(plain("# " + std::string(9000, '-') +
+              "\r\nSTCNOFF3 1 0 # counts\r\n\r\n0 0 0 0 0 1\r\n1 0 0 0 0 1\r\n# more\r\n"
+              "0 1 0 0 0 1\r\n3 0 1 2 255 0 0") == expected);
+  CHECK(plain("4nOFF 2\n3 3 0\n0 0 1\n1 0 1\n0 1 1\n2 0 1\n0\n3 0 1 2\n") ==
+        "4OFF\n3 1 0\n0 0 0 1\n1 0 0 1\n0 1 0 1\n3 0 1 2\n");
+  const auto refused = [&](const std::string& text, const std::string& reason) {
+    CHECK_THROWS_WITH(plain(text), Contains("odd.off: " + reason));
+  };
+  const std::string begin = "OFF\n3 1 0\n";
+  refused("OFF BINARY\n3 1 0\n" + points, "not a readable .off file: 'BINARY' stands for its number of vertices");
+  refused("nOFF 4\n3 1 0\n" + points, "has points of 4 coordinates, not of 1 to 3");
+  refused(begin + "0 0 0\n1 0 0\n", "ends before vertex 3 of 3");
+  refused(begin + points, "ends before face 1 of 1");
+  refused(begin + "0 0 0\n1 0\n0 1 0\n", "vertex 2 has fewer than 3 coordinates");
+  refused(begin + points + "=\n3 0 1 2\n", "face 1: '=' is no number of corners");
+  refused(begin + points + "3 0 1\n", "face 1: its line has fewer than the 3 corners it announces");
+  refused(begin + points + "3 0 1 3\n", "face 1: '3' is none of the 3 vertices, counted from 0");
+  refused(begin + points + "10 0 1 2 0 1 2 0 1 2 0\n",
+          "face 1 has 10 corners, more than the 9 that are read of an .off");
+  refused(begin + "0 0 " + std::string(4095, '0') + "\n" + points, "vertex 1 has numbers of more than 4095 characters");
+}
+
+TEST_CASE("Of an OBJ file assimp is given points, faces and objects alone") {
+  const Scratch scratch;
+  const auto text = [&](const std::string& all) {
+    write_text(scratch / "lines.obj", all);
+    return number_objects(scratch / "lines.obj").text;
+  };
+  const std::string triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+  CHECK(text("mtllib a.mtl\nvn 0 0 1\nvt 0\n" + triangle + "l 1\nl 1\nl 1 2 3\np 1 \\\n 2\nusemtl b\n# \f") ==
+        triangle);
+  CHECK(text("v 0 0 \\\r\n0\r\nv 1 0 0\f"
+             "v 0 \\\\\n1 0\n\nf 1 2 \\\n\\\n3\\") == triangle);
+  CHECK(text("").empty());
+  // Behind two lines of one point a third one would be written behind the points.
+  write_text(scratch / "lines.obj", triangle + "l 1\nl 1\nl 1 2 3\n");
+  CHECK(read_mesh(scratch / "lines.obj").face_vertex_counts == std::vector<std::int32_t>{3});
+}
+
+TEST_CASE("An STL file has its header blank, or begins with its first word") {
+  const Scratch scratch;
+  const auto plain = [&](const std::string& text) {
+    write_text(scratch / "odd.stl", text);
+    return plain_stl(scratch / "odd.stl");
+  };
+  const std::string cube = cube_stl(), solid = "solid a\nendsolid a\n";
+  std::string marked = cube;
+  marked.replace(0, 16, std::string("\xFE\xFF\0\0 COLOR=1234", 16));
+  CHECK(plain(marked) == cube);
+  CHECK(plain("\xEF\xBB\xBF  \t" + solid) == solid);
+  for (const std::string& text :
+       {std::string("\xFE\xFF\0\0solid", 9), std::string("facet"), cube + "\n", std::string()})
+    CHECK_THROWS_WITH(plain(text), Contains("odd.stl: not a readable .stl file: "));
 }
