@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 
 import pytest
-from conftest import make_scene
+from conftest import ROOT, make_scene
 from eulerfsi.cache import cache as cache_module
 from eulerfsi.cache.output import Output
 from eulerfsi.errors import EXIT_IO
@@ -27,6 +28,18 @@ def test_what_is_predicted_is_near_to_what_a_cache_takes(tmp_path):
     assert 0.6 * real < needed < 1.6 * real, f"{needed} predicted, {real} taken"
     less = disk.need(scene, Output(half=True, velocity=False), 12, 2)
     assert less < needed < disk.need(scene, Output(), 24, 3) < disk.need(scene, Output(), 24, 3, 24)
+
+
+def test_smoke_that_spreads_takes_more_and_never_more_than_a_full_box(cli, tmp_path):
+    path = ROOT / "examples" / "scenes" / "smoke_only.usda"
+    options = Options(output=tmp_path / "cache", progress="none", settings=("/World/Domain.eulerfsi:voxelSize=0.05",))
+    scene, _ = load_scene(path, options, Log(), 0)
+    simulate(path, options, Log())
+    real, frames = cache_module.size(tmp_path / "cache"), len(scene.frames)
+    least, most = (disk.need(scene, Output(), frames, 3, full=full) for full in (False, True))
+    assert 0.6 * real < least < 1.1 * real < most, f"{least} to {most} predicted, {real} taken"
+    facts = json.loads(cli("validate", path, "--set", options.settings[0], "--json").stdout)
+    assert (facts["disk"], facts["disk_full"]) == (least, most)
 
 
 def test_most_checkpoints_at_once():

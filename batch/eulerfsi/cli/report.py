@@ -32,7 +32,7 @@ _MOST_LINES = 8  # of passengers of one body
 @dataclasses.dataclass
 class Report:
     """A scene that can be simulated. memory, memory_limit: bytes that it needs and may take; time: a line; disk: bytes
-    of its cache; expected: a line a solid and one for the fluid."""
+    of its cache, disk_full: with smoke in the whole box; expected: a line a solid and one for the fluid."""
 
     scene: Scene
     warnings: list[Issue]
@@ -41,16 +41,18 @@ class Report:
     threads: int
     time: str
     disk: int
+    disk_full: int
     expected: list[str]
 
     def lines(self) -> list[str]:
         """For people."""
+        spread = f", up to {format_bytes(self.disk_full)} where smoke fills the box" if self.scene.has_smoke else ""
         return [
             *describe_scene(self.scene),
             *(f"warning: {issue.message}" for issue in self.warnings),
             f"memory: about {format_bytes(self.memory + memory.PROCESS)} of {format_bytes(self.memory_limit)} "
             f"available ({format_bytes(self.memory)} for the simulation)",
-            f"disk: about {format_bytes(self.disk)}, more where smoke spreads",
+            f"disk: about {format_bytes(self.disk)}" + spread,
             self.time,
             *self.expected,
             "the scene can be simulated",
@@ -64,6 +66,7 @@ class Report:
             "memory": self.memory,
             "process_memory": self.memory + memory.PROCESS,
             "disk": self.disk,
+            "disk_full": self.disk_full,
             "memory_limit": self.memory_limit,
             "threads": self.threads,
             "time": self.time.removeprefix("time: "),
@@ -111,9 +114,11 @@ def validate(
         cells=scene.cells,
     )
     reading = time.monotonic() - begun
-    room = disk.need(scene, Output(), len(scene.frames), Checkpoints("10", "2").most(len(scene.frames)))
+    number = len(scene.frames)
+    checkpoints = Checkpoints("10", "2").most(number)
+    room, most = (disk.need(scene, Output(), number, checkpoints, full=full) for full in (False, True))
     told = time_estimate(scene, threads, limit, reading)
-    return Report(scene, warnings, needed, limit, threads, told, room, expectations.describe(scene))
+    return Report(scene, warnings, needed, limit, threads, told, room, most, expectations.describe(scene))
 
 
 def scene_facts(scene: Scene) -> dict[str, Any]:

@@ -18,16 +18,21 @@ _POINT, _SCALAR, _VELOCITY, _FLUID, _BAND, _PICTURE = 24.0, 4.0, 12.0, 20.0, 26.
 _MARGIN = 6.0  # cells of a solid's band beyond its box
 _ALWAYS = 400_000.0  # the copy of the scene's own layer, log, statistics, preview
 _PER_FRAME = 3_000.0  # headers, and a line of the manifest for each file
+_GRID, _LEAVES = 8_500.0, 1.1  # the upper nodes of a grid's tree in a .vdb; leaves for each byte of their voxels
 
 
-def frame_bytes(scene: Scene, output: Output) -> float:
-    """One frame: points and velocities of all that is drawn, and the smoke that emitters give at the start or hold."""
+def frame_bytes(scene: Scene, output: Output, full: bool = False) -> float:
+    """One frame: points and velocities of all that is drawn, and the smoke that emitters give at the start or hold.
+
+    full: smoke in the whole box.
+    """
     points = sum(len(part.local.points) for part in scene.drawn)
     size = _PER_FRAME + _POINT * points
     if scene.has_smoke:
         scalars = 1 + any(emitter.over_time("temperature").any() for emitter in scene.emitters)
         voxel = _SCALAR * scalars + (_VELOCITY if output.velocity else 0.0)
-        size += _smoke_cells(scene) * voxel / (2 if output.half else 1)
+        cells = _LEAVES * scene.cells if full else _smoke_cells(scene)
+        size += cells * voxel / (2 if output.half else 1) + _GRID * (scalars + output.velocity)
     return size
 
 
@@ -54,9 +59,10 @@ def checkpoint_bytes(scene: Scene) -> float:
     return size
 
 
-def need(scene: Scene, output: Output, frames: int, checkpoints: int, pictures: int = 0) -> int:
-    """Bytes of so many frames, checkpoints and pictures of a flip-book. Smoke may spread to more."""
-    size = _ALWAYS + frames * frame_bytes(scene, output) + checkpoints * checkpoint_bytes(scene)
+def need(scene: Scene, output: Output, frames: int, checkpoints: int, pictures: int = 0, full: bool = False) -> int:
+    """Bytes of so many frames, checkpoints and pictures of a flip-book. Smoke may spread to more; full: to the whole
+    box in every frame, which is the most there can be."""
+    size = _ALWAYS + frames * frame_bytes(scene, output, full) + checkpoints * checkpoint_bytes(scene)
     return int(size + pictures * _PICTURE)
 
 
