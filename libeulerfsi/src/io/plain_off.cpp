@@ -13,13 +13,13 @@ namespace efsi::io {
 
 namespace {
 
-constexpr std::size_t kLongestLine = 4095, kMostCorners = 9;  // what assimp reads
-constexpr std::string_view kBlank = " \t";
+constexpr std::size_t kLongestLine = 4095, kMostOfFace = 9;  // what assimp reads
+constexpr std::string_view kGaps = " \t";
 
 // The first word of a line, which is taken off it; empty: there is none.
 std::string_view take_word(std::string_view& line) {
-  line.remove_prefix(std::min(line.find_first_not_of(kBlank), line.size()));
-  const std::string_view word = line.substr(0, line.find_first_of(kBlank));
+  line.remove_prefix(std::min(line.find_first_not_of(kGaps), line.size()));
+  const std::string_view word = line.substr(0, line.find_first_of(kGaps));
   line.remove_prefix(word.size());
   return word;
 }
@@ -136,8 +136,8 @@ class Off {
     if (!to_number(first, corners))
       refuse(name + ": '" + std::string(first.substr(0, 40)) + "' is no number of corners");
     if (corners < 3) return "";
-    if (corners > kMostCorners)
-      refuse(name + " has " + std::to_string(corners) + " corners, more than the " + std::to_string(kMostCorners) +
+    if (corners > kMostOfFace)
+      refuse(name + " has " + std::to_string(corners) + " corners, more than the " + std::to_string(kMostOfFace) +
              " that are read of an .off file");
     std::string plain(first);
     for (std::uint32_t i = 0; i < corners; ++i) {

@@ -1,7 +1,6 @@
 // Purpose: an .stl file in the forms that assimp reads without mistakes.
 #include "io/plain_stl.hpp"
 
-#include <algorithm>
 #include <cstdint>
 #include <cstring>
 
@@ -25,10 +24,7 @@ bool is_binary(const std::string& text) {
 
 std::string plain_stl(const std::string& path) {
   std::string text = read_all(path);
-  if (is_binary(text)) {
-    std::fill_n(text.begin(), kHeader, ' ');
-    return text;
-  }
+  if (is_binary(text)) return text.replace(0, kHeader, kHeader, ' ');
   std::size_t begin = text.starts_with("\xEF\xBB\xBF") ? 3 : 0;
   begin = text.find_first_not_of(" \t", begin);
   if (begin == text.npos || text.compare(begin, 5, "solid") != 0)
