@@ -5,6 +5,7 @@
 #include <cstring>
 #include <string_view>
 
+#include "base/error.hpp"
 #include "io/read_all.hpp"
 
 namespace efsi::io {
@@ -51,14 +52,17 @@ NumberedObj number_objects(const std::string& path) {
   for_each_line(text, [&](std::string_view line) { has_objects = has_objects || begins(line, 'o'); });
   NumberedObj numbered;
   numbered.text.reserve(text.size());
+  bool has_points = false;
   for_each_line(text, [&](std::string_view line) {
     if (begins(line, has_objects ? 'o' : 'g')) {
       numbered.text += "o " + std::to_string(numbered.names.size()) + "\n";
       numbered.names.push_back(name_in(line));
     } else if (makes_mesh(line)) {
       numbered.text.append(line) += '\n';
+      has_points = has_points || line[0] == 'v';
     }
   });
+  if (!has_points) throw Error(ErrorCode::kMesh, path + ": not a readable .obj file: it contains no mesh");
   return numbered;
 }
 

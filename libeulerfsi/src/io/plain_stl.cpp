@@ -29,8 +29,8 @@ std::string plain_stl(const std::string& path) {
   begin = text.find_first_not_of(" \t", begin);
   if (begin == text.npos || text.compare(begin, 5, "solid") != 0)
     throw Error(ErrorCode::kMesh, path +
-                                      ": not a readable .stl file: as a text it must begin with \"solid\"; as a binary "
-                                      "file of its size it must announce another number of facets");
+                                      ": not a readable .stl file: it is not an STL file, neither a binary one by its "
+                                      "size nor a text that begins with \"solid\"");
   return text.erase(0, begin);
 }
 

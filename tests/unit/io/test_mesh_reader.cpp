@@ -441,7 +441,8 @@ TEST_CASE("Of an OBJ file assimp is given points, faces and objects alone") {
         triangle);
   CHECK(text("v 0 0 \\\r\n0\r\nv 1 0 0\f"
              "v 0 \\\\\n1 0\n\nf 1 2 \\\n\\\n3\\") == triangle);
-  CHECK(text("").empty());
+  for (const char* empty : {"", "o a\nf 1 2 3\n", "vn 0 0 1\n"})
+    CHECK_THROWS_WITH(text(empty), Contains("lines.obj: not a readable .obj file: it contains no mesh"));
   // Behind two lines of one point a third one would be written behind the points.
   write_text(scratch / "lines.obj", triangle + "l 1\nl 1\nl 1 2 3\n");
   CHECK(read_mesh(scratch / "lines.obj").face_vertex_counts == std::vector<std::int32_t>{3});
