@@ -106,9 +106,9 @@ class Off {
   }
 
   std::string vertex(std::uint32_t number) {
-    const std::string name = "vertex " + std::to_string(number + 1);
+    const auto name = [&] { return "vertex " + std::to_string(number + 1); };
     std::string_view line = take_line();
-    if (line.empty()) refuse("ends before " + name + " of " + std::to_string(vertices_));
+    if (line.empty()) refuse("ends before " + name() + " of " + std::to_string(vertices_));
     const std::uint32_t weight = homogeneous_ ? 1 : 0;
     std::string plain;
     for (std::uint32_t i = 0; i < 3 + weight; ++i) {
@@ -117,36 +117,36 @@ class Off {
         continue;
       }
       const std::string_view word = take_word(line);
-      if (word.empty()) refuse(name + " has fewer than " + std::to_string(dimension_ + weight) + " coordinates");
+      if (word.empty()) refuse(name() + " has fewer than " + std::to_string(dimension_ + weight) + " coordinates");
       plain.append(word) += ' ';
     }
     plain.back() = '\n';
     if (plain.size() > kLongestLine)
-      refuse(name + " has numbers of more than " + std::to_string(kLongestLine) + " characters");
+      refuse(name() + " has numbers of more than " + std::to_string(kLongestLine) + " characters");
     return plain;
   }
 
   // Empty: a face of fewer than three corners.
   std::string face(std::uint32_t number, std::uint32_t faces) {
-    const std::string name = "face " + std::to_string(number + 1);
+    const auto name = [&] { return "face " + std::to_string(number + 1); };
     std::string_view line = take_line();
-    if (line.empty()) refuse("ends before " + name + " of " + std::to_string(faces));
+    if (line.empty()) refuse("ends before " + name() + " of " + std::to_string(faces));
     const std::string_view first = take_word(line);
     std::uint32_t corners = 0;
     if (!to_number(first, corners))
-      refuse(name + ": '" + std::string(first.substr(0, 40)) + "' is no number of corners");
+      refuse(name() + ": '" + std::string(first.substr(0, 40)) + "' is no number of corners");
     if (corners < 3) return "";
     if (corners > kMostOfFace)
-      refuse(name + " has " + std::to_string(corners) + " corners, more than the " + std::to_string(kMostOfFace) +
+      refuse(name() + " has " + std::to_string(corners) + " corners, more than the " + std::to_string(kMostOfFace) +
              " that are read of an .off file");
     std::string plain(first);
     for (std::uint32_t i = 0; i < corners; ++i) {
       const std::string_view word = take_word(line);
       std::uint32_t index = 0;
       if (word.empty())
-        refuse(name + ": its line has fewer than the " + std::to_string(corners) + " corners it announces");
+        refuse(name() + ": its line has fewer than the " + std::to_string(corners) + " corners it announces");
       if (!to_number(word, index) || index >= vertices_)
-        refuse(name + ": '" + std::string(word.substr(0, 40)) + "' is none of the " + std::to_string(vertices_) +
+        refuse(name() + ": '" + std::string(word.substr(0, 40)) + "' is none of the " + std::to_string(vertices_) +
                " vertices, counted from 0");
       plain.append(" ").append(word);
     }
