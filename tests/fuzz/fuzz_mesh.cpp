@@ -1,5 +1,5 @@
-// Purpose: mesh files (io/mesh_reader, io/mesh_header). The first byte chooses the suffix; what is refused says so by
-// Error, what is read has indices of its points, and objects that cover its faces.
+// Purpose: mesh files (io/mesh_reader and the plain forms). The first byte chooses the suffix; what is refused says so
+// by Error, what is read has indices of its points, and objects that cover its faces.
 #include <array>
 #include <cstdlib>
 

@@ -29,8 +29,7 @@
 #include <system_error>
 
 #include "base/error.hpp"
-#include "io/mesh_header.hpp"
-#include "io/obj_objects.hpp"
+#include "io/plain_obj.hpp"
 #include "io/plain_off.hpp"
 #include "io/plain_ply.hpp"
 #include "io/plain_stl.hpp"
@@ -137,16 +136,16 @@ void rethrow_want_of_memory(const std::exception_ptr& error) {
 struct Source {
   const aiScene& scene;
   const std::string& path;
-  const NumberedObj* obj;  // nullptr: another format
+  const std::vector<std::string>* names;  // of objects, by number; nullptr: nodes have their own
 };
 
 // assimp has names in angle brackets for what has none in the file.
-std::string name_of(const aiNode& node, const NumberedObj* obj) {
+std::string name_of(const aiNode& node, const std::vector<std::string>* names) {
   const std::string_view name(node.mName.C_Str());
-  if (!obj) return name.starts_with('<') ? "" : std::string(name);
-  std::size_t number = obj->names.size();
+  if (!names) return name.starts_with('<') ? "" : std::string(name);
+  std::size_t number = names->size();
   std::from_chars(name.data(), name.data() + name.size(), number);
-  return number < obj->names.size() ? obj->names[number] : "";
+  return number < names->size() ? (*names)[number] : "";
 }
 
 void append_mesh(const aiMesh& source, const aiMatrix4x4& to_scene, const std::string& name, const std::string& path,
@@ -174,7 +173,7 @@ void append_mesh(const aiMesh& source, const aiMatrix4x4& to_scene, const std::s
 
 void append_node(const Source& source, const aiNode& node, const aiMatrix4x4& parent, PolygonMesh& mesh) {
   const aiMatrix4x4 to_scene = parent * node.mTransformation;
-  const std::string name = name_of(node, source.obj);
+  const std::string name = name_of(node, source.names);
   const std::size_t first = mesh.face_vertex_counts.size();
   for (unsigned i = 0; i < node.mNumMeshes; ++i)
     append_mesh(*source.scene.mMeshes[node.mMeshes[i]], to_scene, name, source.path, mesh);
@@ -207,25 +206,28 @@ void join_equal_points(PolygonMesh& mesh) {
   mesh.points = std::move(points);
 }
 
+// The file in a plain form; none: assimp reads it itself. names: of the objects of an .obj file.
+std::optional<std::string> plain_text(const std::string& path, const std::string& suffix,
+                                      std::vector<std::string>& names) {
+  if (suffix == "obj") return plain_obj(path, names);
+  if (suffix == "ply") return plain_ply(path);
+  if (suffix == "off") return plain_off(path);
+  if (suffix == "stl") return plain_stl(path);
+  return {};
+}
+
 }  // namespace
 
 PolygonMesh read_mesh(const std::string& path) {
   check_readable(path);
   const std::string suffix = suffix_of(path);
   check_suffix(path, suffix);
-  check_header(path, suffix);
-  const bool is_obj = suffix == "obj";
-  const NumberedObj obj = is_obj ? number_objects(path) : NumberedObj{};
-  const std::optional<std::string> plain = suffix == "ply"   ? std::optional(plain_ply(path))
-                                           : suffix == "off" ? std::optional(plain_off(path))
-                                           : suffix == "stl" ? std::optional(plain_stl(path))
-                                                             : std::nullopt;
-  const std::string* text = is_obj ? &obj.text : plain ? &*plain : nullptr;
+  std::vector<std::string> names;
+  const std::optional<std::string> plain = plain_text(path, suffix, names);
   Assimp::Importer importer;
   keep_only(importer, suffix);
   // The importer deletes it.
-  importer.SetIOHandler(text == nullptr ? static_cast<Assimp::IOSystem*>(new UriFileSystem)
-                                        : new TextFileSystem(path, *text));
+  importer.SetIOHandler(plain ? static_cast<Assimp::IOSystem*>(new TextFileSystem(path, *plain)) : new UriFileSystem);
   importer.SetPropertyBool(AI_CONFIG_IMPORT_NO_SKELETON_MESHES, true);
   const aiScene* scene = importer.ReadFile(path, aiProcess_ValidateDataStructure);
   if (scene == nullptr) {
@@ -234,7 +236,7 @@ PolygonMesh read_mesh(const std::string& path) {
   }
   PolygonMesh mesh;
   if (scene->mRootNode != nullptr)
-    append_node({*scene, path, is_obj ? &obj : nullptr}, *scene->mRootNode, aiMatrix4x4(), mesh);
+    append_node({*scene, path, suffix == "obj" ? &names : nullptr}, *scene->mRootNode, aiMatrix4x4(), mesh);
   if (mesh.face_vertex_counts.empty()) throw Error(ErrorCode::kMesh, path + ": has no faces");
   join_equal_points(mesh);
   return mesh;

@@ -101,12 +101,13 @@ class Ply {
     for (char& c : first) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
     if (first != "ply") refuse("not a readable .ply file: it does not begin with \"ply\"");
     Header header;
-    while (at_ < text_.size()) {
+    for (bool ended = false; !ended;) {
+      if (at_ == text_.size()) refuse("its header has no line end_header");
       const std::string_view line = next_line();
       std::istringstream words{std::string(line)};
       std::string key, word, number;
       words >> key >> word >> number;
-      if (key == "end_header") break;
+      ended = key == "end_header";
       if (key == "format") header.format = word;
       if (key == "element") header.elements.push_back({word, count_of(number, line), {}});
       if (key != "property" || header.elements.empty()) continue;

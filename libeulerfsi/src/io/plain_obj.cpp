@@ -1,5 +1,5 @@
-// Purpose: the objects of an .obj file, under names that assimp can tell apart.
-#include "io/obj_objects.hpp"
+// Purpose: an .obj file in the one form that assimp reads without mistakes.
+#include "io/plain_obj.hpp"
 
 #include <algorithm>
 #include <cstring>
@@ -46,24 +46,25 @@ void for_each_line(std::string_view text, const Use& use) {
 
 }  // namespace
 
-NumberedObj number_objects(const std::string& path) {
+std::string plain_obj(const std::string& path, std::vector<std::string>& names) {
   const std::string text = read_all(path);
   bool has_objects = false;
   for_each_line(text, [&](std::string_view line) { has_objects = has_objects || begins(line, 'o'); });
-  NumberedObj numbered;
-  numbered.text.reserve(text.size());
+  names.clear();
+  std::string plain;
+  plain.reserve(text.size());
   bool has_points = false;
   for_each_line(text, [&](std::string_view line) {
     if (begins(line, has_objects ? 'o' : 'g')) {
-      numbered.text += "o " + std::to_string(numbered.names.size()) + "\n";
-      numbered.names.push_back(name_in(line));
+      plain += "o " + std::to_string(names.size()) + "\n";
+      names.push_back(name_in(line));
     } else if (makes_mesh(line)) {
-      numbered.text.append(line) += '\n';
+      plain.append(line) += '\n';
       has_points = has_points || line[0] == 'v';
     }
   });
   if (!has_points) throw Error(ErrorCode::kMesh, path + ": not a readable .obj file: it contains no mesh");
-  return numbered;
+  return plain;
 }
 
 }  // namespace efsi::io
