@@ -126,7 +126,7 @@ void find_owned_cells(const Parallel& parallel, const SolidStates& states, const
   };
   for (std::size_t l = 0; l < states.size(); ++l)
     for_band_cells(parallel, g, states[l].band, [&](std::size_t c, int i, int j, int k) {
-      if (solids[l].element[c] < 0) return;
+      if (!solids[l].owns(c)) return;
       std::uint8_t& owner = matter.owned[g.padded(i, j, k)];
       if (owner == 0 || solids[l].fraction[c] > fraction(owner - 1u, i, j, k)) owner = static_cast<std::uint8_t>(l + 1);
     });

@@ -38,7 +38,8 @@ std::optional<std::size_t> carried(const Grid& g, const SolidStates& states, con
   return local;
 }
 
-// A node that only one solid carries: its velocity and the fluid's, if the fluid slips there.
+// A node that only one solid carries: its velocity and the fluid's, if the fluid slips there. At corners of slivers
+// alone, of no cell that is a solid's, n = 0.
 bool find_slip(const Matter& matter, const std::vector<std::uint32_t>& carrier, std::size_t solid, Real solid_mass,
                const Vec3i& at, SlipNode& node) {
   const Grid& g = matter.common.grid;
@@ -52,9 +53,10 @@ bool find_slip(const Matter& matter, const std::vector<std::uint32_t>& carrier, 
   // Between folds of one solid; two solids part and meet, and the fluid between them has to get in and out.
   const auto is_gap = [&](int x, int y, int z) {
     const std::uint32_t first = carrier[g.node(x, y, z)];
-    return first != kShared && std::all_of(std::begin(grid::kCorner), std::end(grid::kCorner), [&](const auto& c) {
-             const std::uint32_t corner = carrier[g.node(x + c[0], y + c[1], z + c[2])];
-             return corner > 0 && corner == first;
+    return first > 0 && first != kShared &&
+           std::all_of(std::begin(grid::kCorner), std::end(grid::kCorner), [&](const auto& c) {
+             return carrier[g.node(x + c[0], y + c[1], z + c[2])] == first &&
+                    cells_owned_by(g, matter.owned, first, x + c[0], y + c[1], z + c[2]);
            });
   };
   for (std::size_t a = 0; a < 8; ++a) {
@@ -69,7 +71,7 @@ bool find_slip(const Matter& matter, const std::vector<std::uint32_t>& carrier, 
   node.solid_mass = solid_mass;
   node.fluid_mass = fluid_mass;
   node.normal = system::stair_normal(node.solid_cells, slab);
-  return !node.normal.isZero();
+  return node.solid_cells == 0 || !node.normal.isZero();
 }
 
 // A node that several solids carry: one entry for each of them.

@@ -117,8 +117,8 @@ std::shared_ptr<const geometry::Surface> surface_of(const SolidDesc& desc, doubl
 }
 
 // What the solid keeps of it.
-void set_surface(const geometry::Surface& surface, const Numerics& numerics, bool collider, double h,
-                 solid::SolidRest& rest) {
+void set_surface(const Parallel& parallel, const geometry::Surface& surface, const Numerics& numerics, bool collider,
+                 double h, solid::SolidRest& rest) {
   rest.distance = surface.distance;
   rest.surface = surface.mesh;
   if (numerics.uses_particles()) rest.nearest = geometry::NearestTriangle(rest.surface);
@@ -126,6 +126,7 @@ void set_surface(const geometry::Surface& surface, const Numerics& numerics, boo
   rest.clusters = solid::make_surface_clusters(rest.surface, rest.distance, h);
   if (numerics.unilateral_walls && !collider)
     rest.fold_points = solid::make_fold_points(rest.surface, rest.distance, h);
+  if (rest.stiff_by_part && !collider) rest.thin = solid::ThinParts(parallel, rest.distance, h);
   rest.volume = surface.report.solid_volume;
   rest.area = geometry::surface_area(rest.surface);
   if (!(rest.volume > 0.0)) throw Error(ErrorCode::kMesh, "EfsiSolidDef.mesh: encloses no volume");
@@ -245,7 +246,7 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
   const std::shared_ptr<const geometry::Surface> surface = surface_of(desc, grid_.h, slab, parallel_);
   report = surface->report;
   if (report.repaired) log_.warning("mesh repaired: " + report.repairs);
-  set_surface(*surface, params_.numerics, collider, grid_.h, rest);
+  set_surface(parallel_, *surface, params_.numerics, collider, grid_.h, rest);
 
   const Vec3d center = geometry::center_of_volume(rest.surface);
   auto start = stretched(desc, center, kRestSpacing * grid_.h, surface, slab, parallel_);
@@ -263,7 +264,8 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
   state.speed = starting_speed(desc, center, state.surface);
   solid::SolidWork work;
   solid::compute_mass(parallel_, rest, state, work);
-  if (work.element_cell.empty() && !collider) throw Error(ErrorCode::kMesh, no_cell_inside(thinnest, grid_.h));
+  const bool owns = std::find(work.sliver.begin(), work.sliver.end(), 0) != work.sliver.end();
+  if (!owns && !collider) throw Error(ErrorCode::kMesh, no_cell_inside(thinnest, grid_.h));
   state.rest_volume_cells = start == surface ? work.volume : rest.volume;  // few cells measure what is pressed
   rest.mass_volume = collider ? state.rest_volume_cells : rest.volume;     // a collider may reach out of the box
 

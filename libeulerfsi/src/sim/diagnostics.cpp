@@ -114,7 +114,7 @@ std::uint64_t Simulation::memory_bytes() const {
                       work_.advect.bytes() + work_.solid_advect.bytes() + work_.viscous.bytes();
   for (const auto& solid : work_.solids) sum += solid.bytes();
   for (const auto& particles : work_.particles) sum += particles.bytes();
-  for (const auto& solid : solids_) sum += solid.nearest.bytes();
+  for (const auto& solid : solids_) sum += solid.nearest.bytes() + solid.thin.bytes();
   for (const auto& solid : state_.solids)
     if (solid.shape) sum += solid.shape->bytes();
   for (const fluid::Emitter& emitter : emitters_) sum += emitter.bytes();

@@ -11,7 +11,7 @@ std::size_t SolidWork::bytes() const {
   const std::size_t reals = fraction.size() + volume_ratio.size() + mass.size() + 3 * force_velocity.size();
   return reals * sizeof(Real) + (element.size() + element_cell.size() + element_corner.size()) * sizeof(std::int32_t) +
          point.size() * sizeof(PointBlock) + hourglass_force.size() * sizeof(hourglass_force[0]) + carries.size() +
-         layer.size() + element_factor.size() * sizeof(double) + element_middle.size() * sizeof(Vec3) +
+         layer.size() + sliver.size() + element_factor.size() * sizeof(double) + element_middle.size() * sizeof(Vec3) +
          near_folds.size() * sizeof(NearPair) +
          fold_places.place.size() * (sizeof(fold_places.place[0]) + sizeof(fold_places.normal[0]));
 }

@@ -17,6 +17,7 @@
 #include "grid/grid.hpp"
 #include "material/plastic_flow.hpp"
 #include "solid/surface_data.hpp"
+#include "solid/thin_parts.hpp"
 
 namespace efsi::solid {
 
@@ -56,6 +57,7 @@ struct SolidRest : Properties {
   SurfaceClusters clusters;            // of its points; none: no vertex is mended
   std::vector<FoldPoint> fold_points;  // of it; empty: its folds do not see each other
   Threshold element;                   // parts of cells that carry its stiffness
+  ThinParts thin;                      // where slivers carry stiffness, too; none: nowhere
   bool wet = false;                    // a fluid fills its cut cells
   bool stiff_by_part = false;          // an element is as stiff as it is solid
   double volume = 0.0;                 // of the closed rest shape [m^3]
@@ -208,8 +210,9 @@ struct SolidWork {
   std::vector<std::int32_t> element;         // band cell -> element, -1: none
   std::vector<std::int32_t> element_cell;    // element -> band cell
   std::vector<std::int32_t> element_corner;  // element -> band node of corner 0
-  std::vector<double> element_factor;        // of their stiffness; empty: 1 everywhere
-  std::vector<Vec3> element_middle;          // of what is solid of them, local coordinates; empty: their centres
+  std::vector<std::uint8_t> sliver;    // per element: its cell is not the solid's: there is no pressure of its own
+  std::vector<double> element_factor;  // of their stiffness; empty: 1 everywhere
+  std::vector<Vec3> element_middle;    // of what is solid of them, local coordinates; empty: their centres
   std::vector<std::array<Real, 12>>
       hourglass_force;            // per element: along x y z on each mode [N]; empty: it cannot yield
   std::vector<PointBlock> point;  // point q of block b at b points_per_element + q; free lanes are zero
@@ -233,6 +236,8 @@ struct SolidWork {
   double elastic_energy = 0.0;  // [J]
   double max_speed = 0.0;
 
+  // Whether the pressure of a band cell acts on this solid.
+  bool owns(std::size_t c) const { return element[c] >= 0 && !sliver[static_cast<std::size_t>(element[c])]; }
   double factor(std::size_t e) const { return element_factor.empty() ? 1.0 : element_factor[e]; }
   Vec3d middle(std::size_t e) const;
   // Quadrature point q of an element, local coordinates (solid/hexahedron.hpp).

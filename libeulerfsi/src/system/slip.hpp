@@ -7,6 +7,8 @@
 //   v_f -= n n.g / (m_s + m_f) + (I - n n^T) g_f / m_f,   g = g_s + g_f
 // n is the normal of the voxelised boundary, parallel to the g_s of a constant pressure: a constant pressure has no
 // effect along the surface, and what the pressure does in the solid does not act on the fluid's own velocity at all.
+// Where none of the cells is the solid's, at corners of slivers alone (solid/element/mass.hpp), n = 0 and g_s = 0: the
+// pressure moves the fluid there, and elasticity the solid.
 //
 // Where several solids meet (l = a, b, ..., and f) each has its own mass, and in the pressure the node as a whole makes
 // no volume: with S_l the sum of the sides of l's cells, so that sum_l S_l = 0,
@@ -30,7 +32,7 @@ struct SlipNode {
   int i, j, k;       // on no face of the box but those of a slab, unless several solids carry the node
   std::size_t solid;
   std::uint8_t solid_cells;     // bit a: the cell that has this node as corner a (grid::kCorner) belongs to the solid
-  Vec3 normal = Vec3::Zero();   // out of the solid
+  Vec3 normal = Vec3::Zero();   // out of the solid; 0: none of the cells is the solid's
   Real solid_mass, fluid_mass;  // [kg]
   // Of nodes that several solids carry:
   std::uint8_t solids = 1;       // that carry the node

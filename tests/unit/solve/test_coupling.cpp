@@ -225,6 +225,41 @@ TEST_CASE("The fluid slips at the surface of a solid, with normals that point ou
   }
 }
 
+TEST_CASE("At corners of slivers alone the pressure moves the fluid, not the solid", "[law]") {
+  StagedScene scene({0.4, 0.3, 0.3});
+  const double h = scene.g.h;
+  // A sheet of 1.3 cells: one layer of cells is its own, and the next one slivers.
+  const Vec3d half(5 * h, 0.65 * h, 4 * h), middle(10 * h, 7.65 * h, 7 * h);
+  TestSolid sheet =
+      make_solid(scene.g, kRubber, sample_distance(middle - 2 * half, middle + 2 * half, 0.5 * h, [&](const Vec3d& x) {
+                   return ((x - middle).cwiseAbs() - half).maxCoeff();
+                 }));
+  sheet.rest.element = solid::kElementPartInFluid;
+  sheet.rest.stiff_by_part = sheet.rest.wet = true;
+  sheet.rest.thin = solid::ThinParts(Parallel(1), sheet.rest.distance, h);
+  scene.add(sheet);
+  scene.make_masses();
+  system::SlipNodes& slip = scene.work.velocity.slip;
+  std::vector<Real> q(scene.g.padded_count());
+  for (std::size_t c = 0; c < q.size(); ++c) q[c] = static_cast<Real>(std::sin(1.7 * static_cast<double>(c)));
+  std::size_t apart = 0;
+  for (std::size_t t = 0; t < slip.nodes().size(); ++t) {
+    const system::SlipNode& n = slip.nodes()[t];
+    CHECK((n.j == 9) == (n.solid_cells == 0));
+    CHECK((n.normal == Vec3::Zero()) == (n.solid_cells == 0));
+    CHECK((slip.solid_impulse(t, q) == Vec3::Zero()) == (n.solid_cells == 0));
+    apart += n.solid_cells == 0;
+  }
+  CHECK(apart > 50);
+  // What the projection takes is the fluid's alone.
+  scene.work.velocity.field.assign(scene.g.node_count());
+  const std::vector<Vec3> before = slip.solid_velocity();
+  slip.subtract_gradient(Parallel(2), q, scene.work.velocity.field);
+  for (std::size_t t = 0; t < slip.nodes().size(); ++t)
+    if (slip.nodes()[t].solid_cells == 0)
+      CHECK((slip.solid_velocity()[t] - before[t]).norm() < 1e-6f * before[t].norm() + 1e-9f);
+}
+
 TEST_CASE("At walls, in gaps of less than a cell and with the paper's preset solid and fluid have one velocity") {
   const SlottedBlock on_the_floor(-9.0, 0);
   for (const system::SlipNode& n : on_the_floor.work.velocity.slip.nodes()) CHECK(n.j > 0);

@@ -42,7 +42,7 @@ constexpr std::size_t kSplinter = 3;  // elements
 
 constexpr int kRoomUnits = 60;  // that a whole cell has in its memory
 
-// Of a cell that carries stiffness more than this is solid.
+// Of a cell that the solid owns more than this is solid.
 Real least_fraction(const SolidRest& rest, const SolidState& state, std::size_t c) {
   const auto [fraction, lag] = rest.element;
   if (state.stiff.empty()) return fraction;
@@ -62,6 +62,13 @@ bool is_positive(const Mat3d& m) {
   return m(0, 0) > 0.0 && m(0, 0) * m(1, 1) > m(0, 1) * m(1, 0) && m.determinant() > 0.0;
 }
 
+// What becomes of a cell of this solid fraction; material: in its middle.
+enum CellUse : std::uint8_t { kNoElement, kSliver, kOwned };
+CellUse use_of(const SolidRest& rest, const SolidState& state, std::size_t c, Real fraction, const Vec3d& material) {
+  if (fraction > least_fraction(rest, state, c)) return kOwned;
+  return fraction > kSliverPart && rest.thin.contains(material) ? kSliver : kNoElement;
+}
+
 // Whether a cell's map is valid: not where it is extrapolated, and where it is partly so only if it is not inverted
 // and its elastic stretches are accepted. Beside folds and thin parts the extension leads back
 // into the solid.
@@ -74,15 +81,17 @@ bool has_valid_map(std::uint8_t nearest, std::uint8_t farthest, const PlasticFie
          is_positive(Mat3d::Identity() / (kPlausibleStretch.least * kPlausibleStretch.least) - squares);
 }
 
-// Returns what the cells hold that are solid in part, by planes.
+// Returns what the cells hold that are solid in part, by planes; use: CellUse of each cell.
 std::vector<std::vector<Holding>> compute_fractions(const Parallel& parallel, const SolidRest& rest,
-                                                    const SolidState& state, SolidWork& work) {
+                                                    const SolidState& state, std::vector<std::uint8_t>& use,
+                                                    SolidWork& work) {
   const Grid& g = state.band.grid;
   const geometry::SignedDistance& distance = distance_of(rest, state);
   const auto corner = grid::corner_offsets(g);
   const PlasticField plastic(rest, state);
   work.fraction.assign(g.cell_count(), 0);
   work.volume_ratio.assign(g.cell_count(), 1);
+  use.assign(g.cell_count(), kNoElement);
   std::vector<std::vector<Holding>> planes(static_cast<std::size_t>(g.cells[2]));
   std::vector<std::uint64_t> rejected(static_cast<std::size_t>(g.cells[2]), 0);
   parallel.for_each(g.cells[2], [&](std::int64_t kk) {
@@ -115,10 +124,12 @@ std::vector<std::vector<Holding>> compute_fractions(const Parallel& parallel, co
         }
         // Cells with an invalid map are counted and left empty.
         const std::size_t c = g.cell(i, j, k);
+        const CellUse is = use_of(rest, state, c, static_cast<Real>(fraction), material);
         if (fraction > 0.0 && !has_valid_map(nearest, farthest, plastic, material, inverse_f)) {
-          rejected[static_cast<std::size_t>(k)] += static_cast<Real>(fraction) > least_fraction(rest, state, c);
+          rejected[static_cast<std::size_t>(k)] += is != kNoElement;
           continue;
         }
+        use[c] = is;
         work.fraction[c] = static_cast<Real>(fraction);
         work.volume_ratio[c] = static_cast<Real>(1.0 / inverse_det);
         if (fraction > 0.0) planes[static_cast<std::size_t>(k)].push_back({material, {i, j, k}, farthest == kKnown});
@@ -129,16 +140,16 @@ std::vector<std::vector<Holding>> compute_fractions(const Parallel& parallel, co
   return planes;
 }
 
-void remove_cells(const std::vector<std::size_t>& cells, std::vector<std::uint8_t>& full, SolidWork& work) {
+void remove_cells(const std::vector<std::size_t>& cells, std::vector<std::uint8_t>& use, SolidWork& work) {
   for (const std::size_t c : cells) {
-    work.rejected += full[c];
+    work.rejected += use[c] != kNoElement;
     work.fraction[c] = 0;
-    full[c] = 0;
+    use[c] = kNoElement;
   }
 }
 
 // Whether the full cells that a full cell reaches over faces are kSplinter or fewer with it.
-bool is_splinter(const Grid& g, const std::vector<std::uint8_t>& full, const Vec3i& cell) {
+bool is_splinter(const Grid& g, const std::vector<std::uint8_t>& use, const Vec3i& cell) {
   std::array<Vec3i, kSplinter> part{cell};
   std::size_t count = 1;
   for (std::size_t p = 0; p < count; ++p)
@@ -146,7 +157,7 @@ bool is_splinter(const Grid& g, const std::vector<std::uint8_t>& full, const Vec
       Vec3i next = part[p];
       int& index = next[side / 2];
       index += side % 2 ? 1 : -1;
-      if (index < 0 || index >= g.cells[side / 2] || !full[g.cell(next[0], next[1], next[2])]) continue;
+      if (index < 0 || index >= g.cells[side / 2] || !use[g.cell(next[0], next[1], next[2])]) continue;
       if (std::find(part.begin(), part.begin() + count, next) != part.begin() + count) continue;
       if (count == kSplinter) return false;
       part[count++] = next;
@@ -157,7 +168,7 @@ bool is_splinter(const Grid& g, const std::vector<std::uint8_t>& full, const Vec
 // Splinters that have changed their volume are taken away: the map that extends from a single element covers the whole
 // rest shape, and what is torn off would grow into a solid of its own. Where the solid is, the extension of the rest
 // gives the place its map back.
-void remove_splinters(const SolidState& state, std::vector<std::uint8_t>& full, SolidWork& work) {
+void remove_splinters(const SolidState& state, std::vector<std::uint8_t>& use, SolidWork& work) {
   const Grid& g = state.band.grid;
   const auto corner = grid::corner_offsets(g);
   std::vector<std::size_t> splinters;
@@ -166,33 +177,35 @@ void remove_splinters(const SolidState& state, std::vector<std::uint8_t>& full, 
     for (int j = 0; j < g.cells[1]; ++j)
       for (int i = 0; i < g.cells[0]; ++i) {
         const std::size_t c = g.cell(i, j, k), n = g.node(i, j, k);
-        if (!full[c]) continue;
+        if (!use[c]) continue;
         const double det = static_cast<double>(work.volume_ratio[c]);
         const auto known = [&](std::size_t offset) { return state.valid[n + offset] == kKnown; };
         if (std::max(det, 1.0 / det) > kSplinterGrowth && !std::all_of(corner.begin(), corner.end(), known) &&
-            is_splinter(g, full, {i, j, k}))
+            is_splinter(g, use, {i, j, k}))
           splinters.push_back(c);
         else
           others = true;
       }
-  if (others) remove_cells(splinters, full, work);
+  if (others) remove_cells(splinters, use, work);
 }
 
-void find_elements(const Grid& g, const std::vector<std::uint8_t>& full, SolidWork& work) {
+void find_elements(const Grid& g, const std::vector<std::uint8_t>& use, SolidWork& work) {
   const auto corner = grid::corner_offsets(g);
   work.element.assign(g.cell_count(), -1);
   work.carries.assign(g.node_count(), 0);
   work.element_cell.clear();
   work.element_corner.clear();
+  work.sliver.clear();
   for (int k = 0; k < g.cells[2]; ++k)
     for (int j = 0; j < g.cells[1]; ++j)
       for (int i = 0; i < g.cells[0]; ++i) {
         const std::size_t c = g.cell(i, j, k);
-        if (!full[c]) continue;
+        if (!use[c]) continue;
         const std::size_t n = g.node(i, j, k);
         work.element[c] = static_cast<std::int32_t>(work.element_cell.size());
         work.element_cell.push_back(static_cast<std::int32_t>(c));
         work.element_corner.push_back(static_cast<std::int32_t>(n));
+        work.sliver.push_back(use[c] == kSliver);
         for (std::size_t offset : corner) work.carries[n + offset] = 1;
       }
 }
@@ -239,10 +252,13 @@ void stiffen_beside_pins(const Parallel& parallel, const SolidRest& rest, const 
   });
 }
 
-// What corner a of a cell gets of its mass, over what all would get alike: the mass lies where the solid part does.
-Real corner_share(const SolidWork& work, std::size_t c, const int (&a)[3]) {
+// What corner a of a cell gets of its mass, over what all would get alike: the mass lies where the solid part does. In
+// slivers, f below the least part of elements elsewhere, it lies nearer to the middle, since their outer corners would
+// have f^2 of the cell's mass.
+Real corner_share(const SolidRest& rest, const SolidWork& work, std::size_t c, const int (&a)[3]) {
   if (work.element[c] < 0 || work.element_middle.empty()) return Real(1);
-  const Vec3& middle = work.element_middle[static_cast<std::size_t>(work.element[c])];
+  const Vec3 middle = work.element_middle[static_cast<std::size_t>(work.element[c])] *
+                      std::min(Real(1), work.fraction[c] / (rest.element.fraction - rest.element.lag));
   Real share = 1;
   for (int i = 0; i < 3; ++i) share *= Real(1) + (a[i] ? middle[i] : -middle[i]);
   return share;
@@ -279,7 +295,7 @@ void lump_mass(const Parallel& parallel, const SolidRest& rest, const SolidState
           const int ci = i - a[0], cj = j - a[1], ck = k - a[2];
           if (ci < 0 || cj < 0 || ck < 0 || ci >= g.cells[0] || cj >= g.cells[1] || ck >= g.cells[2]) continue;
           const std::size_t c = g.cell(ci, cj, ck);
-          sum += share[c] * corner_share(work, c, a);
+          sum += share[c] * corner_share(rest, work, c, a);
         }
         work.mass[n] = sum;
       }
@@ -293,7 +309,7 @@ void weigh_elements(const SolidRest& rest, const Grid& g, SolidWork& work) {
     const auto c = static_cast<std::size_t>(work.element_cell[e]);
     const double volume = 1.0 / static_cast<double>(work.volume_ratio[c]);
     stiff += work.factor(e) * volume;
-    whole += volume;
+    if (!work.sliver[e]) whole += volume;
   }
   const double cell = rest.density * g.h * g.h * g.h;
   const auto weight = [&](double cells) {
@@ -307,12 +323,11 @@ void weigh_elements(const SolidRest& rest, const Grid& g, SolidWork& work) {
 
 void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidState& state, SolidWork& work) {
   const Grid& g = state.band.grid;
-  const auto holdings = compute_fractions(parallel, rest, state, work);
-  std::vector<std::uint8_t> full(g.cell_count());
-  for (std::size_t c = 0; c < full.size(); ++c) full[c] = work.fraction[c] > least_fraction(rest, state, c);
-  remove_cells(find_copies(parallel, g, holdings, full, kPlausibleStretch.most), full, work);
-  remove_splinters(state, full, work);
-  find_elements(g, full, work);
+  std::vector<std::uint8_t> use;
+  const auto holdings = compute_fractions(parallel, rest, state, use, work);
+  remove_cells(find_copies(parallel, g, holdings, use, kPlausibleStretch.most), use, work);
+  remove_splinters(state, use, work);
+  find_elements(g, use, work);
   stiffen_by_part(parallel, rest, state, work);
   lump_mass(parallel, rest, state, work);
   const auto slab = static_cast<std::size_t>(g.cells[0]) * static_cast<std::size_t>(g.cells[1]);
@@ -347,7 +362,7 @@ double bulk_weight(const SolidRest& rest, const SolidWork& work, std::size_t e) 
 
 void remember_elements(const SolidWork& work, SolidState& state) {
   state.stiff.resize(work.element.size());
-  for (std::size_t c = 0; c < work.element.size(); ++c) state.stiff[c] = work.element[c] >= 0 ? kCarried : 0;
+  for (std::size_t c = 0; c < work.element.size(); ++c) state.stiff[c] = work.owns(c) ? kCarried : 0;
 }
 
 void remember_room(const Vec3i& cell, double room, SolidState& state) {

@@ -16,6 +16,9 @@ inline constexpr Threshold kElementPart = {Real(0.3), Real(0.1)};
 // The corners of these cells are what a fluid sees of the solid; at 0.5 its added mass is that of a ball larger
 // by a quarter of a cell (docs/lab/stiffness-support.md).
 inline constexpr Threshold kElementPartInFluid = {Real(0.6), Real(0.1)};
+// Of what is thin at rest so little makes a sliver: an element whose cell is not the solid's. One that drops out would
+// tie its neighbours no more, and return strained as they have come apart.
+inline constexpr Real kSliverPart = Real(0.05);
 
 // Beside a collider the rest of a cell is the contact's skin, which the solid never fills. Where it has more than
 // kLeastRoom of the cell, kRoomPart of that suffices: what enters later is strained as its neighbours, which had to
