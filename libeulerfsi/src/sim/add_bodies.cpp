@@ -127,7 +127,8 @@ void set_surface(const Parallel& parallel, const geometry::Surface& surface, con
   if (numerics.unilateral_walls && !collider)
     rest.fold_points = solid::make_fold_points(rest.surface, rest.distance, h);
   // Of one that has yielded the rest shape does not tell what is thin.
-  if (rest.stiff_by_part && !collider && !rest.plastic.yields()) rest.thin = solid::ThinParts(parallel, rest.distance, h);
+  if (rest.stiff_by_part && !collider && !rest.plastic.yields())
+    rest.thin = solid::ThinParts(parallel, rest.distance, h);
   rest.volume = surface.report.solid_volume;
   rest.area = geometry::surface_area(rest.surface);
   if (!(rest.volume > 0.0)) throw Error(ErrorCode::kMesh, "EfsiSolidDef.mesh: encloses no volume");
