@@ -245,8 +245,7 @@ TEST_CASE("A 309-byte OFF file that announces billions of vertices is refused wh
   std::string text = "OFF\n4000000000 12 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n# ";
   text.append(309 - text.size(), '-');
   write_text(scratch / "huge.off", text);
-  CHECK_THAT(refusal(scratch / "huge.off", ErrorCode::kMesh),
-             Contains("huge.off: ends before vertex 5 of 4000000000"));
+  CHECK_THAT(refusal(scratch / "huge.off", ErrorCode::kMesh), Contains("huge.off: ends before vertex 5 of 4000000000"));
 }
 
 TEST_CASE("A file that has less than its header announces is refused where it ends, the shortest whole one is read",
