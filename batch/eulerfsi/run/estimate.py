@@ -26,24 +26,24 @@ from .build import build_simulation
 if TYPE_CHECKING:
     from ..scene.parts import Scene, Solid
 
-# Periods of its slowest wave for which a solid that has met a wall strains fast enough to need short steps: at least
-# and at most, by the examples and by scenes of `new`.
-_RINGING = (2, 20)
-# An impact at less than this part of the wave speed need not strain a solid fast enough.
-_SOFT_IMPACT = 0.1
+# Passages of a wave for which a solid that has met a wall may strain fast enough to need short steps, by the examples
+# and by scenes of `new` and `bench estimate`; it need not at all.
+_RINGING = 3
+# Of its size a wave passes as much in a step, however fine the grid (kContactShare of the library).
+_CONTACT_SHARE = 1 / 24
 # The fluid beside a solid is this much faster, at most.
 _FLUID_PACE = 3.0
 # Wall-clock seconds per cell and step on two cores, production: what `new` plans with, before anything was tried.
 SECONDS_PER_CELL_STEP = 4e-7
 _SECONDS_PER_FRAME = 0.03  # written
 # Before the scene is read, and for the picture at the end: of a small scene most of its time.
-_SECONDS_AROUND = 2.2
+_SECONDS_AROUND = 1.3
 # Trying real steps: seconds in all, and the step that is too long to begin with.
 _TRIAL_SECONDS, _LONG_STEP = 4.0, 1.5
 # A step later in the run against one of the first: pressure and contact take more, or less.
-_DRIFT = (0.8, 1.5)
+_DRIFT = (0.5, 1.2)
 # The range that is told: the ends differ by this factor at most, and by that at least.
-_WIDEST, _NARROWEST = 4.0, 2.0
+_WIDEST, _NARROWEST = 4.0, 3.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -129,11 +129,10 @@ def _longest_steps(plan: Plan, begin: float, end: float) -> tuple[float, float]:
         hit = body.speed + body.fall * body.meets
         rest = time_to_move(0.0, plan.gravity, limits["contact_cfl"] * h)
         closing = time_to_move(hit, plan.gravity, limits["contact_cfl"] * h)
-        wave = limits["contact_pace"] * h / body.wave if limits["contact_pace"] else math.inf
-        surely, maybe = (begin < body.meets + count * 2 * body.size / body.wave for count in _RINGING)
-        surely = surely and hit >= _SOFT_IMPACT * body.wave
-        shortest = min(shortest, rest, *((closing, wave) if maybe else ()))
-        longest = min(longest, rest, *((wave,) if surely else ()))
+        pace = max(limits["contact_pace"] * h, _CONTACT_SHARE * body.size)
+        wave = pace / body.wave if limits["contact_pace"] else math.inf
+        rings = begin < body.meets + _RINGING * 2 * body.size / body.wave
+        shortest = min(shortest, rest, *((closing, wave) if rings else ()))
     if plan.bodies:
         far = limits["flight_cfl"]
         alone = len(plan.bodies) == 1 and end <= plan.bodies[0].meets
@@ -227,7 +226,8 @@ def try_steps(scene: Scene, threads: int, memory_limit: int) -> Trial:
     with simulation:
         while trial.time < end and time.monotonic() - begun + max(trial.seconds, default=0) < _TRIAL_SECONDS:
             step = time.monotonic()
-            simulation.step(frame - simulation.time % frame)
+            frames = math.floor(simulation.time / frame + 1e-6)  # done; what rounding leaves of one is no step
+            simulation.step((frames + 1) * frame - simulation.time)
             trial.seconds.append(time.monotonic() - step)
             trial.time = simulation.time
     return trial
