@@ -1,4 +1,4 @@
-// Purpose: the parts of a solid's rest shape that no ball of three cells inside it reaches: sheets, tips, edges.
+// Purpose: the parts of a solid's rest shape that no ball of three cells inside it reaches: sheets and tips.
 #pragma once
 
 #include <cstdint>

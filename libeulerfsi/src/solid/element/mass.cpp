@@ -148,7 +148,7 @@ void remove_cells(const std::vector<std::size_t>& cells, std::vector<std::uint8_
   }
 }
 
-// Whether the full cells that a full cell reaches over faces are kSplinter or fewer with it.
+// Whether the elements that a cell of one reaches over faces are kSplinter or fewer with it.
 bool is_splinter(const Grid& g, const std::vector<std::uint8_t>& use, const Vec3i& cell) {
   std::array<Vec3i, kSplinter> part{cell};
   std::size_t count = 1;
