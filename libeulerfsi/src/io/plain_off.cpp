@@ -2,12 +2,12 @@
 #include "io/plain_off.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <cstdint>
 #include <string_view>
 
 #include "base/error.hpp"
 #include "io/read_all.hpp"
+#include "io/to_number.hpp"
 
 namespace efsi::io {
 
@@ -22,12 +22,6 @@ std::string_view take_word(std::string_view& line) {
   const std::string_view word = line.substr(0, line.find_first_of(kGaps));
   line.remove_prefix(word.size());
   return word;
-}
-
-bool to_number(std::string_view word, std::uint32_t& number) {
-  const char* end = word.data() + word.size();
-  const auto result = std::from_chars(word.data(), end, number);
-  return result.ec == std::errc() && result.ptr == end;
 }
 
 class Off {

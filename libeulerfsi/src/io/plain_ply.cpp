@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cctype>
-#include <charconv>
 #include <cstdint>
 #include <map>
 #include <sstream>
@@ -12,6 +11,7 @@
 
 #include "base/error.hpp"
 #include "io/read_all.hpp"
+#include "io/to_number.hpp"
 
 namespace efsi::io {
 
@@ -137,10 +137,7 @@ class Ply {
 
   std::uint32_t count_of(const std::string& word, std::string_view line) const {
     std::uint32_t count = 0;
-    const char* end = word.data() + word.size();
-    const auto result = std::from_chars(word.data(), end, count);
-    if (result.ec != std::errc() || result.ptr != end)
-      refuse("its header has an element without a number: " + std::string(line));
+    if (!to_number(word, count)) refuse("its header has an element without a number: " + std::string(line));
     return count;
   }
 
@@ -197,8 +194,7 @@ class Ply {
 
   std::uint64_t entries_of(const Element& element, std::uint64_t number, std::string_view word) const {
     std::uint64_t entries = 0;
-    const auto result = std::from_chars(word.data(), word.data() + word.size(), entries);
-    if (result.ec != std::errc() || result.ptr != word.data() + word.size())
+    if (!to_number(word, entries))
       refuse(element, number, "'" + std::string(word) + "' is no number of entries of a list");
     return entries;
   }
