@@ -266,8 +266,7 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
   state.speed = starting_speed(desc, center, state.surface);
   solid::SolidWork work;
   solid::compute_mass(parallel_, rest, state, work);
-  const bool owns = std::find(work.sliver.begin(), work.sliver.end(), 0) != work.sliver.end();
-  if (!owns && !collider) throw Error(ErrorCode::kMesh, no_cell_inside(thinnest, grid_.h));
+  if (work.owned_cells() == 0 && !collider) throw Error(ErrorCode::kMesh, no_cell_inside(thinnest, grid_.h));
   state.rest_volume_cells = start == surface ? work.volume : rest.volume;  // few cells measure what is pressed
   rest.mass_volume = collider ? state.rest_volume_cells : rest.volume;     // a collider may reach out of the box
 

@@ -27,6 +27,10 @@ std::size_t state_bytes(const SolidState& state) {
   return count.bytes;
 }
 
+std::size_t SolidWork::owned_cells() const {
+  return static_cast<std::size_t>(std::count(sliver.begin(), sliver.end(), 0));
+}
+
 Vec3d SolidWork::middle(std::size_t e) const {
   return element_middle.empty() ? Vec3d(Vec3d::Zero()) : Vec3d(element_middle[e].cast<double>());
 }

@@ -238,6 +238,7 @@ struct SolidWork {
 
   // Whether the pressure of a band cell acts on this solid.
   bool owns(std::size_t c) const { return element[c] >= 0 && !sliver[static_cast<std::size_t>(element[c])]; }
+  std::size_t owned_cells() const;
   double factor(std::size_t e) const { return element_factor.empty() ? 1.0 : element_factor[e]; }
   Vec3d middle(std::size_t e) const;
   // Quadrature point q of an element, local coordinates (solid/hexahedron.hpp).

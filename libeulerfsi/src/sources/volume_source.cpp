@@ -28,8 +28,7 @@ double asked_volume(double lost, double leak) {
 
 double count_fluid_cells(const Grid& g, const SolidWorks& solids) {
   double cells = static_cast<double>(g.cell_count());
-  for (const solid::SolidWork& solid : solids)
-    cells -= static_cast<double>(std::count(solid.sliver.begin(), solid.sliver.end(), 0));
+  for (const solid::SolidWork& solid : solids) cells -= static_cast<double>(solid.owned_cells());
   return cells;
 }
 
