@@ -5,7 +5,6 @@ from __future__ import annotations
 import abc
 import contextlib
 import json
-import math
 import os
 import re
 import sys
@@ -27,15 +26,13 @@ _APART = 1.0  # seconds between two events `step`, and between two lines of one 
 class Progress:
     """One command, from its start to its end; tells only what work takes longer than a second.
 
-    frames: those of the run, once it has started; last_frame: the last one on disk; costs: of the frames after the
-    first, in proportion to each other, as far as that is known.
+    frames: those of the run, once it has started; last_frame: the last one on disk.
     """
 
     def __init__(self, out: TextIO | None = None, err: TextIO | None = None) -> None:
         self.out, self.err = out or sys.stdout, err or sys.stderr
         self.frames = FrameRange(0, 0)
         self.last_frame: int | None = None
-        self.costs: list[float] = []
 
     @contextlib.contextmanager
     def told(self) -> Iterator[Progress]:
@@ -163,8 +160,12 @@ class _Bar(Progress):
 class _Json(Progress):
     """Events, an object a line, as docs/progress.schema.json has them."""
 
-    _begun = _next = 0.0
-    _before = 0.0  # cost of the frames that were there already
+    def __init__(self, out: TextIO | None = None, err: TextIO | None = None) -> None:
+        super().__init__(out, err)
+        self._begun = self._since = time.monotonic()  # of the command, and of the frame that is simulated
+        self._next = 0.0  # when a `step` may be told
+        self._done = 0  # frames that this command has simulated
+        self._seconds = self._weight = 0.0  # what they took, times their weights; the sum of these
 
     def waiting(self, what: str, prim: str, fraction: float) -> None:
         super().waiting(what, prim, fraction)
@@ -175,7 +176,7 @@ class _Json(Progress):
 
     def start(self, command: str, frames: FrameRange, done: int, **facts: Any) -> None:
         super().start(command, frames, done)
-        self._begun, self._before = time.monotonic(), self._cost(max(done - 1, 0))
+        self._since = time.monotonic()
         versions = {"version": EVENTS_VERSION, "program": __version__, "host": os.uname().nodename}
         numbers = {"first": frames.first, "last": frames.last, "done": done}
         self._tell("start", **versions, command=command, **numbers, **facts)
@@ -184,37 +185,38 @@ class _Json(Progress):
         now = time.monotonic()
         if now >= self._next:
             self._next = now + _APART
-            eta = self._eta(frame - 1 - self.frames.first + fraction)
-            self._tell("step", frame=frame, fraction=fraction, time=seconds, eta=eta)
+            self._tell("step", frame=frame, fraction=fraction, time=seconds, eta=self._eta(frame - 1, fraction))
 
     def frame_done(self, frame: int, **facts: Any) -> None:
         super().frame_done(frame)
-        count = frame - self.frames.first
-        if not count:  # what comes before the first step is no pace
-            self._begun = time.monotonic()
-        percent = 100 * (count + 1) // len(self.frames)
-        self._tell("frame", frame=frame, percent=percent, **facts, eta=self._eta(count))
+        now = time.monotonic()
+        if frame > self.frames.first:  # what comes before the first step is no pace
+            self._done += 1
+            self._seconds += self._done * (now - self._since)
+            self._weight += self._done
+        self._since = now
+        percent = 100 * (frame - self.frames.first + 1) // len(self.frames)
+        self._tell("frame", frame=frame, percent=percent, **facts, elapsed=self._elapsed(), eta=self._eta(frame))
 
     def error(self, error: BaseException) -> None:
         for facts in findings(error):
             self._tell("error", **facts)
 
     def end(self, status: str, exit_code: int, error: str | None) -> None:
-        self._tell("end", status=status, exit_code=exit_code, last_frame=self.last_frame, error=error)
+        facts = {"last_frame": self.last_frame, "elapsed": self._elapsed(), "error": error}
+        self._tell("end", status=status, exit_code=exit_code, **facts)
 
-    def _eta(self, done: float) -> float | None:
-        """Seconds until the last frame at the pace so far, None before anything was simulated. done: frames, the first
-        not counted."""
-        cost = self._cost(done)
-        made, left = cost - self._before, self._cost(len(self.frames) - 1) - cost
-        return round((time.monotonic() - self._begun) * left / made, 1) if made > 0 else None
+    def _elapsed(self) -> float:
+        """Seconds since the command began."""
+        return round(time.monotonic() - self._begun, 3)
 
-    def _cost(self, done: float) -> float:
-        """Of the first frames after frames.first, the last of which need not be whole."""
-        if len(self.costs) < len(self.frames) - 1:
-            return done
-        whole = math.floor(done)
-        return math.fsum(self.costs[:whole]) + (done - whole) * (self.costs[whole] if done > whole else 0.0)
+    def _eta(self, frame: int, fraction: float = 0.0) -> float | None:
+        """Seconds until the last frame, of which `frame` and a part of the next are done, at the pace of the frames so
+        far: the n-th counts n times, since those to come are more like the last ones. None: nothing was simulated."""
+        next_weight = self._done + 1
+        weight = self._weight + next_weight * fraction
+        seconds = self._seconds + (next_weight * (time.monotonic() - self._since) if fraction else 0.0)
+        return round((self.frames.last - frame - fraction) * seconds / weight, 2) if weight > 0 else None
 
     def _tell(self, event: str, **facts: Any) -> None:
         say(json.dumps({"event": event, **facts}), self.out)

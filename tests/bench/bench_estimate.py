@@ -120,12 +120,14 @@ def run(words: Sequence[str], processor: bool) -> tuple[int, str, str, int, floa
 
 
 def at_half_way(output: str) -> tuple[float, float]:
-    """(seconds said to be left, seconds that later frames took) by the events of a run; zeros: it has no half."""
-    frames = [e for e in map(json.loads, output.splitlines()) if e["event"] == "frame" and e["eta"] is not None]
-    half = len(frames) // 2
-    if half < 1:
+    """(seconds said to be left, seconds that passed until the end) at the first frame with half of the run done, by
+    the events of the run; zeros: it has no half."""
+    events = [json.loads(line) for line in output.splitlines()]
+    frames = [e for e in events if e["event"] == "frame" and e["eta"] is not None]
+    if len(frames) < 2:
         return 0.0, 0.0
-    return frames[half - 1]["eta"], sum(event["seconds"] for event in frames[half:])
+    half = frames[(len(frames) + 1) // 2 - 1]
+    return half["eta"], events[-1]["elapsed"] - half["elapsed"]
 
 
 def measure(name: str, scene: Path, folder: Path, options: Sequence[str], processor: bool) -> Row | str:

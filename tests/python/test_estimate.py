@@ -103,11 +103,6 @@ def test_what_was_tried_is_known():
     assert estimate.per_step(Trial([9.0, 1.0, 1.0, 2.0, 2.0]), 2, 1e5) == 2.0
 
 
-def test_frames_with_more_steps_cost_more():
-    costs = estimate.frame_costs(changed({"meets": 0.5}))
-    assert len(costs) == PLAN.frames and costs[-1] > costs[0]
-
-
 def test_time_to_meet_a_wall():
     assert estimate.seconds_to_meet(1.0, 0.0, 2.0) == pytest.approx(1.0)
     assert estimate.seconds_to_meet(1.0, 2.0, 0.0) == pytest.approx(0.5)

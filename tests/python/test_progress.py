@@ -118,26 +118,26 @@ def test_steps_and_waiting_come_at_most_once_a_second(monkeypatch, capsys):
     assert len([one for one in found if one["event"] == "waiting"]) == 3
 
 
-def test_the_time_left_counts_what_later_frames_cost(monkeypatch, capsys):
-    """Two frames of one second, two of three; the run goes on where the first is there already."""
+def test_the_time_left_follows_the_last_frames(monkeypatch, capsys):
+    """Two frames of one second, two of three, the n-th weighs n; a run that goes on knows its own frames alone."""
     now = [0.0]
     monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
     facts = {"scene": "a.usda", "scene_hash": "0" * 64, "folder": None, "threads": 1, "memory": 1, "memory_limit": 2}
     done = {"time": 0.1, "seconds": 1.0, "steps": 3}
-    for there, expected in ((0, [None, 7.0, 6.0, 3.0, 0.0]), (2, [6.0, 3.0, 0.0])):
+    for there, expected in ((0, [None, 3.0, 2.0, (1 + 2 + 9) / 6, 0.0]), (2, [2.0, (1 + 6) / 3, 0.0])):
         now[0] = 0.0
         told = progress.make_progress("json")
-        told.costs = [1.0, 1.0, 3.0, 3.0]
         told.start("simulate", FrameRange(1, 5), there, **facts, cells=8)
         for frame in range(1 + there, 6):
-            now[0] += 0.0 if frame == 1 else told.costs[frame - 2]
+            now[0] += (0.0, 1.0, 1.0, 3.0, 3.0)[frame - 1] if there == 0 else (1.0, 3.0, 3.0)[frame - 3]
             told.frame_done(frame, **done)
         found = [event(line) for line in capsys.readouterr().out.splitlines()]
-        assert [one["eta"] for one in found if one["event"] == "frame"] == expected
+        assert [one["eta"] for one in found if one["event"] == "frame"] == [e and round(e, 2) for e in expected]
+        assert found[-1]["elapsed"] == now[0]
 
 
 def test_the_schema_refuses_what_is_no_event():
-    end = {"event": "end", "status": "complete", "exit_code": 0, "last_frame": 3, "error": None}
+    end = {"event": "end", "status": "complete", "exit_code": 0, "last_frame": 3, "elapsed": 1.0, "error": None}
     assert event(json.dumps(end)) == end
     for wrong in ({**end, "exit_code": "0"}, {**end, "more": 1}, {**end, "event": "stop"}, {"event": "warning"}):
         with pytest.raises(jsonschema.ValidationError):

@@ -112,11 +112,6 @@ def _steps_of(plan: Plan, number: int) -> tuple[float, float]:
     return max(1.0, math.ceil(plan.frame / greatest - 1e-6)), max(1.0, math.ceil(plan.frame / least - 1e-6))
 
 
-def frame_costs(plan: Plan) -> list[float]:
-    """How long the frames take in proportion to each other, by their steps."""
-    return [math.sqrt(math.prod(_steps_of(plan, number))) for number in range(plan.frames)]
-
-
 def _longest_steps(plan: Plan, begin: float, end: float) -> tuple[float, float]:
     """(shortest, longest) step that is to be expected between two times [s]."""
     h, limits = plan.voxel, plan.limits

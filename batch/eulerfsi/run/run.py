@@ -21,7 +21,6 @@ from ..solver import binding, c_api
 from .build import Build
 from .checkpoints import Checkpoints
 from .contacts import FrameContacts
-from .estimate import frame_costs, plan_of
 from .measures import Watched
 from .stop import Stop
 from .watch import Watch
@@ -120,7 +119,6 @@ class Run:
     def _start(self, done: int) -> None:
         """done: the last frame that is there already."""
         scene, definition = self.scene, self.build.definition
-        self.progress.costs = frame_costs(plan_of(scene))
         self.progress.start(
             "simulate",
             scene.frames,
