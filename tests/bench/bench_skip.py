@@ -156,9 +156,8 @@ def row(name: str, off: dict[str, Any], on: dict[str, Any], stages: Sequence[str
 
 def compared(checkout: Path) -> list[dict[str, str]]:
     """Lines of `bench speed --against`, five rounds, those of the core time judged."""
-    groups.AGAINST_ROUNDS = ROUNDS
     lines = []
-    for line in groups.against(groups.Sizes(), checkout).lines:
+    for line in groups.against(groups.Sizes(), checkout, ROUNDS).lines:
         judged = "core time" in line.bar
         verdict = "not judged" if not judged else "pass" if line.measured <= SLOWER else "MISSED"
         lines.append(

@@ -91,6 +91,7 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
         metavar="DIR",
         help="also compare ball and smoke with another checkout, set up by its own ./eulerfsi setup, taking turns",
     )
+    parser.add_argument("--rounds", type=int, default=2, metavar="N", help="turns of --against; default: 2")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write all lines to a file")
     parser.add_argument(
         "--output",
@@ -105,6 +106,8 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
         parser.error(f"--only {options.only}: {', '.join(unknown)}: must be some of {', '.join(names)}")
     if options.against is None and "against" in options.groups:
         parser.error("--only against: needs --against DIR")
+    if options.rounds < 1:
+        parser.error(f"--rounds {options.rounds}: must be at least 1")
     if options.against is not None:
         options.against = options.against.resolve()
         if not options.only:
@@ -118,7 +121,7 @@ def runs(options: argparse.Namespace, sizes: Sizes) -> Iterator[Callable[[], Out
     """The groups that were asked for, in order."""
     for name in options.groups:
         if name == "against":
-            yield lambda: groups.against(sizes, options.against)
+            yield lambda: groups.against(sizes, options.against, options.rounds)
         elif name == "peer":
             yield lambda: groups.beside_peer(sizes)
         else:

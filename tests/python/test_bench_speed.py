@@ -131,6 +131,7 @@ def test_a_peer_that_fails_or_is_absent_says_so(monkeypatch, capsys) -> None:
     [
         (["--only", "ball,balls"], "balls: must be some of ball, paper"),
         (["--only", "against"], "--only against: needs --against DIR"),
+        (["--rounds", "0"], "--rounds 0: must be at least 1"),
     ],
 )
 def test_unknown_groups_are_refused(arguments, message, capsys) -> None:

@@ -240,23 +240,24 @@ GROUPS: dict[str, Callable[[Sizes], Outcome]] = {
     "missing": missing,
 }
 
-AGAINST_ROUNDS = 2
-
-
-def against(sizes: Sizes, checkout: Path) -> Outcome:
-    """Ball and plume with the library of another checkout and with this one's, taking turns; ratios, now over then."""
+def against(sizes: Sizes, checkout: Path, rounds: int) -> Outcome:
+    """Ball and plume with the library of another checkout and with this one's, `rounds` times in turns; ratios, now
+    over then."""
     start = developed_plume(sizes)
     cases = {
-        f"Ball {sizes.fine:g}, frames 1-4": (ball_case(sizes.fine, "production", 4), None),
+        **{
+            f"Ball {sizes.fine:g}, {preset}, frames 1-4": (ball_case(sizes.fine, preset, 4), None)
+            for preset in ("production", "paper2016")
+        },
         f"Smoke only {sizes.plume}^3, developed plume": (plume_case(sizes), start),
     }
     outcome = Outcome()
     for name, (case, fields) in cases.items():
         then, now = [], []
-        for _ in range(AGAINST_ROUNDS):
+        for _ in range(rounds):
             then.append(run_case(dataclasses.replace(case, checkout=checkout), fields))
             now.append(run_case(case, fields))
-        at = f"{AGAINST_ROUNDS} runs each, taking turns; steps {len(now[0]['steps'])} / {len(then[0]['steps'])}"
+        at = f"{rounds} runs each, taking turns; steps {len(now[0]['steps'])} / {len(then[0]['steps'])}"
         for what, seconds in (
             ("wall per step", lines.step_seconds),
             ("core time per step", lines.core_seconds),
