@@ -351,6 +351,6 @@ def test_planning_asks_the_library(library):
     assert solver.slab_axis({**BOX, "domain_size": (0.6, 0.7, 0.05)}) == 2
     assert solver.slab_axis({**BOX, "voxel_size": -1.0}) is None  # refused where the scene is checked
     limits = solver.step_limits(BOX, 1000.0)
-    assert set(limits) == {"contact_reach", "contact_cfl", "contact_pace", "flight_cfl"}
+    assert set(limits) == {"contact_reach", "contact_cfl", "contact_pace", "flight_cfl", "contact_share"}
     with pytest.raises(LibraryError, match="lightest_density = 0"):
         solver.step_limits(BOX, 0.0)

@@ -17,7 +17,7 @@ from eulerfsi.scene.read import open_stage, read_scene
 from eulerfsi.solver import binding
 
 BALL = Body(speed=0.0, fall=9.81, meets=0.2, wave=3.0, size=0.2)
-LIMITS = {"contact_reach": 2.0, "contact_cfl": 0.4, "contact_pace": 0.7, "flight_cfl": 1.8}
+LIMITS = {"contact_reach": 2.0, "contact_cfl": 0.4, "contact_pace": 0.7, "flight_cfl": 1.8, "contact_share": 1 / 24}
 PLAN = Plan(voxel=0.01, frame=1 / 24, frames=24, bodies=[BALL], limits=LIMITS)
 UNRESOLVED = {**LIMITS, "contact_pace": 0.0}
 

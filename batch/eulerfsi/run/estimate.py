@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 # Passages of a wave for which a solid that has met a wall may strain fast enough to need short steps, by the examples
 # and by scenes of `new` and `bench estimate`; it need not at all.
 _RINGING = 3
-# Of its size a wave passes as much in a step, however fine the grid (kContactShare of the library).
-_CONTACT_SHARE = 1 / 24
 # The fluid beside a solid is this much faster, at most.
 _FLUID_PACE = 3.0
 # Wall-clock seconds per cell and step on two cores, production: what `new` plans with, before anything was tried.
@@ -124,7 +122,7 @@ def _longest_steps(plan: Plan, begin: float, end: float) -> tuple[float, float]:
         hit = body.speed + body.fall * body.meets
         rest = time_to_move(0.0, plan.gravity, limits["contact_cfl"] * h)
         closing = time_to_move(hit, plan.gravity, limits["contact_cfl"] * h)
-        pace = max(limits["contact_pace"] * h, _CONTACT_SHARE * body.size)
+        pace = max(limits["contact_pace"] * h, limits["contact_share"] * body.size)
         wave = pace / body.wave if limits["contact_pace"] else math.inf
         rings = begin < body.meets + _RINGING * 2 * body.size / body.wave
         shortest = min(shortest, rest, *((closing, wave) if rings else ()))

@@ -91,6 +91,8 @@ typedef struct EfsiStepLimits {
   double contact_cfl;   /**< displacement of a solid near a wall per step [cells] */
   double contact_pace; /**< distance that shear waves travel per step in a solid that was struck [cells]; 0: no limit */
   double flight_cfl;   /**< displacement of a single solid away from walls per step [cells] */
+  double contact_share; /**< part of the solid, the cubic root of its volume, that these waves travel where that is
+                           more */
 } EfsiStepLimits;
 
 /** Returns the limits of the time step.

@@ -247,8 +247,9 @@ void limit_by_speed(const Parallel& parallel, const Scene& scene, std::size_t l,
 StepLimits step_limits(const Params& params, double lightest_density) {
   const Numerics& n = params.numerics;
   const bool resolves = n.resolve_impacts && std::isfinite(n.step_tolerance);
-  return {kContactReach, n.contact_travel, resolves ? n.step_tolerance / kNormal * kContactPace : 0.0,
-          flight_cells(params, lightest_density)};
+  const double part = resolves ? n.step_tolerance / kNormal : 0.0;
+  return {kContactReach, n.contact_travel, part * kContactPace, flight_cells(params, lightest_density),
+          part * kContactShare};
 }
 
 StepLimit compute_time_step(const Parallel& parallel, const Scene& scene, const SolidStates& states, double fluid_speed,

@@ -19,6 +19,7 @@ struct StepLimits {
   double contact_cfl = 0.0;    // displacement of a solid near a wall [cells]
   double contact_pace = 0.0;   // distance that shear waves travel after an impact [cells]; 0: no limit
   double flight_cfl = 0.0;     // displacement of a single solid away from walls [cells]
+  double contact_share = 0.0;  // part of the solid that these waves travel where that is more
 };
 StepLimits step_limits(const Params& params, double lightest_density);
 
