@@ -240,6 +240,7 @@ GROUPS: dict[str, Callable[[Sizes], Outcome]] = {
     "missing": missing,
 }
 
+
 def against(sizes: Sizes, checkout: Path, rounds: int) -> Outcome:
     """Ball and plume with the library of another checkout and with this one's, `rounds` times in turns; ratios, now
     over then."""

@@ -147,3 +147,26 @@ TEST_CASE("The outer corners of a sliver keep nearly half of its mass", "[law]")
   CHECK(static_cast<double>(s.work.mass[g.node(12, 12, 14)]) == Approx(0.5 * cell * f * (1.0 - middle)).epsilon(0.03));
   CHECK(static_cast<double>(s.work.mass[g.node(12, 12, 12)]) == Approx(0.5 * cell).epsilon(0.03));
 }
+
+TEST_CASE("What is strained by more than half, or inverted, is no sliver", "[law]") {
+  TestSolid s = make_solid(cube_grid(24, kH), {}, box_distance({8 * kH, 6 * kH, 0.9 * kH}));
+  s.rest.element = solid::kElementPartInFluid;
+  s.rest.stiff_by_part = true;
+  s.rest.thin = solid::ThinParts(Parallel(1), s.rest.distance, kH);
+  const Vec3d center(12.2 * kH, 12.1 * kH, 12.3 * kH);
+  // Number of slivers of the sheet, its length times `stretch` and its width over it.
+  const auto slivers = [&](double stretch) {
+    set_displacement(s, [&](const Vec3d& x) -> Vec3d {
+      const Vec3d y = x - center;
+      return x - Vec3d(y[0] / stretch, y[1] * std::abs(stretch), y[2]);
+    });
+    s.state.stiff.clear();
+    solid::compute_mass(Parallel(2), s.rest, s.state, s.work);
+    return s.work.element_cell.size() - s.work.owned_cells();
+  };
+  CHECK(slivers(1.0) > 50);
+  CHECK(slivers(1.45) > 50);
+  CHECK(slivers(1.55) == 0);
+  CHECK(slivers(1.0 / 1.55) == 0);
+  CHECK(slivers(-1.0) == 0);
+}
