@@ -163,10 +163,9 @@ static void check_planning(void) {
   EfsiStepLimits limits;
   CHECK_OK(NULL, efsi_simulation_def_get_step_limits(&def, 1000.0, &limits, sizeof(limits), NULL));
   CHECK(limits.contact_cfl > 0.0 && limits.contact_cfl < def.cfl_solid && limits.flight_cfl >= def.cfl_solid);
-  CHECK(limits.contact_share > 0.0 && limits.contact_share < 1.0);
   def.preset = EFSI_PRESET_PAPER2016;
   CHECK_OK(NULL, efsi_simulation_def_get_step_limits(&def, 1000.0, &limits, sizeof(limits), NULL));
-  CHECK(limits.contact_pace == 0.0 && limits.contact_share == 0.0 && fabs(limits.flight_cfl - def.cfl_solid) < 1e-12);
+  CHECK(limits.contact_pace == 0.0 && fabs(limits.flight_cfl - def.cfl_solid) < 1e-12);
   EfsiError error;
   CHECK(efsi_simulation_def_get_step_limits(&def, 0.0, &limits, sizeof(limits), &error) == EFSI_ERROR_ARGUMENT);
   CHECK(strstr(error.message, "lightest_density = 0"));

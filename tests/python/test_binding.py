@@ -352,5 +352,7 @@ def test_planning_asks_the_library(library):
     assert solver.slab_axis({**BOX, "voxel_size": -1.0}) is None  # refused where the scene is checked
     limits = solver.step_limits(BOX, 1000.0)
     assert set(limits) == {"contact_reach", "contact_cfl", "contact_pace", "flight_cfl", "contact_share"}
+    assert 0 < limits["contact_share"] < 1
+    assert solver.step_limits({**BOX, "preset": binding.PRESETS["paper2016"]}, 1000.0)["contact_share"] == 0
     with pytest.raises(LibraryError, match="lightest_density = 0"):
         solver.step_limits(BOX, 0.0)
