@@ -62,26 +62,33 @@ bool is_positive(const Mat3d& m) {
   return m(0, 0) > 0.0 && m(0, 0) * m(1, 1) > m(0, 1) * m(1, 0) && m.determinant() > 0.0;
 }
 
-// Whether all stretches do whose inverses have these squares; zero, of what is inverted: no.
-bool lie_within(const StretchBounds& bounds, const Mat3d& squares) {
-  return is_positive(squares - Mat3d::Identity() / (bounds.most * bounds.most)) &&
-         is_positive(Mat3d::Identity() / (bounds.least * bounds.least) - squares);
-}
+// The map in the middle of a cell.
+struct CellMap {
+  const PlasticField& plastic;
+  Vec3d material;
+  Mat3d inverse_f;
 
-// What becomes of a cell of this solid fraction; material: in its middle; squares: of its inverse elastic stretches.
+  // Whether it is not inverted and its principal elastic stretches are within bounds.
+  bool is_within(const StretchBounds& bounds) const {
+    if (!(inverse_f.determinant() > 0.0)) return false;
+    const Mat3d squares = inverse_f.transpose() * plastic.metric(material) * inverse_f;
+    return is_positive(squares - Mat3d::Identity() / (bounds.most * bounds.most)) &&
+           is_positive(Mat3d::Identity() / (bounds.least * bounds.least) - squares);
+  }
+};
+
+// What becomes of a cell of this solid fraction.
 enum CellUse : std::uint8_t { kNoElement, kSliver, kOwned };
-CellUse use_of(const SolidRest& rest, const SolidState& state, std::size_t c, Real fraction, const Vec3d& material,
-               const Mat3d& squares) {
+CellUse use_of(const SolidRest& rest, const SolidState& state, std::size_t c, Real fraction, const CellMap& map) {
   if (fraction > least_fraction(rest, state, c)) return kOwned;
-  const bool sliver = fraction > kSliverPart && rest.thin.contains(material) && lie_within(kSliverStretch, squares);
+  const bool sliver = fraction > kSliverPart && rest.thin.contains(map.material) && map.is_within(kSliverStretch);
   return sliver ? kSliver : kNoElement;
 }
 
-// Whether a cell's map is valid: not where it is extrapolated, and where it is partly so only if it is not inverted
-// and its elastic stretches are accepted; squares: of their inverses. Beside folds and thin parts the extension leads
-// back into the solid.
-bool has_valid_map(std::uint8_t nearest, std::uint8_t farthest, const Mat3d& squares) {
-  return farthest == kKnown || (nearest != kExtrapolated && lie_within(kPlausibleStretch, squares));
+// Whether a cell's map is valid: not where it is extrapolated, and where it is partly so only if it is plausible.
+// Beside folds and thin parts the extension leads back into the solid.
+bool has_valid_map(std::uint8_t nearest, std::uint8_t farthest, const CellMap& map) {
+  return farthest == kKnown || (nearest != kExtrapolated && map.is_within(kPlausibleStretch));
 }
 
 // Returns what the cells hold that are solid in part, by planes; use: CellUse of each cell.
@@ -127,11 +134,9 @@ std::vector<std::vector<Holding>> compute_fractions(const Parallel& parallel, co
         }
         // Cells with an invalid map are counted and left empty.
         const std::size_t c = g.cell(i, j, k);
-        Mat3d squares = Mat3d::Zero();
-        if (fraction > 0.0 && inverse_f.determinant() > 0.0)
-          squares = inverse_f.transpose() * plastic.metric(material) * inverse_f;
-        const CellUse is = use_of(rest, state, c, static_cast<Real>(fraction), material, squares);
-        if (fraction > 0.0 && !has_valid_map(nearest, farthest, squares)) {
+        const CellMap map{plastic, material, inverse_f};
+        const CellUse is = use_of(rest, state, c, static_cast<Real>(fraction), map);
+        if (fraction > 0.0 && !has_valid_map(nearest, farthest, map)) {
           rejected[static_cast<std::size_t>(k)] += is != kNoElement;
           continue;
         }
