@@ -165,7 +165,7 @@ class _Json(Progress):
         self._begun = self._since = time.monotonic()  # of the command, and of the frame that is simulated
         self._next = 0.0  # when a `step` may be told
         self._done = 0  # frames that this command has simulated
-        self._seconds = self._weight = 0.0  # what they took, times their weights; the sum of these
+        self._seconds = 0.0  # that they took, of the n-th n times
 
     def waiting(self, what: str, prim: str, fraction: float) -> None:
         super().waiting(what, prim, fraction)
@@ -193,7 +193,6 @@ class _Json(Progress):
         if frame > self.frames.first:  # what comes before the first step is no pace
             self._done += 1
             self._seconds += self._done * (now - self._since)
-            self._weight += self._done
         self._since = now
         percent = 100 * (frame - self.frames.first + 1) // len(self.frames)
         self._tell("frame", frame=frame, percent=percent, **facts, elapsed=self._elapsed(), eta=self._eta(frame))
@@ -213,9 +212,8 @@ class _Json(Progress):
     def _eta(self, frame: int, fraction: float = 0.0) -> float | None:
         """Seconds until the last frame, of which `frame` and a part of the next are done, at the pace of the frames so
         far: the n-th counts n times, since those to come are more like the last ones. None: nothing was simulated."""
-        next_weight = self._done + 1
-        weight = self._weight + next_weight * fraction
-        seconds = self._seconds + (next_weight * (time.monotonic() - self._since) if fraction else 0.0)
+        seconds = self._seconds + (self._done + 1) * (time.monotonic() - self._since)
+        weight = (self._done + 1) * (self._done / 2 + fraction)  # 1 + 2 + ..., and that part of the next
         return round((self.frames.last - frame - fraction) * seconds / weight, 2) if weight > 0 else None
 
     def _tell(self, event: str, **facts: Any) -> None:

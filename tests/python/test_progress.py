@@ -129,7 +129,7 @@ def test_the_time_left_follows_the_last_frames(monkeypatch, capsys):
         told = progress.make_progress("json")
         told.start("simulate", FrameRange(1, 5), there, **facts, cells=8)
         for frame in range(1 + there, 6):
-            now[0] += (0.0, 1.0, 1.0, 3.0, 3.0)[frame - 1] if there == 0 else (1.0, 3.0, 3.0)[frame - 3]
+            now[0] += (0.0, 1.0, 1.0, 3.0, 3.0)[frame - 1]
             told.frame_done(frame, **done)
         found = [event(line) for line in capsys.readouterr().out.splitlines()]
         assert [one["eta"] for one in found if one["event"] == "frame"] == [e and round(e, 2) for e in expected]
