@@ -14,7 +14,7 @@
 namespace efsi::sim {
 namespace {
 
-constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', 'F'};
+constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', 'G'};
 
 struct HashArchive {
   Hash hash;
@@ -26,7 +26,8 @@ struct HashArchive {
   void array(const std::vector<T>& v) {
     hash.add_array(v);
   }
-  // Where solids are apart, not deep in each other, or cannot yield, the hash is that of the other fields.
+  // Where solids are apart, not deep in each other, cannot yield, or have kept their energy, the hash is that of the
+  // other fields.
   void array(const std::vector<solid::ContactImpulse>& v) {
     if (!v.empty()) hash.add_array(v);
   }
@@ -35,6 +36,9 @@ struct HashArchive {
   }
   void array(const std::vector<solid::PlasticNode>& v) {
     if (!v.empty()) hash.add_array(v);
+  }
+  void value(const solid::LossLimit& v) {
+    if (v.holds()) hash.add_value(v);
   }
 };
 

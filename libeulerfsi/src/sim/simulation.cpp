@@ -11,6 +11,7 @@
 #include "linalg/reduce.hpp"
 #include "record/contact_record.hpp"
 #include "sim/checkpoint.hpp"
+#include "sim/step_loss.hpp"
 #include "sim/time_step.hpp"
 #include "solid/element/mass.hpp"
 #include "solid/map/displacement.hpp"
@@ -165,7 +166,7 @@ StepInfo Simulation::try_step(const Scene& scene, double remaining, double shrin
   }
 }
 
-// A step whose result is looked at: a bad one is rolled back and repeated with half the size.
+// A step whose result is looked at: a bad one is rolled back and repeated, shorter.
 StepInfo Simulation::checked_step(double remaining) {
   const auto begin = std::chrono::steady_clock::now();
   box_ = {};
@@ -199,7 +200,9 @@ StepInfo Simulation::checked_step(double remaining) {
           reason = "solid " + std::to_string(l + 1) + " moved more than " + std::to_string(travel) + " cells";
       }
     }
-    if (reason.empty()) {
+    const bool errs = reason.empty() && attempt < kMaxRetries && work_.masses_ready &&
+                      keep_energy(parallel_, scene, info.dt, work_.solids, work_.backup.solids, state_.solids);
+    if (reason.empty() && !errs) {
       std::string end = lost_shape();
       if (end.empty()) end = crosses_periodic_face();
       if (end.empty()) end = passed_through(info);
@@ -218,7 +221,7 @@ StepInfo Simulation::checked_step(double remaining) {
       profile_.seconds[static_cast<std::size_t>(Stage::kOther)] = std::max(0.0, profile_.total_seconds - staged);
       return info;
     }
-    shrink = std::min(0.5 * info.dt / remaining, 0.5 * shrink);
+    if (!errs) shrink = std::min(0.5 * info.dt / remaining, 0.5 * shrink);
     state_ = work_.backup;
     work_.forget();
   }

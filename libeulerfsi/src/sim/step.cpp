@@ -17,6 +17,7 @@
 #include "record/energy_ledger.hpp"
 #include "record/side_record.hpp"
 #include "record/step_record.hpp"
+#include "sim/step_loss.hpp"
 #include "sim/time_step.hpp"
 #include "solid/element/mass.hpp"
 #include "solid/element/material_force.hpp"
@@ -297,6 +298,7 @@ void transport(const StepContext& step, State& state, Workspace& work, EnergyLed
   ledger.meet(velocity, frames);
   find_centers(step, holds, frames, state.solids, work.momenta);
   take_velocities(step, state.steps, common, velocity, state.solids, work.solids, work.particles, ledger);
+  measure_straining(step, state.solids, work.solids);
   work.pressure.system.exchange_scratch(work.solid_advect.storage());
   for (std::size_t l = 0; l < state.solids.size(); ++l)
     transport_solid(step, l, frames[l], work.elasticity, work.solids[l], state.solids[l], work.solid_advect,

@@ -10,22 +10,19 @@
 #include "contact/solid_contact.hpp"
 #include "contact/wall_contact.hpp"
 #include "grid/interpolate.hpp"
+#include "sim/step_loss.hpp"
 #include "solid/map/displacement.hpp"
 
 namespace efsi::sim {
 namespace {
 
-constexpr double kContactReach = 2.0;         // cells
-constexpr double kContactDistance = 1.0;      // cells: 2 less what a step in contact moves
-constexpr double kContactPace = 0.7;          // cells that a shear wave passes in a step in contact, or
-constexpr double kContactShare = 1.0 / 24.0;  // this part of the solid, the cubic root of its volume, if that is more
-constexpr double kNormal = 0.15;              // the tolerance for which these two are meant
-constexpr double kContactFall = 3.0;          // cells: the energy of a fall that need not be kept
-constexpr double kContactStrain = 0.1;        // in a step, below which it loses little whatever moves
-constexpr double kPaperCfl = 0.6;             // cells per step of solids less than kContactReach apart (Sec. 5.2)
-constexpr double kPairReach = 6.0;            // cells between solids, from which on they do not limit each other
-constexpr double kMeetingDistance = 0.4;      // cells that they keep, where they come from farther away
-constexpr double kUnseen = 1.2;               // cells that solids near each other may move before they see each other
+constexpr double kContactReach = 2.0;     // cells
+constexpr double kContactDistance = 1.0;  // cells: 2 less what a step in contact moves
+constexpr double kContactStrain = 0.1;    // in a step, below which it loses little whatever moves
+constexpr double kPaperCfl = 0.6;         // cells per step of solids less than kContactReach apart (Sec. 5.2)
+constexpr double kPairReach = 6.0;        // cells between solids, from which on they do not limit each other
+constexpr double kMeetingDistance = 0.4;  // cells that they keep, where they come from farther away
+constexpr double kUnseen = 1.2;           // cells that solids near each other may move before they see each other
 // Cells per step in flight over those elsewhere: through vacuum (4 where these are 1.8) and through a fluid of at most
 // kThin of a solid's density. The pressure of the fluid grows with what a solid moves in a step, and presses it.
 constexpr double kVacuumReach = 20.0 / 9.0, kFluidReach = 1.5, kThin = 0.01;
@@ -73,21 +70,24 @@ double flight_cells(const Params& params, double density) {
 
 // A step by what it loses: in contact the stiffness is implicit, which takes up to dt^2 v.K v of a solid's energy in a
 // step. Where shear waves pass a small part of the solid in it that is little of what an impact stores while nothing
-// moves fast. Beyond that it may be step_tolerance of the kinetic energy and of that of a fall by kContactFall, while a
-// wave passes the solid; or what a step loses in which no two neighbouring nodes are strained by kContactStrain.
+// moves fast. Beyond that it may be step_tolerance of moving_energy while a wave passes the solid; or what a step loses
+// in which no two neighbouring nodes are strained by kContactStrain. All by the velocity at the start of the step: what
+// it really loses is looked at after it (step_loss.hpp).
 class WaveLimits {
  public:
-  WaveLimits(const Parallel& parallel, const Scene& scene, const SolidStates& states)
-      : parallel_(parallel), scene_(scene), states_(states), longer_(states.size(), -1.0) {}
+  WaveLimits(const Parallel& parallel, const Scene& scene, const SolidStates& states, SolidWorks& solids)
+      : parallel_(parallel), scene_(scene), states_(states), solids_(solids), longer_(states.size(), -1.0) {
+    for (solid::SolidWork& solid : solids_) solid.keeps_energy = false;
+  }
 
   void lower(std::size_t l, StepRule rule, StepLimit& limit) {
+    solids_[l].keeps_energy = scene_.params.numerics.resolve_impacts;
     const solid::SolidRest& rest = scene_.solids[l];
-    const double size = std::cbrt(rest.volume), pass = size / std::sqrt(rest.elastic.mu / rest.density);
-    const double wave = scene_.params.numerics.step_tolerance / kNormal * pass *
-                        std::max(kContactPace * scene_.grid.h / size, kContactShare);
-    if (limit.dt <= wave) return;
-    if (longer_[l] < 0.0) longer_[l] = measure(rest, states_[l], pass);  // once, however much it touches
-    limit.lower(std::max(wave, longer_[l]), rule, l + 1);
+    const ShearWaves shear = shear_waves(scene_, rest);
+    if (limit.dt <= shear.resolved) return;
+    if (longer_[l] < 0.0) longer_[l] = measure(rest, states_[l], shear.pass);  // once, however much it touches
+    const double by_loss = states_[l].by_loss.holds() ? states_[l].by_loss.step : longer_[l];
+    limit.lower(std::max(shear.resolved, std::min(longer_[l], by_loss)), rule, l + 1);
   }
 
  private:
@@ -95,17 +95,16 @@ class WaveLimits {
   double measure(const solid::SolidRest& rest, const solid::SolidState& solid, double pass) const {
     const double tolerance = scene_.params.numerics.step_tolerance;
     const solid::CellMotion motion = solid::measure_motion(parallel_, rest, solid);
-    const double fall = kContactFall * scene_.params.gravity.norm() * scene_.grid.h;
-    const double energy = rest.density * (motion.half_square + fall * motion.volume);
-    const double loss = motion.volume > 0.0 ? motion.root * motion.root / motion.volume : 0.0;  // v.K v
+    const double energy = moving_energy(scene_, rest, motion), loss = v_k_v(motion);
     if (!(loss > 0.0)) return std::numeric_limits<double>::infinity();
     const double rate = solid::largest_strain_rate(parallel_, solid, solid.valid);
-    return std::max(tolerance * energy / (pass * loss), tolerance / kNormal * kContactStrain / rate);
+    return std::max(tolerance * energy / (pass * loss), tolerance / kNormalTolerance * kContactStrain / rate);
   }
 
   const Parallel& parallel_;
   const Scene& scene_;
   const SolidStates& states_;
+  SolidWorks& solids_;
   std::vector<double> longer_;  // per solid, where its waves are not resolved [s]; below 0: not measured yet
 };
 
@@ -247,19 +246,19 @@ void limit_by_speed(const Parallel& parallel, const Scene& scene, std::size_t l,
 StepLimits step_limits(const Params& params, double lightest_density) {
   const Numerics& n = params.numerics;
   const bool resolves = n.resolve_impacts && std::isfinite(n.step_tolerance);
-  const double part = resolves ? n.step_tolerance / kNormal : 0.0;
+  const double part = resolves ? n.step_tolerance / kNormalTolerance : 0.0;
   return {kContactReach, n.contact_travel, part * kContactPace, flight_cells(params, lightest_density),
           part * kContactShare};
 }
 
 StepLimit compute_time_step(const Parallel& parallel, const Scene& scene, const SolidStates& states, double fluid_speed,
-                            std::uint64_t steps, double remaining, const SolidWorks& solids) {
+                            std::uint64_t steps, double remaining, SolidWorks& solids) {
   const Params& params = scene.params;
   const grid::Grid& g = scene.grid;
   StepLimit limit{remaining, StepRule::kEnd};
   if (params.max_time_step > 0.0) limit.lower(params.max_time_step, StepRule::kMaximum);
   const std::vector<Box> boxes = surface_boxes(states);
-  WaveLimits waves(parallel, scene, states);
+  WaveLimits waves(parallel, scene, states, solids);
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     if (solid::has_left(states[l])) continue;
     const bool given = is_collider(scene.pins, l);

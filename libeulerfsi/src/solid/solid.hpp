@@ -115,6 +115,12 @@ struct PrescribedShape {
   std::size_t bytes() const;
 };
 
+// How long a step may be that keeps a solid's energy, since one has not; 0: that is not looked at [s].
+struct LossLimit {
+  double step = 0.0;
+  bool holds() const { return step > 0.0; }
+};
+
 // State: survives a step.
 struct SolidState {
   Band band;
@@ -135,6 +141,7 @@ struct SolidState {
   double speed = 0.0;                    // largest component of the velocity in the last step [m/s]
   double acceleration = -1.0;            // of its centre of mass in the last step; < 0: not known [m/s^2]
   double leak = 0.0;                     // volume that the last step lost by the mesh, over that at rest
+  LossLimit by_loss;                     // of the next step
   // In place of that at rest, of a collider whose points are given. It follows from those: no part of a checkpoint.
   std::shared_ptr<const PrescribedShape> shape;
 };
@@ -182,6 +189,7 @@ void visit_fields(State& s, Fields& fields) {
   fields.value(s.speed);
   fields.value(s.acceleration);
   fields.value(s.leak);
+  fields.value(s.by_loss);
 }
 
 // One quadrature point of an element: the linearised material in the frame of the principal axes.
@@ -201,6 +209,13 @@ struct ElementPoint {
 inline constexpr std::size_t kBlock = 16;
 struct PointBlock {
   Real axes[9][kBlock], normal[6][kBlock], pair[9][kBlock], stress[6][kBlock], local[3][kBlock], hourglass[4][kBlock];
+};
+
+// Motion of a solid in the cells whose nodes hold data of its own, which may be noisy where a part of it is crushed:
+// volume [m^3], the integral of v^2/2 [m^5/s^2], and that of the root of 2 mu D:D + lambda (tr D)^2, D the rate of
+// strain, in which noise in few cells counts little [J^(1/2) m^(3/2)/s].
+struct CellMotion {
+  double volume = 0.0, half_square = 0.0, root = 0.0;
 };
 
 // Workspace: rebuilt every step.
@@ -235,6 +250,8 @@ struct SolidWork {
   double whole_weight = 1.0;    // over that of as many whole cells
   double elastic_energy = 0.0;  // [J]
   double max_speed = 0.0;
+  bool keeps_energy = false;  // it is near what it may touch, and the size of the step resolves its impacts
+  CellMotion straining;       // where it is: by what the step strains its map; without volume: not measured
 
   // Whether the pressure of a band cell acts on this solid.
   bool owns(std::size_t c) const { return element[c] >= 0 && !sliver[static_cast<std::size_t>(element[c])]; }

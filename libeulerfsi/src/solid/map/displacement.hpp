@@ -65,12 +65,7 @@ Vec3d material_in_cell(const SolidState& state, const Vec3i& cell);
 // Largest difference of a velocity component between neighbouring band nodes, both of them marked, over h [1/s].
 double largest_strain_rate(const Parallel& parallel, const SolidState& state, const std::vector<std::uint8_t>& marked);
 
-// Motion of a solid in the cells whose nodes hold data of its own, which may be noisy where a part of it is crushed:
-// volume [m^3], the integral of v^2/2 [m^5/s^2], and that of the root of 2 mu D:D + lambda (tr D)^2, D the rate of
-// strain, in which noise in few cells counts little [J^(1/2) m^(3/2)/s].
-struct CellMotion {
-  double volume = 0.0, half_square = 0.0, root = 0.0;
-};
+// By its velocity.
 CellMotion measure_motion(const Parallel& parallel, const SolidRest& rest, const SolidState& state);
 
 // Re-centres the band around the nodes that hold data and are inside the solid.

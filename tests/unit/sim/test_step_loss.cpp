@@ -1,0 +1,72 @@
+// Purpose: a step that takes more of a solid's energy than its tolerance allows is repeated shorter.
+#include "unit/sim/scene.hpp"
+
+using namespace efsi;
+using namespace efsi::test;
+
+namespace {
+
+// A ball 8 cells across, thrown at a floor without weight in vacuum, in steps of at most a frame: the wave of its
+// impact passes it in less than the step that brings it to the floor.
+struct Landing {
+  std::uint64_t steps = 0, retries = 0;
+  double rebound = 0.0, rise = 0.0, volume = 1.0;  // energy after it and made in it, over that before; by the mesh
+  std::vector<Vec3d> surface;
+};
+
+Landing land(double youngs_modulus, double tolerance, int threads = 1) {
+  constexpr double kRadius = 0.1, kSpeed = 2.0;
+  sim::Params p = still_vacuum({0.4, 0.4, 0.4}, kRadius / 4);
+  p.threads = threads;
+  p.numerics.step_tolerance = tolerance;
+  sim::SolidDesc d = ball_desc({0.2, kRadius + 0.03, 0.2}, kRadius);
+  d.youngs_modulus = youngs_modulus;
+  d.velocity = {0.0, -kSpeed, 0.0};
+  auto s = make_simulation(p, {d});
+  Landing l;
+  const double start = s->diagnose_solid(0).kinetic_energy;
+  double least = start, up = 0.0;
+  while (s->state().time < 0.1 && up < 0.02) {
+    const sim::StepInfo info = s->step(kFrame);
+    const auto now = s->diagnose_solid(0);
+    const double energy = now.kinetic_energy + now.elastic_energy;
+    l.rise = std::max(l.rise, (energy - least) / start);
+    least = std::min(least, energy);
+    l.rebound = energy / start;
+    l.volume = std::max(l.volume, std::abs(now.volume_mesh / now.rest_volume - 1.0) + 1.0);
+    l.steps += info.steps, l.retries += info.retries;
+    up = now.extent_min[1];
+    if (now.momentum[1] < 0.0) up = 0.0;
+  }
+  l.surface = s->surface_points(0);
+  return l;
+}
+
+}  // namespace
+
+TEST_CASE("However stiff a ball is, it bounces: a step that takes its energy is repeated", "[law]") {
+  const double modulus = GENERATE(1e5, 1e6, 1e7, 1e8);
+  const Landing l = land(modulus, 0.15);
+  INFO("Young's modulus " << modulus << ": " << l.rebound << " of its energy left, " << l.rise << " made, volume by "
+                          << l.volume << ", " << l.steps << " steps, " << l.retries << " repeated");
+  CHECK(l.rebound > 0.3);
+  CHECK(l.rise < 0.02);
+  CHECK(l.volume < 1.01);
+  CHECK((modulus < 5e5 || l.retries > 0));
+}
+
+TEST_CASE("A finer tolerance of steps keeps more of a stiff ball's energy, in more of them") {
+  const Landing normal = land(1e7, 0.15), fine = land(1e7, 0.05);
+  INFO(normal.rebound << ", " << fine.rebound << " of its energy left in " << normal.steps << ", " << fine.steps
+                      << " steps");
+  CHECK(normal.rebound < fine.rebound);
+  CHECK(normal.steps < fine.steps);
+}
+
+TEST_CASE(
+    "What a step has lost limits the next ones: they are rarely repeated, and the same for any number of threads") {
+  const Landing one = land(1e7, 0.15), three = land(1e7, 0.15, 3);
+  CHECK(one.retries > 0);
+  CHECK(4 * one.retries < one.steps);
+  CHECK(one.surface == three.surface);
+}
