@@ -10,8 +10,8 @@ namespace efsi::sim {
 namespace {
 
 constexpr double kContactFall = 3.0;  // cells: the energy of a fall that need not be kept
-constexpr double kErrs = 2.0;         // times as long as allowed: from there on a step is repeated
-constexpr double kGrowth = 2.0;       // of the steps after it
+constexpr double kErrs = 2.0;         // times step_tolerance: the part of its energy of which one step takes too much
+constexpr double kGrowth = 2.0;       // of the steps after such a one
 constexpr double kCreep = 0.02;       // cells: what moves less in a step does not err
 
 }  // namespace
@@ -35,8 +35,8 @@ double moving_energy(const Scene& scene, const solid::SolidRest& rest, const sol
 void measure_straining(const StepContext& step, const SolidStates& states, SolidWorks& solids) {
   for (std::size_t l = 0; l < solids.size(); ++l) {
     solids[l].straining = {};
-    const bool resolved = step.dt <= shear_waves(step.scene, step.scene.solids[l]).resolved;
-    if (!solids[l].keeps_energy || (resolved && !states[l].by_loss.holds())) continue;
+    const bool passes = step.dt > shear_waves(step.scene, step.scene.solids[l]).pass;
+    if (!solids[l].keeps_energy || (!passes && !states[l].by_loss.holds())) continue;
     ScopedTimer timer(step.profile, Stage::kCheck);
     solids[l].straining = solid::measure_motion(step.parallel, step.scene.solids[l], states[l]);
   }
@@ -50,18 +50,19 @@ bool keep_energy(const Parallel& parallel, const Scene& scene, double dt, const 
     const double loss = dt * dt * v_k_v(solids[l].straining);
     if (!(loss > 0.0) || solid::has_left(after[l])) continue;
     const solid::SolidRest& rest = scene.solids[l];
-    const ShearWaves waves = shear_waves(scene, rest);
-    const double part = scene.params.numerics.step_tolerance * std::min(1.0, dt / waves.pass);
-    const auto longest = [&](double energy) { return std::max(waves.resolved, part * energy / loss * dt); };
-    const bool creeps = dt * std::max(before[l].speed, after[l].speed) < kCreep * scene.grid.h;
+    const double tolerance = scene.params.numerics.step_tolerance;
     double energy = moving_energy(scene, rest, solids[l].straining) + loss;  // that at the start of the step
-    if (!before[l].by_loss.holds() && (creeps || kErrs * longest(energy) >= dt)) continue;
+    const bool moves = dt * std::max(before[l].speed, after[l].speed) > kCreep * scene.grid.h;
+    const auto too_much = [&] { return moves && loss > kErrs * tolerance * energy; };
+    if (!before[l].by_loss.holds() && !too_much()) continue;
     energy += solid::elastic_energy(parallel, rest, after[l], solids[l], scene.params.numerics.points_per_element);
-    if (!creeps && kErrs * longest(energy) < dt) {
+    const ShearWaves waves = shear_waves(scene, rest);
+    const double longest = std::max(waves.resolved, tolerance * std::min(1.0, dt / waves.pass) * energy / loss * dt);
+    if (dt > waves.pass && too_much()) {
       errs = true;
-      before[l].by_loss.step = longest(energy);
+      before[l].by_loss.step = longest;
     } else if (before[l].by_loss.holds()) {
-      after[l].by_loss.step = std::min(longest(energy), kGrowth * dt);
+      after[l].by_loss.step = std::min(longest, kGrowth * dt);
     }
   }
   return errs;

@@ -25,9 +25,10 @@ double moving_energy(const Scene& scene, const solid::SolidRest& rest, const sol
 // Line 13: the motion by which the step strains the maps of solids near what they may touch, SolidWork::straining.
 void measure_straining(const StepContext& step, const SolidStates& states, SolidWorks& solids);
 
-// After a step of dt: whether a solid has lost so much of its energy that less than half of the step would have been
-// allowed; before and after it: SolidState::by_loss. It may lose step_tolerance of it while a wave passes it, or in
-// one step. solids: with their elements at the end of the step.
+// After a step of dt: whether it is so long that a shear wave passes a solid in it, and has taken more than twice
+// step_tolerance of that solid's energy: then an impact has fitted into it. Sets SolidState::by_loss, before the step
+// for its repetition and after it for the next one: by which it takes step_tolerance while a wave passes the solid.
+// solids: with their elements at the end of the step.
 bool keep_energy(const Parallel& parallel, const Scene& scene, double dt, const SolidWorks& solids, SolidStates& before,
                  SolidStates& after);
 
