@@ -496,8 +496,11 @@ def test_a_call_that_is_accepted_or_crashes_is_told() -> None:
 def test_features_that_a_scene_lacks_cost_nothing(library, capsys, tmp_path: Path) -> None:
     assert bench_skip.main([]) == 0
     out = capsys.readouterr().out
-    assert out.count(" pass") == 3 and "0 bars missed" in out
+    assert out.count(" pass") == 10 and "0 bars missed" in out
     with pytest.raises(UsageError, match="there is no such folder"):
         bench_skip.main(["--against", str(tmp_path / "none")])
     busy = {"tiles": {"smoke": 3}, "bytes": {"smoke": 9}, "memory_bytes": 1}
     assert bench_skip.row("smoke", busy, busy, ("smoke",))["verdict"] == "MISSED"
+    idle = {"tiles": {"smoke": 0}, "bytes": {"smoke": 0}, "memory_bytes": 1}
+    assert bench_skip.row("smoke", idle, idle, ("smoke",))["verdict"] == "MISSED"  # what never runs proves nothing
+    assert bench_skip.row("smoke", idle, busy, ("smoke",))["verdict"] == "pass"

@@ -58,9 +58,9 @@ typedef struct EfsiStepInfo {
 /** Stages of a step in the profile. */
 typedef enum EfsiStage {
   EFSI_STAGE_TIME_STEP = 0,       /**< line 1 */
-  EFSI_STAGE_SOLID_MASS = 1,      /**< line 3 */
+  EFSI_STAGE_SOLID_MASS = 1,      /**< lines 3, 7: masses of solids, of all matter beside them */
   EFSI_STAGE_COMPUTE_G = 2,       /**< lines 4, 8: "Compute G" */
-  EFSI_STAGE_FLUID_FORCES = 3,    /**< lines 7, 8: fluid mass, body forces */
+  EFSI_STAGE_FLUID_FORCES = 3,    /**< lines 7, 8: one velocity, forces, viscosity */
   EFSI_STAGE_VELOCITY_SOLVE = 4,  /**< lines 9, 11 */
   EFSI_STAGE_PRESSURE_SOLVE = 5,  /**< line 10 and the final projection */
   EFSI_STAGE_SOLID_ADVECTION = 6, /**< lines 13, 18-20, with the extension */

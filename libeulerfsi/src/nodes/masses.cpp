@@ -167,7 +167,7 @@ void compute_masses(const StepContext& step, const SolidStates& states, SolidWor
 void combine_masses(const StepContext& step, const SolidStates& states, const SolidWorks& solids, Window& window,
                     std::vector<Real>& pressure, Matter& matter, system::SlipNodes& slip) {
   const fluid::FluidParams& fluid = step.scene.params.fluid;
-  ScopedTimer timer(step.profile, Stage::kFluidForces);
+  ScopedTimer timer(step.profile, Stage::kSolidMass);
   follow_solids(step.scene, states, solids, window, pressure, matter);
   if (step.scene.solids.empty() && !matter.specific_volume.empty()) return;  // nothing has moved
   find_fixed_components(step.parallel, step.scene, states, solids, matter);

@@ -44,7 +44,7 @@ void apply_scene_forces(const StepContext& step, const Matter& matter, SolidWork
                         grid::VectorField& fluid_velocity, EnergyLedger& ledger) {
   if (step.scene.forces.empty()) return;
   ScopedTimer timer(step.profile, Stage::kFluidForces);
-  apply_forces(step, matter.common.grid, solids, states, fluid_velocity);
+  timer.visited(apply_forces(step, matter.common.grid, solids, states, fluid_velocity), 6 * sizeof(Real));
   ledger.book_forces(matter, fluid_velocity);
 }
 

@@ -49,18 +49,24 @@ void push_fluid(const Parallel& parallel, const ForceField& force, double time, 
 
 }  // namespace
 
-void apply_forces(const StepContext& step, const Grid& common, SolidWorks& solids, SolidStates& states,
-                  grid::VectorField& fluid_velocity) {
+std::uint64_t apply_forces(const StepContext& step, const Grid& common, SolidWorks& solids, SolidStates& states,
+                           grid::VectorField& fluid_velocity) {
+  std::uint64_t nodes = 0;
   for (solid::SolidWork& work : solids) work.force_velocity.assign(0);
   for (const ForceField& force : step.scene.forces) {
     const double duration = time_on(force, step.time, step.dt);
     if (!(duration > 0.0)) continue;
     if (force.acts_on != ForceField::ActsOn::kFluid)
-      for (std::size_t l = 0; l < states.size(); ++l)
+      for (std::size_t l = 0; l < states.size(); ++l) {
         push_solid(step.parallel, force, step.time, duration, solids[l], states[l]);
-    if (force.acts_on != ForceField::ActsOn::kSolids && step.scene.params.fluid.present)
+        nodes += states[l].band.grid.node_count();
+      }
+    if (force.acts_on != ForceField::ActsOn::kSolids && step.scene.params.fluid.present) {
       push_fluid(step.parallel, force, step.time, duration, common, fluid_velocity);
+      nodes += common.node_count();
+    }
   }
+  return nodes;
 }
 
 }  // namespace efsi::sim

@@ -8,8 +8,8 @@
 namespace efsi::sim {
 
 // Adds the forces that act in the step, as long as they do, to the velocities of the solids' nodes that have mass and
-// to the fluid's. SolidWork.force_velocity: what they add to solids.
-void apply_forces(const StepContext& step, const grid::Grid& common, SolidWorks& solids, SolidStates& states,
-                  grid::VectorField& fluid_velocity);
+// to the fluid's. SolidWork.force_velocity: what they add to solids. Returns the number of nodes visited.
+std::uint64_t apply_forces(const StepContext& step, const grid::Grid& common, SolidWorks& solids, SolidStates& states,
+                           grid::VectorField& fluid_velocity);
 
 }  // namespace efsi::sim
