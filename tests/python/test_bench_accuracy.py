@@ -123,6 +123,9 @@ def test_one_thing_at_a_time_differs_from_the_default() -> None:
     assert by_step["cfl 0.3"].settings["cfl_fluid"] == 0.3
     assert by_step["cfl 0.3"].largest_step == pytest.approx(1 / 24)
     assert [run.cells for run in sweep.runs(cases["taylor_green_box"], quick=True)] == [64]
+    by_step = {run.step: run for run in sweep.runs(cases["bounce_vacuum"]) if run.sweep == "step"}
+    assert by_step["loss 0.05"].settings["step_tolerance"] == 0.05
+    assert by_step["loss 0.05"].largest_step == pytest.approx(1 / 24)
 
 
 def test_a_seed_draws_other_parameters_within_their_limits() -> None:

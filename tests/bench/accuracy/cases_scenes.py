@@ -50,7 +50,7 @@ def scene(run: Run, meter: Meter) -> Measured:
 def authored(run: Run) -> dict[str, float]:
     """What the sweeps set, as attributes of a domain."""
     names = {"velocity_tolerance": "velocityTolerance", "pressure_tolerance": "pressureTolerance"}
-    names |= {"cfl_solid": "cflSolid", "cfl_fluid": "cflFluid"}
+    names |= {"cfl_solid": "cflSolid", "cfl_fluid": "cflFluid", "step_tolerance": "stepTolerance"}
     values = {names[name]: value for name, value in run.settings.items() if name in names}
     return values if run.step == "default" else values | {"maxTimeStep": run.largest_step}
 

@@ -42,6 +42,11 @@ class Case:
     quick: tuple[tuple[str, Any], ...] = ()
     own: tuple[tuple[str, Any], ...] = ()  # parameters: a value, or {"value", "low", "high"}
 
+    @property
+    def touches(self) -> bool:
+        """Whether solids touch something, so that what steps may take of their energy matters."""
+        return self.group in ("contact", "scenes")
+
     def parameters(self, seed: int) -> dict[str, Any]:
         """Values of the parameters: those of the file for seed 0, others drawn between low and high."""
         draw = np.random.default_rng([seed, *self.name.encode()])
@@ -61,8 +66,9 @@ class Protocol:
 
     cfl: tuple[float, ...]
     divisors: tuple[int, ...]
+    losses: tuple[float, ...]
     tolerances: tuple[float, ...]
-    loosest: float  # largest step [s] where the CFL limit is swept
+    loosest: float  # largest step [s] where the CFL limit or the loss is swept
 
 
 @dataclasses.dataclass(frozen=True)
@@ -97,9 +103,8 @@ class Run:
     def largest_step(self) -> float:
         """Of this run [s]."""
         word, _, number = self.step.replace("dt/", "divisor ").partition(" ")
-        return {"divisor": self.max_step / float(number or 1), "cfl": max(self.max_step, protocol().loosest)}.get(
-            word, self.max_step
-        )
+        loosest = max(self.max_step, protocol().loosest)
+        return {"divisor": self.max_step / float(number or 1), "cfl": loosest, "loss": loosest}.get(word, self.max_step)
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -109,6 +114,8 @@ class Run:
             values |= {"velocity_tolerance": self.tolerance, "pressure_tolerance": self.tolerance}
         if self.step.startswith("cfl "):
             values[f"cfl_{self.cfl}"] = float(self.step[4:])
+        if self.step.startswith("loss "):
+            values["step_tolerance"] = float(self.step[5:])
         return values
 
     @property
@@ -157,6 +164,7 @@ def runs(case: Case, seed: int = 0, quick: bool = False) -> list[Run]:
     if "step" in case.sweeps:
         out += [change(middle, step=f"dt/{n}", sweep="step") for n in rules.divisors]
         out += [change(middle, step=f"cfl {c:g}", sweep="step") for c in rules.cfl if case.cfl]
+        out += [change(middle, step=f"loss {t:g}", sweep="step") for t in rules.losses if case.cfl and case.touches]
     if "tolerance" in case.sweeps:
         out += [change(middle, tolerance=t, sweep="tolerance") for t in rules.tolerances]
     if "preset" in case.sweeps:
