@@ -70,6 +70,13 @@ def test_a_ball_that_comes_back_or_goes_around_has_not_passed(stops: list[tuple[
     assert all(one.pairs == () for one in followed([STRAP, BALL], [still(way), way]))
 
 
+@pytest.mark.parametrize(("deep", "passed"), [(0.8 * H, False), (3 * H, True)])
+def test_a_ball_that_goes_around_an_edge_may_overlap_it_by_less_than_a_cell(deep: float, passed: bool) -> None:
+    strap = thin_shapes.plate((0.1, 4.5 * H, 0.1), 0.4 * H)  # whose middle surface ends 0.4 cells inside
+    way = path((0, ABOVE, 0.09 - deep), (0, -ABOVE, 0.09 - deep))
+    assert (followed([strap, BALL], [still(way), way])[-1].vertices > 0) == passed
+
+
 def test_a_rod_through_a_sheet_is_found_while_it_sticks_in_it() -> None:
     sheet, rod = thin_shapes.plate((0.2, 3 * H, 0.2), H), thin_shapes.rod(0.16, 5 * H, 1.5 * H, H)
     way = path((0, 0.1, 0), (0, 0.03, 0))

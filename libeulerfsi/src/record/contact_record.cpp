@@ -16,8 +16,9 @@ bool same_parts(const std::vector<system::RowPart>& a, const std::vector<system:
   });
 }
 
-// Reaction in the coupling step of the rows that are penalties in G, per row [N s]. Penalties are in the order of
-// the rows, of which some are open.
+}  // namespace
+
+// Penalties are in the order of the rows, of which some are open.
 std::vector<Vec3d> coupling_impulses(const VelocityEquation& elasticity, const PressureEquation& pressure) {
   const std::vector<system::ContactRow>& rows = elasticity.contacts.rows;
   std::vector<Vec3d> impulses(rows.size(), Vec3d::Zero());
@@ -32,8 +33,6 @@ std::vector<Vec3d> coupling_impulses(const VelocityEquation& elasticity, const P
   return impulses;
 }
 
-}  // namespace
-
 ContactPair& find_pair(ContactPairs& pairs, std::size_t one, std::size_t other) {
   const auto before = [](const ContactPair& p, const std::pair<std::size_t, std::size_t>& key) {
     return std::pair(p.one, p.other) < key;
@@ -47,10 +46,8 @@ ContactPair& find_pair(ContactPairs& pairs, std::size_t one, std::size_t other) 
   return *pairs.insert(place, pair);
 }
 
-ContactPairs record_contacts(const Scene& scene, const SolidStates& states, const VelocityEquation& elasticity,
-                             const PressureEquation& pressure) {
-  const SolidContacts& contacts = elasticity.contacts;
-  const std::vector<Vec3d> coupling = coupling_impulses(elasticity, pressure);
+ContactPairs record_contacts(const Scene& scene, const SolidStates& states, const SolidContacts& contacts,
+                             const std::vector<Vec3d>& coupling) {
   ContactPairs pairs;
   for (std::size_t r = 0; r < contacts.rows.size(); ++r) {
     const system::ContactRow& row = contacts.rows[r];

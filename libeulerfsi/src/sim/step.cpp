@@ -4,6 +4,7 @@
 
 #include "contact/fold_contact.hpp"
 #include "contact/given_rows.hpp"
+#include "contact/pair_friction.hpp"
 #include "contact/particle_contact.hpp"
 #include "contact/solid_contact.hpp"
 #include "contact/wall_contact.hpp"
@@ -278,14 +279,22 @@ void solve(const StepContext& step, State& state, Workspace& work, EnergyLedger&
   ledger.book_source(last, pressure.source);
 }
 
-// What contact and given motion have done: for the next step, and what is reported of it.
+// What contact and given motion have done: for the next step, and what is reported of it; momenta of the solids, and
+// what friction has too much of them or lacks.
 void remember_contact(const StepContext& step, SolidStates& states, Workspace& work) {
   VelocityEquation& elasticity = work.elasticity;
   reset_above_walls(work.matter.mass, work.velocity, elasticity.walls);
   remember_rows(step.dt, elasticity.walls, states);
   remember_contacts(step.dt, elasticity.contacts, states);
   step.info.pins = sum_reactions(step, work.matter.common.grid, elasticity.given);
-  step.info.contacts = record_contacts(step.scene, states, elasticity, work.pressure);
+  const std::vector<Vec3d> coupling = coupling_impulses(elasticity, work.pressure);
+  step.info.contacts = record_contacts(step.scene, states, elasticity.contacts, coupling);
+  if (!step.scene.params.numerics.conserve_momentum) return;
+  TransportMomenta& momenta = work.momenta;
+  measure_momenta(step, states, work.solids, work.matter, work.velocity, momenta);
+  momenta.friction =
+      missing_friction(step.scene, elasticity.walls, work.velocity, work.matter.common.grid, momenta.solids);
+  limit_pair_friction(step, states, elasticity.contacts, coupling, momenta.solids, momenta.friction);
 }
 
 // Lines 12 to 22.
@@ -323,20 +332,14 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   info.dt = limit.dt;
   info.limit_rule = limit.rule, info.limiting_solid = limit.solid, info.limiting_other = limit.other;
   const StepContext step{parallel, scene, state.time, info.dt, profile, info};
-  const bool keeps_momentum = scene.params.numerics.conserve_momentum;
 
   find_matter(step, state, work);
   EnergyLedger ledger(step, state.solids, work.solids, work.matter, state.fluid.velocity);
-  if (keeps_momentum) measure_first_momenta(step, state.solids, work.solids, work.momenta);
+  if (scene.params.numerics.conserve_momentum) measure_first_momenta(step, state.solids, work.solids, work.momenta);
   compute_materials(step, work.solids, state.solids, ledger);
   mix_velocities(step, state, work, ledger);
   solve(step, state, work, ledger);
   remember_contact(step, state.solids, work);
-  if (keeps_momentum) {
-    measure_momenta(step, state.solids, work.solids, work.matter, work.velocity, work.momenta);
-    work.momenta.friction =
-        missing_friction(scene, work.elasticity.walls, work.velocity, work.matter.common.grid, work.momenta.solids);
-  }
   const std::vector<VolumeTarget> targets = volume_targets(scene.solids, state.solids, work.solids);
   transport(step, state, work, ledger);
   settle(step, targets, state, work, ledger);

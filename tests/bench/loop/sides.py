@@ -3,17 +3,20 @@
 Lines are laid along bodies at rest and carried by the mesh's vertices: two of them have passed where their Gauss
 integral, the linking number of closed ones, has jumped by 1. Middle surfaces lie between pairs of vertices across the
 thickness at rest: a vertex of another body has passed where it has crossed one, which its solid angle tells by a jump
-of 4 pi and by no jump on a way around the edge, and is outside of the body again.
+of 4 pi and by no jump on a way around the edge, and is outside of the body again. What crosses it within a quarter of
+the thickness from its rim goes around the edge, with an overlap that the law of depth judges.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 
 import numpy as np
 
 NEAR = 1.0  # thicknesses beyond a middle surface's bounding box within which vertices are followed
+AT_RIM = 0.25  # thicknesses from the rim of a middle surface within which a vertex goes around it
 MOST_PAIRS = 400_000  # of vertices and triangles, looked at at a time
 
 
@@ -49,6 +52,13 @@ class Middle:
 
     def corners(self, points: np.ndarray) -> np.ndarray:
         return (points[self.pairs[:, 0]] + points[self.pairs[:, 1]]) / 2
+
+    @functools.cached_property
+    def rim(self) -> np.ndarray:
+        """Its edges with one triangle (k, 2)."""
+        edges = np.sort(np.concatenate([self.triangles[:, [k, (k + 1) % 3]] for k in range(3)]), axis=1)
+        edges, count = np.unique(edges, axis=0, return_counts=True)
+        return edges[count == 1]
 
     def thickness(self, points: np.ndarray) -> np.ndarray:
         """At every pair (n,) [m]."""
@@ -97,6 +107,17 @@ def solid_angles(places: np.ndarray, corners: np.ndarray, triangles: np.ndarray)
     return seen
 
 
+def to_segments(places: np.ndarray, begins: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Distance of places (n, 3) to the nearest of some segments (n,) [m]; infinite where there are none."""
+    way = ends - begins
+    square = np.maximum((way**2).sum(axis=1), np.finfo(float).tiny)
+    out = np.full(len(places), np.inf)
+    for k, place in enumerate(places):
+        along = np.clip(((place - begins) * way).sum(axis=1) / square, 0, 1)
+        out[k] = np.linalg.norm(begins + along[:, None] * way - place, axis=1).min(initial=np.inf)
+    return out
+
+
 @dataclasses.dataclass
 class Crossings:
     """The vertices of a body that have crossed a middle surface of another one, by net number of times.
@@ -105,7 +126,7 @@ class Crossings:
     """
 
     middle: Middle
-    reach: float  # m around the middle surface within which a vertex is followed
+    thick: float  # m, at most, at rest
     seen: np.ndarray  # solid angles when last looked at; nan: not near
     net: np.ndarray
     out: np.ndarray
@@ -113,18 +134,27 @@ class Crossings:
     @classmethod
     def begin(cls, middle: Middle, others: np.ndarray, count: int) -> Crossings:
         """others: points of the body that has the middle surface; count: vertices of the one that may cross it."""
-        reach = (0.5 + NEAR) * float(middle.thickness(others).max())
-        return cls(middle, reach, np.full(count, np.nan), np.zeros(count, int), np.zeros(count, bool))
+        return cls(
+            middle,
+            float(middle.thickness(others).max()),
+            np.full(count, np.nan),
+            np.zeros(count, int),
+            np.zeros(count, bool),
+        )
 
     def follow(self, points: np.ndarray, others: np.ndarray, triangles: np.ndarray) -> np.ndarray:
         """Indices of the vertices that have passed. others, triangles: the body that has the middle surface."""
         corners = self.middle.corners(others)
-        low, high = corners.min(axis=0) - self.reach, corners.max(axis=0) + self.reach
+        reach = (0.5 + NEAR) * self.thick
+        low, high = corners.min(axis=0) - reach, corners.max(axis=0) + reach
         near = np.flatnonzero(((points > low) & (points < high)).all(axis=1))
         now = np.full(len(points), np.nan)
         now[near] = solid_angles(points[near], corners, self.middle.triangles)
         change = np.nan_to_num(now - self.seen)
-        self.net += np.where(np.abs(change) > 2 * np.pi, np.sign(change), 0).astype(int)
+        jumped = np.flatnonzero(np.abs(change) > 2 * np.pi)
+        rim = self.middle.rim
+        jumped = jumped[to_segments(points[jumped], corners[rim[:, 0]], corners[rim[:, 1]]) > AT_RIM * self.thick]
+        self.net[jumped] += np.sign(change[jumped]).astype(int)
         self.seen = now
         self.out &= self.net != 0
         asked = np.flatnonzero((self.net != 0) & ~self.out)

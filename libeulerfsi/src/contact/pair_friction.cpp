@@ -1,0 +1,96 @@
+#include "contact/pair_friction.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <utility>
+
+#include "grid/interpolate.hpp"
+
+namespace efsi::sim {
+namespace {
+
+// What the closed rows between two bodies exert in the step, on the second.
+struct PairContact {
+  double mu = 0.0;
+  double normal = 0.0;             // sum of the impulses along the rows' normals that push [kg m/s]
+  double tension = 0.0;            // of those that pull, > 0 [kg m/s]
+  Vec3d push = Vec3d::Zero();      // the first as a vector
+  Vec3d pull = Vec3d::Zero();      // the second
+  Vec3d friction = Vec3d::Zero();  // impulse across the normals
+  double weight = 0.0;             // of the means below: the normal impulses before the pressure
+  Vec3d first = Vec3d::Zero();     // of the places
+
+  // The part of the friction with which the whole is in the cone of mu.
+  double allowed() const {
+    const double t = friction.squaredNorm(), along = push.dot(friction);
+    if (!(t > 0.0)) return 1.0;
+    const double room = (1.0 + mu * mu) * normal * normal - push.squaredNorm();
+    const double whole = (std::sqrt(std::max(0.0, along * along + t * room)) - along) / t;
+    return std::clamp(std::min(mu * normal / std::sqrt(t), whole), 0.0, 1.0);
+  }
+};
+
+using Pairs = std::map<std::pair<std::size_t, std::size_t>, PairContact>;
+
+Pairs sum_rows(const grid::Grid& box, const SolidContacts& contacts, const std::vector<Vec3d>& coupling) {
+  Pairs pairs;
+  for (std::size_t r = 0; r < contacts.rows.size(); ++r) {
+    const system::ContactRow& row = contacts.rows[r];
+    const RowPlace& place = contacts.places[r];
+    if (place.is_fold() || !(row.normal_impulse > 0.0)) continue;
+    PairContact& pair = pairs[{place.solids[0], place.solids[1]}];
+    const double added = row.normal.dot(coupling[r]);
+    pair.mu = row.friction;
+    const double normal = row.normal_impulse + added;
+    (normal > 0.0 ? pair.normal : pair.tension) += std::abs(normal);
+    (normal > 0.0 ? pair.push : pair.pull) += normal * row.normal;
+    pair.friction += row.friction_impulse + coupling[r] - added * row.normal;
+    pair.weight += row.normal_impulse;
+    const Vec3d corner = box.node_position(place.cell[0], place.cell[1], place.cell[2]);
+    pair.first += row.normal_impulse * (corner + Vec3d::Constant(0.5 * box.h));
+  }
+  return pairs;
+}
+
+// What a collider's motion is given by exerts on it, so that it does not feel an impulse at x.
+void answer(const StepContext& step, const SolidStates& states, std::size_t l, const Vec3d& x, const Vec3d& impulse) {
+  const grid::Grid& band = states[l].band.grid;
+  for (std::size_t p = 0; p < step.scene.pins.size() && p < step.info.pins.size(); ++p) {
+    if (step.scene.pins[p].solid != l) continue;
+    PinReaction& reaction = step.info.pins[p];
+    const Vec3 local = ((x - band.origin) / band.h).cast<Real>();
+    reaction.impulse -= impulse;
+    reaction.angular_impulse -= (x - reaction.center).cross(impulse);
+    reaction.work -= impulse.dot(grid::NodeSampler(band).vector(states[l].v, local).cast<double>());
+  }
+}
+
+}  // namespace
+
+void limit_pair_friction(const StepContext& step, const SolidStates& states, const SolidContacts& contacts,
+                         const std::vector<Vec3d>& coupling, const std::vector<solid::Momenta>& momenta,
+                         std::vector<RigidImpulse>& impulses) {
+  for (const auto& [solids, pair] : sum_rows(step.scene.grid, contacts, coupling)) {
+    const double allowed = pair.allowed();
+    if (allowed == 1.0 && pair.tension == 0.0) continue;
+    const Vec3d excess = (1.0 - allowed) * pair.friction + pair.pull, x = pair.first / pair.weight;
+    impulses.resize(momenta.size());
+    const std::pair<std::size_t, Vec3d> sides[] = {{solids.first, excess}, {solids.second, -excess}};
+    for (const auto& [l, impulse] : sides) {
+      if (is_collider(step.scene.pins, l)) {
+        answer(step, states, l, x, impulse);
+      } else if (momenta[l].mass > 0.0) {
+        impulses[l].linear += impulse;
+        impulses[l].angular += (x - momenta[l].center).cross(impulse);
+      }
+    }
+    for (ContactPair& record : step.info.contacts)
+      if (record.one == solids.first && record.other == solids.second) {
+        record.impulse -= excess;
+        record.normal_impulse += pair.tension;
+      }
+  }
+}
+
+}  // namespace efsi::sim
