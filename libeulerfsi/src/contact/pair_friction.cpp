@@ -56,14 +56,9 @@ Pairs sum_rows(const grid::Grid& box, const SolidContacts& contacts, const std::
 // What a collider's motion is given by exerts on it, so that it does not feel an impulse at x.
 void answer(const StepContext& step, const SolidStates& states, std::size_t l, const Vec3d& x, const Vec3d& impulse) {
   const grid::Grid& band = states[l].band.grid;
-  for (std::size_t p = 0; p < step.scene.pins.size() && p < step.info.pins.size(); ++p) {
-    if (step.scene.pins[p].solid != l) continue;
-    PinReaction& reaction = step.info.pins[p];
-    const Vec3 local = ((x - band.origin) / band.h).cast<Real>();
-    reaction.impulse -= impulse;
-    reaction.angular_impulse -= (x - reaction.center).cross(impulse);
-    reaction.work -= impulse.dot(grid::NodeSampler(band).vector(states[l].v, local).cast<double>());
-  }
+  const Vec3 velocity = grid::NodeSampler(band).vector(states[l].v, ((x - band.origin) / band.h).cast<Real>());
+  for (std::size_t p = 0; p < step.scene.pins.size(); ++p)
+    if (step.scene.pins[p].solid == l) step.info.pins[p].add(x, -impulse, velocity.cast<double>());
 }
 
 }  // namespace
@@ -81,15 +76,12 @@ void limit_pair_friction(const StepContext& step, const SolidStates& states, con
       if (is_collider(step.scene.pins, l)) {
         answer(step, states, l, x, impulse);
       } else if (momenta[l].mass > 0.0) {
-        impulses[l].linear += impulse;
-        impulses[l].angular += (x - momenta[l].center).cross(impulse);
+        impulses[l].add(x - momenta[l].center, impulse);
       }
     }
-    for (ContactPair& record : step.info.contacts)
-      if (record.one == solids.first && record.other == solids.second) {
-        record.impulse -= excess;
-        record.normal_impulse += pair.tension;
-      }
+    ContactPair& record = find_pair(step.info.contacts, solids.first, solids.second);
+    record.impulse -= excess;
+    record.normal_impulse += pair.tension;
   }
 }
 

@@ -74,9 +74,7 @@ std::vector<RigidImpulse> missing_friction(const Scene& scene, const std::vector
     if (!(body.mass > 0.0)) continue;
     const Vec3d arm = face.weight > 0.0 ? Vec3d(face.first / face.weight - body.center) : Vec3d::Zero();
     const double limit = scene.solids[key.first].friction * std::max(0.0, face.normal);
-    const Vec3d impulse = missing(face, limit, body, arm);
-    impulses[key.first].linear += impulse;
-    impulses[key.first].angular += arm.cross(impulse);
+    impulses[key.first].add(arm, missing(face, limit, body, arm));
   }
   return impulses;
 }

@@ -16,6 +16,12 @@ namespace efsi::sim {
 struct RigidImpulse {
   Vec3d linear = Vec3d::Zero();   // [kg m/s]
   Vec3d angular = Vec3d::Zero();  // about its centre of mass [kg m^2/s]
+
+  // arm: from the centre of mass to where the impulse acts.
+  void add(const Vec3d& arm, const Vec3d& impulse) {
+    linear += impulse;
+    angular += arm.cross(impulse);
+  }
 };
 
 // What friction at walls lacks in the step, or has too much, per solid; empty where there is none. velocity: after the

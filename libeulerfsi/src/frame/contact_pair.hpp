@@ -28,5 +28,7 @@ struct ContactPair {
   std::uint64_t exchanged_vertices = 0;  // that came out of the other solid on another side than they went in
 };
 using ContactPairs = std::vector<ContactPair>;  // in the order of (one, other)
+// The record of a pair, one < other, made where it is not there.
+ContactPair& find_pair(ContactPairs& pairs, std::size_t one, std::size_t other);
 
 }  // namespace efsi::sim

@@ -64,6 +64,13 @@ struct PinReaction {
   Vec3d angular_impulse = Vec3d::Zero();  // about `center` [kg m^2/s]
   Vec3d center = Vec3d::Zero();           // of the given motion at the start of the step [m]
   double work = 0.0;                      // [J]
+
+  // An impulse at x, where the given motion has a velocity.
+  void add(const Vec3d& x, const Vec3d& more, const Vec3d& velocity) {
+    impulse += more;
+    angular_impulse += (x - center).cross(more);
+    work += more.dot(velocity);
+  }
 };
 
 // What lies within a cell of a surface's marked vertices, of edges and triangles between such.

@@ -212,10 +212,7 @@ std::vector<PinReaction> sum_reactions(const StepContext& step, const Grid& grid
   }
   for (const PrescribedNode& g : given) {
     const auto [i, j, k] = grid.node_place(g.node);
-    PinReaction& sum = sums[g.pin];
-    sum.impulse += g.impulse;
-    sum.angular_impulse += (grid.node_position(i, j, k) - sum.center).cross(g.impulse);
-    sum.work += g.impulse.dot(g.velocity.cast<double>());
+    sums[g.pin].add(grid.node_position(i, j, k), g.impulse, g.velocity.cast<double>());
   }
   return sums;
 }

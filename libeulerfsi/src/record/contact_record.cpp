@@ -1,14 +1,11 @@
 #include "record/contact_record.hpp"
 
 #include <algorithm>
-#include <limits>
 
 #include "contact/solid_contact.hpp"
 
 namespace efsi::sim {
 namespace {
-
-constexpr double kNone = -std::numeric_limits<double>::infinity();
 
 bool same_parts(const std::vector<system::RowPart>& a, const std::vector<system::RowPart>& b) {
   return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const system::RowPart& one, const system::RowPart& two) {
@@ -31,19 +28,6 @@ std::vector<Vec3d> coupling_impulses(const VelocityEquation& elasticity, const P
     ++p;
   }
   return impulses;
-}
-
-ContactPair& find_pair(ContactPairs& pairs, std::size_t one, std::size_t other) {
-  const auto before = [](const ContactPair& p, const std::pair<std::size_t, std::size_t>& key) {
-    return std::pair(p.one, p.other) < key;
-  };
-  const auto place = std::lower_bound(pairs.begin(), pairs.end(), std::pair(one, other), before);
-  if (place != pairs.end() && place->one == one && place->other == other) return *place;
-  ContactPair pair;
-  pair.one = one;
-  pair.other = other;
-  pair.row_overlap = pair.surface_overlap = kNone;
-  return *pairs.insert(place, pair);
 }
 
 ContactPairs record_contacts(const Scene& scene, const SolidStates& states, const SolidContacts& contacts,

@@ -13,8 +13,6 @@ std::vector<Vec3d> coupling_impulses(const VelocityEquation& elasticity, const P
 // Of a step after its projection; coupling: as above. Empty without contact impulses.
 ContactPairs record_contacts(const Scene& scene, const SolidStates& states, const SolidContacts& contacts,
                              const std::vector<Vec3d>& coupling);
-// The record of a pair, one < other, made where it is not there.
-ContactPair& find_pair(ContactPairs& pairs, std::size_t one, std::size_t other);
 // Adds those of a later step.
 void add_contacts(const ContactPairs& later, ContactPairs& sums);
 

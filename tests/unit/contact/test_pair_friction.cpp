@@ -97,6 +97,29 @@ TEST_CASE("Rows that the pressure makes pull do not", "[law]") {
   CHECK(s.info.contacts[0].impulse.isApprox(Vec3d(1.0, 2.0, 0.0), 1e-12));
 }
 
+TEST_CASE("A collider feels nothing of it: the reaction of what moves it does", "[law]") {
+  TwoRows s;
+  sim::Pin pin;
+  pin.solid = 0;
+  pin.whole = true;
+  s.pins.push_back(pin);
+  s.info.pins.resize(1);
+  s.info.pins[0].center = Vec3d(0.1, 0.1, 0.1);
+  solid::SolidState& plate = s.states[0];
+  plate.band.grid = s.box;
+  plate.v.assign(s.box.node_count());
+  std::fill(plate.v.c[0].begin(), plate.v.c[0].end(), Real(3));
+  s.limit(-1.0, -1.0);
+  REQUIRE(s.impulses.size() == 2);
+  CHECK(s.impulses[0].linear == Vec3d::Zero());
+  CHECK(s.impulses[1].linear.isApprox(Vec3d(-1.0, 0.0, 0.0), 1e-12));
+  const sim::PinReaction& reaction = s.info.pins[0];
+  CHECK(reaction.impulse.isApprox(Vec3d(-1.0, 0.0, 0.0), 1e-12));  // as on the body, through the collider
+  const Vec3d x(0.13, 0.21, 0.21);                                 // the middle of both rows
+  CHECK(reaction.angular_impulse.isApprox((x - reaction.center).cross(reaction.impulse), 1e-12));
+  CHECK(reaction.work == Approx(-3.0));
+}
+
 TEST_CASE("A ball thrown at a clamped plate obeys Coulomb's law in every step, in fluid and in vacuum", "[law]") {
   const bool fluid = GENERATE(true, false);
   const double mu = GENERATE(0.1, 0.9);
