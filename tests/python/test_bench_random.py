@@ -576,9 +576,20 @@ def test_work_of_what_is_given_and_of_jets_comes_from_outside() -> None:
         result = with_everything(lying())
         result.columns["energy_at_start"][30:, 0] += 0.25  # the mean of the velocities around
         result.columns["energy_at_start"][31:, 0] += 0.25
+        result.columns["energy_end"][30:, 0] += 0.5
+        change = result.columns["energy_change"][30]
+        change[binding.ENERGY_STAGES.index("velocity"), 0] += 0.5
         assert verdicts(result)["energy"] == "MISSED"
         result.columns[name][30] = 0.5
         assert verdicts(result)["energy"] == "pass"
+
+
+def test_an_impact_within_one_step_makes_no_energy() -> None:
+    result = with_ledger(bounce())
+    result.columns["energy_at_start"][60, 0] -= 0.5  # of the mean of a velocity down and one up
+    assert verdicts(result)["energy"] == "pass"
+    result.columns["energy_end"][59, 0] -= 0.5  # lost and made again
+    assert verdicts(result)["energy"] == "MISSED"
 
 
 def test_flight_ends_at_a_collider() -> None:

@@ -35,8 +35,8 @@ double moving_energy(const Scene& scene, const solid::SolidRest& rest, const sol
 void measure_straining(const StepContext& step, const SolidStates& states, SolidWorks& solids) {
   for (std::size_t l = 0; l < solids.size(); ++l) {
     solids[l].straining = {};
-    const bool passes = step.dt > shear_waves(step.scene, step.scene.solids[l]).pass;
-    if (!solids[l].keeps_energy || (!passes && !states[l].by_loss.holds())) continue;
+    const bool coarse = step.dt > shear_waves(step.scene, step.scene.solids[l]).resolved;
+    if (!solids[l].keeps_energy || (!coarse && !states[l].by_loss.holds())) continue;
     ScopedTimer timer(step.profile, Stage::kCheck);
     solids[l].straining = solid::measure_motion(step.parallel, step.scene.solids[l], states[l]);
   }
@@ -58,7 +58,7 @@ bool keep_energy(const Parallel& parallel, const Scene& scene, double dt, const 
     energy += solid::elastic_energy(parallel, rest, after[l], solids[l], scene.params.numerics.points_per_element);
     const ShearWaves waves = shear_waves(scene, rest);
     const double longest = std::max(waves.resolved, tolerance * std::min(1.0, dt / waves.pass) * energy / loss * dt);
-    if (dt > waves.pass && too_much()) {
+    if (dt > waves.resolved && too_much()) {
       errs = true;
       before[l].by_loss.step = longest;
     } else if (before[l].by_loss.holds()) {

@@ -25,8 +25,8 @@ double moving_energy(const Scene& scene, const solid::SolidRest& rest, const sol
 // Line 13: the motion by which the step strains the maps of solids near what they may touch, SolidWork::straining.
 void measure_straining(const StepContext& step, const SolidStates& states, SolidWorks& solids);
 
-// After a step of dt: whether it is so long that a shear wave passes a solid in it, and has taken more than twice
-// step_tolerance of that solid's energy: then an impact has fitted into it. Sets SolidState::by_loss, before the step
+// After a step of dt: whether it does not resolve the shear waves of a solid and has taken more than twice
+// step_tolerance of that solid's energy: an impact that it did not resolve. Sets SolidState::by_loss, before the step
 // for its repetition and after it for the next one: by which it takes step_tolerance while a wave passes the solid.
 // solids: with their elements at the end of the step.
 bool keep_energy(const Parallel& parallel, const Scene& scene, double dt, const SolidWorks& solids, SolidStates& before,

@@ -153,11 +153,11 @@ class Record:
     def energies(self) -> tuple[np.ndarray, ...]:
         """Kinetic, elastic and potential above the lowest of the run, less what came from outside, (n,) [J].
 
-        Without the ledger of the solid alone, in two readings: elastic energy moves with the velocity at a step's end,
-        which so belongs to its middle or to its end, as the scheme has it.
+        In two readings: elastic energy moves with the velocity at a step's end, which so belongs to its middle or to
+        its end, as the scheme has it. Without the ledger of the solid alone.
         """
         if self.has_ledger:
-            return (self.energy_of_matter - self.outside_work,)
+            return self.energy_of_matter - self.outside_work, self.energy_at_ends
         height = -self.series("center") @ self.fall
         kinetic, elastic = self.series("kinetic_energy"), self.series("elastic_energy")
         moved = kinetic + self.result.start["mass"] * (height - height.min())
@@ -174,17 +174,33 @@ class Record:
         return with_end(at_start.sum(axis=1) - at_start[:, FORMS.index("potential")].min())
 
     @functools.cached_property
+    def energy_at_ends(self) -> np.ndarray:
+        """By the ledger, u and v as the steps leave them, less what came from outside, (n,) [J].
+
+        A step into which an impact fits has nothing of the velocity's mean, which then is that of no time.
+        """
+        end, potential = self.result["energy_end"], FORMS.index("potential")
+        begun = end[:1].sum(axis=1) - ledger(self.result)[:1].sum(axis=(1, 2))
+        energy = np.concatenate([begun, end.sum(axis=1)]) - end[:, potential].min()
+        return energy - np.concatenate([[0.0], np.cumsum(self.work_by_step)])
+
+    @functools.cached_property
     def outside_work(self) -> np.ndarray:
         """Of emitters and jets, and of what holds pins and colliders, so far (n,) [J].
 
         Half of a step's counts at its start, where the velocity is the mean of those around.
         """
+        return with_end(np.cumsum(self.work_by_step) - self.work_by_step / 2)
+
+    @functools.cached_property
+    def work_by_step(self) -> np.ndarray:
+        """The same of each step (steps,) [J]."""
         work = ledger(self.result)[:, binding.ENERGY_STAGES.index("external")].sum(axis=1)
         if "prescribed_work" in self.result.columns:
             work = work + self.result["prescribed_work"]
         if "jet_flux" in self.result.columns:
             work = work + self.result["source_work"]
-        return with_end(np.cumsum(work) - work / 2)
+        return np.asarray(work)
 
     @functools.cached_property
     def energy_scale(self) -> np.ndarray:

@@ -29,7 +29,7 @@ struct TiltedBlock {
     sim::SolidDesc plate = desc_of(turned(middle - 0.1 * normal, {0.9, 0.1, 0.9}));
     plate.friction = mu;
     s->add_collider(plate, report);
-    sim::SolidDesc body = desc_of(turned(middle - 0.12 * downhill + (0.04 + 1.7 * kCell) * normal, {0.08, 0.04, 0.08}));
+    sim::SolidDesc body = desc_of(turned(middle - 0.12 * downhill + 0.04 * normal, {0.08, 0.04, 0.08}));
     body.friction = mu;
     body.youngs_modulus = 2e5;
     body.compressible = compressible;
@@ -69,7 +69,7 @@ void check_threshold(const Vec3d& turn, bool compressible) {
                     << ": slides at " << found << " m/s^2, Coulomb's " << wanted << "; sticks with a creep of " << creep
                     << " cells per frame");
   CHECK(found > 0.5 * wanted);
-  CHECK(creep < (compressible ? 3e-3 : 1e-2));
+  CHECK(creep < (compressible ? 4e-3 : 1e-2));
 }
 
 }  // namespace
