@@ -54,9 +54,10 @@ def document(rows: Sequence[Row]) -> str:
     _, cases = sweep.load()
     own = [row for row in rows if row.solver == SOLVER]
     loaded = sum(row.loaded for row in own)
+    commits = ", ".join(dict.fromkeys(row.commit for row in own))
     parts = [
         "# Error against run time",
-        f"`./eulerfsi bench accuracy`; commit {own[0].commit}; {own[0].machine}, one thread; {len(own)} runs, {loaded} "
+        f"`./eulerfsi bench accuracy`; solver of commit {commits}; {own[0].machine}, one thread; {len(own)} runs, {loaded} "
         "of them beside others that kept more than half a processor busy. Three resolutions each at the default step; "
         "[columns and cases](../accuracy/README.md), [what they show](../../../docs/accuracy.md).",
     ]
