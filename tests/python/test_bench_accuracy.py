@@ -294,6 +294,8 @@ def test_a_picture_shows_presets_and_peers_and_refuses_an_empty_table(tmp_path: 
 def test_the_newest_rows_are_drawn_and_peers_of_any_time() -> None:
     rows = [row(commit="old"), row(solver="other 1.0", commit="1.0"), row(commit="new"), row(commit="new", seed=4)]
     assert [r.commit for r in front.newest(rows)] == ["new", "1.0"]
+    rows.insert(0, row("poiseuille", commit="older"))  # each case by its own last row
+    assert [r.commit for r in front.newest(rows)] == ["older", "new", "1.0"]
 
 
 # --- what is measured ------------------------------------------------------------------------------------------------

@@ -34,10 +34,11 @@ def by_case(rows: Sequence[Row]) -> dict[str, list[Row]]:
 
 
 def newest(rows: Sequence[Row]) -> list[Row]:
-    """The solver's rows of the commit and machine of its last row, seed 0, first repeats; and the peers'."""
+    """The solver's rows, of each case those of the commit and machine of its last row, seed 0, first repeats; and the
+    peers'."""
     own = [row for row in rows if row.solver == SOLVER]
-    last = (own[-1].commit, own[-1].machine) if own else None
-    kept = [row for row in own if (row.commit, row.machine) == last and row.seed == 0 and row.repeat == 1]
+    last = {row.case: (row.commit, row.machine) for row in own}
+    kept = [row for row in own if (row.commit, row.machine) == last[row.case] and row.seed == 0 and row.repeat == 1]
     return kept + [row for row in rows if row.solver != SOLVER]
 
 

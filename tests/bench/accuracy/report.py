@@ -57,9 +57,10 @@ def document(rows: Sequence[Row]) -> str:
     commits = ", ".join(dict.fromkeys(row.commit for row in own))
     parts = [
         "# Error against run time",
-        f"`./eulerfsi bench accuracy`; solver of commit {commits}; {own[0].machine}, one thread; {len(own)} runs, {loaded} "
-        "of them beside others that kept more than half a processor busy. Three resolutions each at the default step; "
-        "[columns and cases](../accuracy/README.md), [what they show](../../../docs/accuracy.md).",
+        f"`./eulerfsi bench accuracy`; solver of commit {commits}; {own[0].machine}, one thread; {len(own)} runs, "
+        f"{loaded} of them beside others that kept more than half a processor busy. Three "
+        "resolutions each at the default step; [columns and cases](../accuracy/README.md), "
+        "[what they show](../../../docs/accuracy.md).",
     ]
     by_case = front.by_case(own)
     for group in dict.fromkeys(case.group for case in cases.values()):
