@@ -55,9 +55,10 @@ def document(rows: Sequence[Row]) -> str:
     own = [row for row in rows if row.solver == SOLVER]
     loaded = sum(row.loaded for row in own)
     commits = ", ".join(dict.fromkeys(row.commit for row in own))
+    machines = "; ".join(dict.fromkeys(row.machine for row in own))
     parts = [
         "# Error against run time",
-        f"`./eulerfsi bench accuracy`; solver of commit {commits}; {own[0].machine}, one thread; {len(own)} runs, "
+        f"`./eulerfsi bench accuracy`; solver of commit {commits}; {machines}, one thread; {len(own)} runs, "
         f"{loaded} of them beside others that kept more than half a processor busy. Three "
         "resolutions each at the default step; [columns and cases](../accuracy/README.md), "
         "[what they show](../../../docs/accuracy.md).",

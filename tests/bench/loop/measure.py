@@ -128,10 +128,14 @@ def total_energy(result: Result) -> np.ndarray:
     return forms.sum(axis=1) - potential.min() - (np.cumsum(work) - work / 2)
 
 
+def energy_at_begin(result: Result) -> np.ndarray:
+    """All energy at the start of every step, u and v as the step before has left them [J]."""
+    return result["energy_end"].sum(axis=1) - ledger(result).sum(axis=(1, 2))
+
+
 def half_steps(result: Result) -> np.ndarray:
     """At the start of every step, what the energy of one time has more than that of the velocities as they are [J]."""
-    began = result["energy_end"].sum(axis=1) - ledger(result).sum(axis=(1, 2))
-    return result["energy_at_start"].sum(axis=1) - began
+    return result["energy_at_start"].sum(axis=1) - energy_at_begin(result)
 
 
 @dataclasses.dataclass

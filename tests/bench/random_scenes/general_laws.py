@@ -79,14 +79,16 @@ def energy(record: Record) -> Verdict:
     if record.whole.sum() < 2 or not max(record.energy_scale) > record.energy_noise:
         raise Moot("no energy to look at")
     rises = [energy_rise(values[record.whole], record.energy_scale[record.whole]) for values in record.energies]
-    rise, at = min(rises)
+    (rise, at), reading = min((rise, number) for number, rise in enumerate(rises))
     where = f"at {record.times[at]:.3g} s, largest {record.energy_scale[at]:.3g} J"
     if record.has_ledger:
-        lowest = int(np.argmin(record.energies[0][: at + 1]))
+        values = record.energies[reading]
+        lowest = int(np.argmin(values[: at + 1]))
         made = by_mechanism(ledger(record.result)[lowest:at].sum(axis=0))
-        halves = half_steps(record.result)
-        made["half steps"] = float(halves[min(at, len(halves) - 1)] - halves[lowest])
-        where += f", since {record.times[lowest]:.3g} s: {in_words(made, np.ptp(record.energies[0][[lowest, at]]))}"
+        if reading == 0:  # at one time
+            halves = half_steps(record.result)
+            made["half steps"] = float(halves[min(at, len(halves) - 1)] - halves[lowest])
+        where += f", since {record.times[lowest]:.3g} s: {in_words(made, np.ptp(values[[lowest, at]]))}"
     return rise, -np.inf, ENERGY_RISE, where
 
 

@@ -8,7 +8,7 @@ import functools
 import numpy as np
 from eulerfsi.solver import binding
 from loop.experiment import OUT_OF_TIME, of
-from loop.measure import FORMS, Result, ledger
+from loop.measure import FORMS, Result, energy_at_begin, ledger
 
 from .contact import ContactScene
 from .scenes import Scene, weight_ratio
@@ -180,8 +180,7 @@ class Record:
         A step into which an impact fits has nothing of the velocity's mean, which then is that of no time.
         """
         end, potential = self.result["energy_end"], FORMS.index("potential")
-        begun = end[:1].sum(axis=1) - ledger(self.result)[:1].sum(axis=(1, 2))
-        energy = np.concatenate([begun, end.sum(axis=1)]) - end[:, potential].min()
+        energy = np.concatenate([energy_at_begin(self.result)[:1], end.sum(axis=1)]) - end[:, potential].min()
         return energy - np.concatenate([[0.0], np.cumsum(self.work_by_step)])
 
     @functools.cached_property
