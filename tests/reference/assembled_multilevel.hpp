@@ -84,7 +84,7 @@ inline Eigen::MatrixXd multilevel_scaling(const system::VelocitySystem& system, 
       const solid::SolidWork& work = *system.solid(l).work;
       for (std::size_t e = 0; e < work.element_cell.size(); ++e) {
         const auto [lambda, mu] = element_moduli(work, system.cell(), e);
-        const auto factor = static_cast<double>(system.stiffness_factor(l));
+        const auto factor = static_cast<double>(system.stiffness_factor(l, e));
         elements.emplace_back(l, system.grid().node_place(static_cast<std::size_t>(work.element_corner[e])),
                               factor * lambda, factor * mu);
         for (std::size_t a = 0; a < 8; ++a) corner(l, std::get<1>(elements.back()), a);

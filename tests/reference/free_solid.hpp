@@ -29,7 +29,7 @@ struct FreeSolid {
     test::compute(s, 8);
     if (elements() == 0) return;
     const std::vector<std::uint8_t> fixed(g.node_count(), 0);
-    const std::vector<system::SolidRef> refs = {{&s.rest, &s.state, &s.work, {1.0, 0.0}, {1.0, 0.0}}};
+    const std::vector<system::SolidRef> refs = {{&s.rest, &s.state, &s.work, {1.0, 0.0}, {1.0, 0.0}, {1.0, 0.0}}};
     system::SlipNodes slip;
     system::VelocitySystem system;
     system.assemble(parallel, g, fixed, refs, s.work.mass, slip, dt);

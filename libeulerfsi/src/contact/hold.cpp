@@ -44,14 +44,14 @@ system::StiffnessShares shares_while(bool touches, double pace, double strain, d
   return system::stiffness_shares(pace, touches ? std::numeric_limits<double>::infinity() : strain, growth);
 }
 
-solid::RigidStep transport_frame(const Hold& hold, const solid::Momenta& before, const solid::Momenta& after,
-                                 double dt) {
+solid::BodyStep transport_frame(const Hold& hold, const solid::Momenta& before, const solid::Momenta& after,
+                                double dt) {
   return hold.touches() ? solid::constrained_step(before, after, hold.axes, dt) : solid::free_step(before, after, dt);
 }
 
-std::vector<solid::RigidStep> transport_frames(const Holds& holds, const std::vector<solid::Momenta>& before,
-                                               const std::vector<solid::Momenta>& after, double dt) {
-  std::vector<solid::RigidStep> frames(holds.cluster_of.size());
+std::vector<solid::BodyStep> transport_frames(const Holds& holds, const std::vector<solid::Momenta>& before,
+                                              const std::vector<solid::Momenta>& after, double dt) {
+  std::vector<solid::BodyStep> frames(holds.cluster_of.size());
   if (after.empty()) return frames;
   for (const Cluster& cluster : holds.clusters) {
     const auto whole = [&](const std::vector<solid::Momenta>& momenta) {
@@ -60,7 +60,7 @@ std::vector<solid::RigidStep> transport_frames(const Holds& holds, const std::ve
       return solid::joined(parts);
     };
     if (cluster.floats()) {
-      const solid::RigidStep frame = solid::free_step(whole(before), whole(after), dt);
+      const solid::BodyStep frame = solid::free_step(whole(before), whole(after), dt);
       for (const std::size_t l : cluster.solids) frames[l] = frame;
     } else {
       for (const std::size_t l : cluster.solids) frames[l] = transport_frame(cluster.hold, before[l], after[l], dt);

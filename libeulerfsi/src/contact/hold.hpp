@@ -38,18 +38,17 @@ struct Holds {
 // solids: how many there are in the system; contacts: pairs with active rows.
 Holds find_constraints(std::size_t solids, const system::VelocitySystem& system, const SolidPairs& contacts);
 
-// What pace and growth of a step leave of the stiffness: where something touches a solid, as if it were strained much.
+// What pace and growth of a step leave of the stiffness: where a solid touches another, as if it were strained much.
 system::StiffnessShares shares_while(bool touches, double pace, double strain, double growth);
 
 // The frame in which a solid's velocity field keeps its shape for the step: that of the rigid body with its momenta,
 // which moves by the mean of those at the step's start and now. While walls constrain a solid its field is at rest on
 // the grid, and the mean moves it along them only.
-solid::RigidStep transport_frame(const Hold& hold, const solid::Momenta& before, const solid::Momenta& after,
-                                 double dt);
+solid::BodyStep transport_frame(const Hold& hold, const solid::Momenta& before, const solid::Momenta& after, double dt);
 // Of each solid; those that constrain only each other have that of the rigid body with the momenta of all of them.
 // Momenta: per solid; empty: at rest.
-std::vector<solid::RigidStep> transport_frames(const Holds& holds, const std::vector<solid::Momenta>& before,
-                                               const std::vector<solid::Momenta>& after, double dt);
+std::vector<solid::BodyStep> transport_frames(const Holds& holds, const std::vector<solid::Momenta>& before,
+                                              const std::vector<solid::Momenta>& after, double dt);
 
 // Whether the cells that carry stiffness are remembered for the next step's choice. In an impact cells fill and empty
 // faster than the choice may lag. cells: that the solid moves in the step.

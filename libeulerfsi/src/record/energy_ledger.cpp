@@ -197,7 +197,7 @@ void EnergyLedger::book_source(const std::vector<Real>& pressure, const std::vec
   if (on()) record_->source_work += source_work(parallel_, common_, pressure, source, dt_);
 }
 
-void EnergyLedger::meet(NodeVelocity& velocity, std::span<const solid::RigidStep> frames) {
+void EnergyLedger::meet(NodeVelocity& velocity, std::span<const solid::BodyStep> frames) {
   if (!on()) return;
   if (scene_.params.fluid.present) {
     for (std::size_t a = 0; a < 3; ++a)
@@ -209,7 +209,7 @@ void EnergyLedger::meet(NodeVelocity& velocity, std::span<const solid::RigidStep
   for (std::size_t l = 0; l < states_.size(); ++l) {
     if (!counts(l)) continue;
     const system::SolidView view(parallel_, velocity.slip, l, velocity.field);
-    const solid::RigidStep& f = frames[l];
+    const solid::BodyStep& f = frames[l];
     const solid::RigidMotion back{f.velocity.center, f.shift / dt_ - f.velocity.linear,
                                   f.turn / dt_ - f.velocity.angular};
     record_->at_start.solid_kinetic +=

@@ -43,7 +43,7 @@ class EnergyLedger {
   // mean of those that it begins and ends with is the one of its start. With the velocities v0 and v1 of these ends the
   // displacement of that time is u + dt/4 (v1 - v0). The rigid motion is different: transport moves it by the mean, so
   // that it belongs to the ends of the steps. frames: of the transport that follows.
-  void meet(NodeVelocity& velocity, std::span<const solid::RigidStep> frames);
+  void meet(NodeVelocity& velocity, std::span<const solid::BodyStep> frames);
   // Solid l at the start of its transport: its velocity has been extended, the masses are those of the start.
   void leave(std::size_t l);
   // The fluid's transport, with the masses of the start.

@@ -36,6 +36,7 @@
 #include "transport/left_box.hpp"
 #include "transport/momentum_balance.hpp"
 #include "transport/repair_maps.hpp"
+#include "transport/wall_frames.hpp"
 
 namespace efsi::sim {
 namespace {
@@ -116,7 +117,7 @@ void take_velocities(const StepContext& step, std::uint64_t steps, const grid::G
 }
 
 // Lines 18 to 20 for solid l: map, velocity and surface move with it, and its band follows.
-void transport_solid(const StepContext& step, std::size_t l, const solid::RigidStep& frame,
+void transport_solid(const StepContext& step, std::size_t l, const solid::BodyStep& frame,
                      const VelocityEquation& elasticity, solid::SolidWork& work, solid::SolidState& state,
                      solid::AdvectWorkspace& packed, std::vector<solid::Particles>& particles, EnergyLedger& ledger) {
   const int slab = grid::slab_axis(step.scene.grid, step.scene.params.walls);
@@ -302,8 +303,10 @@ void transport(const StepContext& step, State& state, Workspace& work, EnergyLed
   const Holds& holds = work.elasticity.holds;
   NodeVelocity& velocity = work.velocity;
   const grid::Grid& common = work.matter.common.grid;
-  const std::vector<solid::RigidStep> frames =
-      transport_frames(holds, work.momenta.first, work.momenta.solids, step.dt);
+  std::vector<solid::BodyStep> frames = transport_frames(holds, work.momenta.first, work.momenta.solids, step.dt);
+  if (step.scene.params.numerics.solid_advection != solid::AdvectionScheme::kPaper)
+    strain_wall_frames(step, holds, work.elasticity.walls, state.solids, work.solids, work.momenta.solids, common,
+                       velocity, frames);
   ledger.meet(velocity, frames);
   find_centers(step, holds, frames, state.solids, work.momenta);
   take_velocities(step, state.steps, common, velocity, state.solids, work.solids, work.particles, ledger);

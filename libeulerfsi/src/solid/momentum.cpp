@@ -84,15 +84,15 @@ RigidMotion rigid_motion(const Momenta& momenta, unsigned fixed_axes) {
   return motion;
 }
 
-RigidStep steady_step(const RigidMotion& velocity, double dt) {
+BodyStep steady_step(const RigidMotion& velocity, double dt) {
   return {velocity, dt * velocity.linear, dt * velocity.angular};
 }
 
-RigidStep free_step(const Momenta& before, const Momenta& after, double dt) {
+BodyStep free_step(const Momenta& before, const Momenta& after, double dt) {
   Momenta mean = after;
   mean.linear = 0.5 * (before.linear + after.linear);
   mean.angular = 0.5 * (before.angular + after.angular);
-  RigidStep step = steady_step(rigid_motion(mean), dt);
+  BodyStep step = steady_step(rigid_motion(mean), dt);
   step.velocity = rigid_motion(after);
   for (int pass = 0; pass < kMidpointPasses; ++pass) {
     const Mat3d half = rotation(0.5 * step.turn);
@@ -103,8 +103,8 @@ RigidStep free_step(const Momenta& before, const Momenta& after, double dt) {
   return step;
 }
 
-RigidStep constrained_step(const Momenta& before, const Momenta& after, unsigned fixed_axes, double dt) {
-  RigidStep step;
+BodyStep constrained_step(const Momenta& before, const Momenta& after, unsigned fixed_axes, double dt) {
+  BodyStep step;
   step.shift = 0.5 * dt * (rigid_motion(before, fixed_axes).linear - rigid_motion(after, fixed_axes).linear);
   return step;
 }

@@ -9,6 +9,7 @@
 #include <span>
 
 #include "base/parallel.hpp"
+#include "solid/affine_flow.hpp"
 #include "solid/solid.hpp"
 
 namespace efsi::solid {
@@ -53,19 +54,20 @@ RigidMotion rigid_motion(const Momenta& momenta, unsigned fixed_axes);
 Mat3d rotation(const Vec3d& turn);
 // Where a step takes a body, and the velocity that it has then: a point at y goes to center + shift + R (y - center), R
 // the rotation by `turn`.
-struct RigidStep {
+struct BodyStep {
   RigidMotion velocity;
   Vec3d shift = Vec3d::Zero();  // [m]
   Vec3d turn = Vec3d::Zero();   // axis times angle [rad]
+  AffineFlow flow = {};         // before that, of what walls hold, which does not turn
 };
 // At one velocity.
-RigidStep steady_step(const RigidMotion& velocity, double dt);
+BodyStep steady_step(const RigidMotion& velocity, double dt);
 // Of a free body whose momenta a step changes before it moves: by the mean of both velocities. What turns a body keeps
 // its direction while its moments of inertia turn with it, so that it turns about the axis that it has halfway.
-RigidStep free_step(const Momenta& before, const Momenta& after, double dt);
+BodyStep free_step(const Momenta& before, const Momenta& after, double dt);
 // Of a body constrained by walls along some axes, its velocity field not seen from a frame: what the mean of both
 // velocities moves it further along the others than the last one does.
-RigidStep constrained_step(const Momenta& before, const Momenta& after, unsigned fixed_axes, double dt);
+BodyStep constrained_step(const Momenta& before, const Momenta& after, unsigned fixed_axes, double dt);
 // What `now` lacks to have the momenta of `target`, whose centre is the same but for what the body has moved.
 RigidMotion missing_motion(const Momenta& target, const Momenta& now);
 

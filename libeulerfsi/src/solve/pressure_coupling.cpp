@@ -33,10 +33,11 @@ void add_stiffness(const StepContext& step, const SolidStates& states, const Sol
     const solid::SolidRest& solid = step.scene.solids[l];
     if (!solid::has_pressure(solid)) continue;
     const double modulus = solids[l].element_weight * (2.0 * solid.elastic.mu + solid.elastic.lambda);
-    const Real share = static_cast<Real>(static_cast<double>(elasticity.stiffness_factor(l)) * modulus / volume);
     for_owned_cells(step.parallel, matter.common.grid, matter.owned, l, states[l].band,
                     [&](std::size_t c, std::size_t cell) {
                       const auto element = static_cast<std::size_t>(solids[l].element[cell]);
+                      const auto factor = static_cast<double>(elasticity.stiffness_factor(l, element));
+                      const Real share = static_cast<Real>(factor * modulus / volume);
                       const Real part = share * static_cast<Real>(solids[l].factor(element));
                       const Real given = compliance.empty() ? Real(0) : compliance[c];
                       direction[c] += part / (1 + part * given) * divergence[c];

@@ -110,14 +110,18 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
   std::vector<system::SolidRef> refs;
   for (std::size_t l = 0; l < step.scene.solids.size(); ++l) {
     const solid::SolidRest& rest = step.scene.solids[l];
-    system::SolidRef ref{&rest, &states[l], &solids[l], {}, {}};
+    system::SolidRef ref{&rest, &states[l], &solids[l], {}, {}, {}};
     if (step.scene.params.numerics.damping_by_pace) {
       const double stiffest = std::max(rest.elastic.mu, rest.elastic.lambda + rest.bulk);
       const double pace = step.dt * std::sqrt(stiffest / rest.density) / step.scene.grid.h;
       const double strain = step.dt * solid::largest_strain_rate(step.parallel, states[l], solids[l].carries);
       const double growth = std::max(solids[l].max_det_f, 1.0 / solids[l].min_det_f);
-      ref.loose = shares_while(pressed[l] || is_pinned(step.scene.pins, l), pace, strain, growth);
+      const double load = solids[l].elastic_energy / (rest.elastic.mu * rest.volume);
+      // What meets a solid or something given rests on the grid; what yields has damping of its own.
+      const bool meets = pressed[l] || is_pinned(step.scene.pins, l), rests = meets || rest.plastic.yields();
       ref.held = shares_while(true, pace, strain, growth);
+      ref.loose = meets ? ref.held : shares_while(false, pace, strain, growth);
+      ref.walled = rests ? ref.held : system::stiffness_shares_on_walls(pace, growth, load);
     }
     refs.push_back(ref);
   }

@@ -225,13 +225,13 @@ SolidLattice finest_lattice(const Parallel& parallel, const VelocitySystem& syst
     });
     if (!wanted[l]) continue;
     // Elements: moduli.
-    const Real factor = system.stiffness_factor(l);
     parallel.for_each(static_cast<std::int64_t>(work.blocks()), [&](std::int64_t n) {
       const std::size_t block = static_cast<std::size_t>(n), first = block * solid::kBlock;
       const solid::BlockModuli moduli = solid::block_moduli(work, block);
       for (std::size_t e = first; e < std::min(first + solid::kBlock, work.element_cell.size()); ++e) {
         const std::size_t node = box.first + static_cast<std::size_t>(work.element_corner[e]);
         lattice.carries[node] = 1;
+        const Real factor = system.stiffness_factor(l, e);
         lattice.lambda[node] = factor * moduli.lambda[e - first];
         lattice.mu[node] = factor * moduli.mu[e - first];
       }

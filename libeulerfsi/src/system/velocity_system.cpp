@@ -16,9 +16,9 @@ namespace efsi::system {
 namespace {
 
 constexpr std::size_t kLanes = solid::kBlock;
-constexpr double kAlpha = 0.05;  // of HHT-alpha
-constexpr double kUndampedPace = 1.25, kUndampedStrain = 0.1,
-                 kUndampedGrowth = 1.25;  // from here to twice as much it fades
+constexpr double kAlpha = 0.05, kWallAlpha = 1.0 / 3.0;  // of HHT-alpha
+constexpr double kUndampedPace = 1.25, kUndampedStrain = 0.1, kUndampedGrowth = 1.25,
+                 kUndampedLoad = 0.4;  // from here to twice as much it fades
 constexpr double kDampedImplicit = 0.6, kImplicitOfPace = 0.4;
 constexpr std::uint8_t kAllAxes = 7;
 constexpr double kStiffSolid = 20.0;  // of the diagonal of G over inertia
@@ -68,15 +68,30 @@ constexpr auto kAsItIs = [](std::size_t, const Vec3& sum) -> Vec3 { return sum; 
 
 }  // namespace
 
-StiffnessShares stiffness_shares(double pace, double strain, double growth) {
-  const auto fade = [](double value, double from) { return std::clamp(2.0 - value / from, 0.0, 1.0); };
-  const double undamped =
-      std::min({fade(pace, kUndampedPace), fade(strain, kUndampedStrain), fade(growth, kUndampedGrowth)});
+namespace {
+
+// 1 up to `from`, 0 from twice as much on.
+double fade(double value, double from) { return std::clamp(2.0 - value / from, 0.0, 1.0); }
+
+// Damped, and as much of HHT-alpha in place of that as `undamped` says.
+StiffnessShares blend(double alpha, double pace, double undamped) {
   const double damped = std::clamp(kImplicitOfPace * pace, kDampedImplicit, 1.0);
-  // HHT-alpha for what v changes by in the step: gamma = 1/2 + alpha, beta = (1 + alpha)^2 / 4.
-  constexpr double kBeta = 0.25 * (1.0 + kAlpha) * (1.0 + kAlpha), kImplicit = kBeta * (1.0 - kAlpha),
-                   kMemory = (kBeta - kAlpha) * kAlpha;
-  return {damped + undamped * (kImplicit - damped), undamped * kImplicit, undamped * kMemory};
+  // For what v changes by in the step: gamma = 1/2 + alpha, beta = (1 + alpha)^2 / 4.
+  const double beta = 0.25 * (1.0 + alpha) * (1.0 + alpha), implicit = beta * (1.0 - alpha),
+               memory = (beta - alpha) * alpha;
+  return {damped + undamped * (implicit - damped), undamped * implicit, undamped * memory};
+}
+
+}  // namespace
+
+StiffnessShares stiffness_shares(double pace, double strain, double growth) {
+  return blend(kAlpha, pace,
+               std::min({fade(pace, kUndampedPace), fade(strain, kUndampedStrain), fade(growth, kUndampedGrowth)}));
+}
+
+StiffnessShares stiffness_shares_on_walls(double pace, double growth, double load) {
+  return blend(kWallAlpha, pace,
+               std::min(fade(pace, kUndampedPace), fade(growth, kUndampedGrowth)) * fade(load, kUndampedLoad));
 }
 
 void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, const std::vector<std::uint8_t>& fixed,
@@ -86,10 +101,6 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
   h_ = global.h;
   start(global, solids, slip);
   const std::vector<double> damping = number_unknowns(fixed, slip, dt);
-  for (std::size_t l = 0; l < solids_.size(); ++l) {
-    stiffness_factor_.push_back(static_cast<Real>(shares(l).ahead * dt * dt + dt * solids_[l].rest->rayleigh_beta));
-    past_factor_.push_back(static_cast<Real>(shares(l).behind * dt * dt));
-  }
   weigh_unknowns(mass, slip, damping);
   moves_ = free_;
   ties_.clear();
@@ -97,6 +108,7 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
   rigid_.reset();
   row_inverse_.reset();
   list_elements(parallel);
+  weigh_elements(dt);
   list_gathers();
   invert_diagonal(parallel);
   multilevel_.reset();
@@ -120,8 +132,6 @@ void VelocitySystem::start(const Grid& global, std::span<const SolidRef> solids,
     if (slip.nodes()[t].shared()) unknown_of_node_[slip.nodes()[t].node] = -2 - static_cast<std::int32_t>(t);
   for (const SlipNode& s : slip.nodes()) solid_of_entry_.push_back(s.solid);
   free_.clear();
-  stiffness_factor_.clear();
-  past_factor_.clear();
   unknown_begin_.assign(1, 0);
   held_.assign(solids_.size(), 0);
   touching_.clear();
@@ -208,6 +218,23 @@ void VelocitySystem::list_elements(const Parallel& parallel) {
   }
 }
 
+// What of an element's stiffness is implicit. In contact the cells that a surface cuts are damped.
+void VelocitySystem::weigh_elements(double dt) {
+  stiffness_factor_.assign(corner_.size() / 8, 0);
+  past_factor_.assign(corner_.size() / 8, 0);
+  for (std::size_t l = 0; l < solids_.size(); ++l) {
+    const solid::SolidWork& work = *solids_[l].work;
+    const StiffnessShares &inside = shares(l), &cut = touches(l) ? solids_[l].held : inside;
+    for (std::size_t e = 0; e < work.element_cell.size(); ++e) {
+      const bool full = work.fraction[static_cast<std::size_t>(work.element_cell[e])] > Real(1 - 1e-6);
+      const StiffnessShares& share = full ? inside : cut;
+      const std::size_t i = block_begin_[l] * kLanes + e;
+      stiffness_factor_[i] = static_cast<Real>(share.ahead * dt * dt + dt * solids_[l].rest->rayleigh_beta);
+      past_factor_[i] = static_cast<Real>(share.behind * dt * dt);
+    }
+  }
+}
+
 // The lists by which unknowns gather from elements.
 void VelocitySystem::list_gathers() {
   gather_begin_.assign(node_.size() + 1, 0);
@@ -232,7 +259,8 @@ void VelocitySystem::invert_diagonal(const Parallel& parallel) {
   sum_blocks(
       parallel,
       [&](std::size_t l, std::size_t block, Real* out) {
-        solid::block_stiffness_diagonal(*solids_[l].work, block, h_, stiffness_factor_[l], out);
+        solid::block_stiffness_diagonal(*solids_[l].work, block, h_,
+                                        &stiffness_factor_[(block_begin_[l] + block) * kLanes], out);
       },
       kAsItIs, diagonal);
   inverse_diagonal_.resize(diagonal.size());
@@ -316,7 +344,7 @@ void VelocitySystem::multiply_stiffness(const Parallel& parallel, const std::vec
       [&](std::size_t l, std::size_t block, Real* out) {
         Real in[24][kLanes];
         load_corners(x.data(), &corner_[(block_begin_[l] + block) * 8 * kLanes], in);
-        solid::block_stiffness(*solids_[l].work, block, h_, factor[l], in, out);
+        solid::block_stiffness(*solids_[l].work, block, h_, &factor[(block_begin_[l] + block) * kLanes], in, out);
       },
       finish, y);
 }

@@ -34,13 +34,16 @@ struct StiffnessShares {
 // step, where it strains the solid much, and where a cell has grown or shrunk much; where waves pass many cells ahead
 // is 1. pace: cells that waves pass in the step; growth: largest factor of a cell's volume, or its inverse.
 StiffnessShares stiffness_shares(double pace, double strain, double growth);
+// While nothing but walls holds the solid: less of both, and more damped the more it is strained. load: its elastic
+// energy over mu times its volume.
+StiffnessShares stiffness_shares_on_walls(double pace, double growth, double load);
 
 // One solid as the system sees it.
 struct SolidRef {
   const solid::SolidRest* rest;
   solid::SolidState* state;
   solid::SolidWork* work;
-  StiffnessShares loose, held;  // while nothing touches it, and while a wall or a solid does
+  StiffnessShares loose, walled, held;  // while nothing touches it, while walls do, and while a solid does
 };
 
 class MultilevelScaling;
@@ -161,12 +164,15 @@ class VelocitySystem {
   // x = M^-1 b
   void divide_by_mass(const Parallel& parallel, const std::vector<Real>& b, std::vector<Real>& x) const;
   // G = M + dt C_M + this times K [s^2].
-  Real stiffness_factor(std::size_t solid) const { return stiffness_factor_[solid]; }
+  Real stiffness_factor(std::size_t solid, std::size_t element) const {
+    return stiffness_factor_[block_begin_[solid] * solid::kBlock + element];
+  }
   // Axes along which walls constrain a node of a solid: bit a: axis a; 7 where another solid does.
   unsigned fixed_axes(std::size_t solid) const { return held_[solid] == 7u ? 7u : held_[solid] & ~across_slab_; }
   bool touches(std::size_t solid) const { return fixed_axes(solid) != 0; }
   const StiffnessShares& shares(std::size_t solid) const {
-    return touches(solid) ? solids_[solid].held : solids_[solid].loose;
+    const SolidRef& ref = solids_[solid];
+    return held_[solid] == 0 ? ref.loose : held_[solid] == 7 ? ref.held : ref.walled;
   }
   // Pairs of solids that share an unknown; of three or more at a node all with the first.
   const std::set<std::pair<std::size_t, std::size_t>>& touching() const { return touching_; }
@@ -179,6 +185,7 @@ class VelocitySystem {
   std::vector<double> number_unknowns(const std::vector<std::uint8_t>& fixed, const SlipNodes& slip, double dt);
   void weigh_unknowns(const std::vector<Real>& mass, const SlipNodes& slip, const std::vector<double>& damping);
   void list_elements(const Parallel& parallel);
+  void weigh_elements(double dt);
   void list_gathers();
   void invert_diagonal(const Parallel& parallel);
   std::size_t entry_of(std::size_t solid, std::size_t node) const;  // of a shared node, in slip
@@ -221,8 +228,8 @@ class VelocitySystem {
   std::vector<Tie> ties_;
   std::vector<Real> sliding_;  // mass per unknown that moves along the normal only: fluid beside the solid [kg]
   std::vector<Vec3> normal_;   // empty without such nodes
-  std::vector<Real> stiffness_factor_;  // ahead dt^2 + dt beta per solid
-  std::vector<Real> past_factor_;       // behind dt^2 per solid
+  std::vector<Real> stiffness_factor_;  // ahead dt^2 + dt beta per block and lane
+  std::vector<Real> past_factor_;       // behind dt^2, the same
   std::vector<Real> inverse_diagonal_;
   std::vector<std::uint8_t> stiff_;                // per solid: diagonal scaling alone takes too many iterations
   std::shared_ptr<MultilevelScaling> multilevel_;  // of those solids; none: there are none, or it is not built yet

@@ -4,7 +4,7 @@
 
 namespace efsi::sim {
 
-void carry_surface(const StepContext& step, std::size_t l, const solid::RigidStep& frame,
+void carry_surface(const StepContext& step, std::size_t l, const solid::BodyStep& frame,
                    const solid::AdvectWorkspace& packed, const solid::SolidWork& work, solid::SolidState& state) {
   ScopedTimer timer(step.profile, Stage::kSurface);
   solid::predict_surface(step.parallel, step.dt, frame, packed, state);

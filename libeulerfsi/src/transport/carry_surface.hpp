@@ -8,7 +8,7 @@
 namespace efsi::sim {
 
 // Solid l, after its advection in this frame, which has left `packed`: state.surface, state.leak, state.whole.
-void carry_surface(const StepContext& step, std::size_t l, const solid::RigidStep& frame,
+void carry_surface(const StepContext& step, std::size_t l, const solid::BodyStep& frame,
                    const solid::AdvectWorkspace& packed, const solid::SolidWork& work, solid::SolidState& state);
 
 }  // namespace efsi::sim

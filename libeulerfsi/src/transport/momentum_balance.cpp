@@ -75,7 +75,7 @@ void measure_momenta(const StepContext& step, SolidStates& states, const SolidWo
   for (const solid::Momenta& solid : momenta.solids) momenta.fluid -= solid.linear;
 }
 
-void find_centers(const StepContext& step, const Holds& holds, const std::vector<solid::RigidStep>& frames,
+void find_centers(const StepContext& step, const Holds& holds, const std::vector<solid::BodyStep>& frames,
                   const SolidStates& states, TransportMomenta& momenta) {
   momenta.centers.clear();
   if (momenta.solids.empty()) return;

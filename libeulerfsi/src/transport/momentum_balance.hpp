@@ -28,7 +28,7 @@ void measure_momenta(const StepContext& step, SolidStates& states, const SolidWo
                      NodeVelocity& velocity, TransportMomenta& momenta);
 // Where the centres of solids in floating clusters go: by their momenta after the impulses of contact, which act on all
 // of them at one time and place. Fills momenta.centers, not a number where that is not asked for.
-void find_centers(const StepContext& step, const Holds& holds, const std::vector<solid::RigidStep>& frames,
+void find_centers(const StepContext& step, const Holds& holds, const std::vector<solid::BodyStep>& frames,
                   const SolidStates& states, TransportMomenta& momenta);
 // After the transport: moves these there, and their masses along.
 void restore_centers(const StepContext& step, const TransportMomenta& momenta, SolidStates& states, SolidWorks& solids);

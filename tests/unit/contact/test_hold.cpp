@@ -59,10 +59,10 @@ TEST_CASE("What touches nothing keeps its choice of elements, its frame and its 
 TEST_CASE("A free body's field rides on its motion; a held one's rests on the grid and slides along the wall") {
   const double dt = 0.1;
   const solid::Momenta before = moving({1.0, -2.0, 0.0}), after = moving({3.0, 0.0, 0.0});
-  const solid::RigidStep free = sim::transport_frame(kFree, before, after, dt);
+  const solid::BodyStep free = sim::transport_frame(kFree, before, after, dt);
   CHECK((free.shift - dt * Vec3d(2.0, -1.0, 0.0)).norm() < 1e-14);
   CHECK((free.velocity.linear - Vec3d(3.0, 0.0, 0.0)).norm() < 1e-14);
-  const solid::RigidStep slides = sim::transport_frame(kOnFloor, before, after, dt);
+  const solid::BodyStep slides = sim::transport_frame(kOnFloor, before, after, dt);
   CHECK((slides.shift - dt * Vec3d(-1.0, 0.0, 0.0)).norm() < 1e-14);
   CHECK(slides.velocity.linear.norm() == 0.0);
   CHECK(sim::transport_frame(kOnSolid, before, after, dt).shift.norm() == 0.0);
@@ -77,7 +77,7 @@ TEST_CASE("Solids that only hold each other ride on the motion of both; one that
   holds.cluster_of = {0, 0, 1};
   REQUIRE(holds.clusters[0].floats());
   REQUIRE_FALSE(holds.clusters[1].floats());
-  std::vector<solid::RigidStep> frames = sim::transport_frames(holds, before, before, dt);
+  std::vector<solid::BodyStep> frames = sim::transport_frames(holds, before, before, dt);
   for (const std::size_t l : {0u, 1u}) {
     CHECK((frames[l].shift - dt * Vec3d(0.0, 1.0, 0.0)).norm() < 1e-12);
     CHECK((frames[l].velocity.center - Vec3d(0.0, 0.0, 1.5)).norm() < 1e-12);

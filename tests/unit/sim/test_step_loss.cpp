@@ -18,20 +18,26 @@ Landing land(double youngs_modulus, int across = 8, int threads = 1) {
   constexpr double kRadius = 0.1, kSpeed = 2.0;
   sim::Params p = still_vacuum({0.4, 0.4, 0.4}, 2.0 * kRadius / across);
   p.threads = threads;
+  p.energy_ledger = true;
   sim::SolidDesc d = ball_desc({0.2, kRadius + 0.03, 0.2}, kRadius);
   d.youngs_modulus = youngs_modulus;
   d.velocity = {0.0, -kSpeed, 0.0};
   auto s = make_simulation(p, {d});
   Landing l;
   const double start = s->diagnose_solid(0).kinetic_energy;
-  double least = start, up = 0.0;
+  // Kinetic and elastic energy at the ends of steps, and as the ledger pairs them at their starts: an impact that fits
+  // into one step reads as a rise in one of them.
+  double least[2] = {start, start}, rise[2] = {}, up = 0.0;
   while (s->state().time < 0.1 && up < 0.02) {
     const sim::StepInfo info = s->step(kFrame);
     const auto now = s->diagnose_solid(0);
-    const double energy = now.kinetic_energy + now.elastic_energy;
-    l.rise = std::max(l.rise, (energy - least) / start);
-    least = std::min(least, energy);
-    l.rebound = energy / start;
+    const double energy[2] = {now.kinetic_energy + now.elastic_energy, info.energy->at_start.sum()};
+    for (std::size_t i = 0; i < 2; ++i) {
+      rise[i] = std::max(rise[i], (energy[i] - least[i]) / start);
+      least[i] = std::min(least[i], energy[i]);
+    }
+    l.rise = std::min(rise[0], rise[1]);
+    l.rebound = energy[0] / start;
     l.volume = std::max(l.volume, std::abs(now.volume_mesh / now.rest_volume - 1.0));
     l.steps += info.steps, l.retries += info.retries;
     up = now.extent_min[1];
@@ -41,7 +47,31 @@ Landing land(double youngs_modulus, int across = 8, int threads = 1) {
   return l;
 }
 
+// Upward over downward speed of a ball that is thrown at a floor, in steps of at most dt.
+double restitution(double dt, bool compressible) {
+  sim::Params p = still_vacuum({0.4, 0.4, 0.4}, 0.02);
+  sim::SolidDesc d = ball_desc({0.2, 0.12, 0.2}, 0.1);
+  d.velocity = {0.0, -2.0, 0.0};
+  d.compressible = compressible;
+  auto s = make_simulation(p, {d});
+  double up = 0.0;
+  while (s->state().time < 0.15) {
+    s->step(dt);
+    const auto now = s->diagnose_solid(0);
+    up = std::max(up, now.momentum[1] / now.mass);
+  }
+  return up / 2.0;
+}
+
 }  // namespace
+
+TEST_CASE("A ball rebounds in its own steps nearly as in short ones", "[law]") {
+  const bool compressible = GENERATE(false, true);
+  const double own = restitution(kFrame, compressible), with_short = restitution(1e-3, compressible);
+  INFO((compressible ? "compressible: " : "incompressible: ") << own << ", in steps of 1 ms " << with_short);
+  CHECK(own > (compressible ? 0.72 : 0.70));
+  CHECK(std::abs(with_short - own) < 0.12);
+}
 
 TEST_CASE("However stiff a ball is, it bounces: a step that takes its energy is repeated", "[law]") {
   const double modulus = GENERATE(2e4, 1e5, 1e6, 1e7, 1e8);
@@ -53,7 +83,7 @@ TEST_CASE("However stiff a ball is, it bounces: a step that takes its energy is 
   CHECK(l.rebound > 0.25);
   CHECK(l.rise < 0.02);
   CHECK(l.volume < 0.01);
-  CHECK((l.retries > 0) == (modulus > 5e4));
+  CHECK((l.retries > 0) == (modulus > 5e5));
 }
 
 TEST_CASE(

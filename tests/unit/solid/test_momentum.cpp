@@ -101,7 +101,7 @@ TEST_CASE("A free body moves by the mean of two velocities and ends with the sec
   after.linear = {3, 1, -2};
   before.angular = {0, 0, 1};
   after.angular = {0, 0, 2};
-  const solid::RigidStep step = solid::free_step(before, after, 0.1);
+  const solid::BodyStep step = solid::free_step(before, after, 0.1);
   CHECK(step.shift.isApprox(Vec3d(0.1, 0.025, -0.1)));
   CHECK(step.turn.isApprox(Vec3d(0, 0, 0.3)));
   CHECK(step.velocity.center == before.center);
@@ -147,7 +147,7 @@ TEST_CASE("A body without mass is left as it is") {
   target.linear = Vec3d(1, 1, 1);
   solid::restore_momenta(Parallel(1), target, s.work, s.state);
   CHECK(s.state.v.at(5) == s.state.band.grid.node_position(5, 0, 0).cast<Real>());
-  const solid::RigidStep step = solid::free_step({}, {}, 0.1);
+  const solid::BodyStep step = solid::free_step({}, {}, 0.1);
   CHECK(step.shift.isZero(0));
   CHECK(step.turn.isZero(0));
 }

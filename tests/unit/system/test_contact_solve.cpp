@@ -36,7 +36,7 @@ struct FacingBalls {
     for (TestSolid& s : solids) {
       compute(s, 1, threads);
       for (std::size_t n = 0; n < mass.size(); ++n) mass[n] += s.work.mass[n];
-      refs.push_back({&s.rest, &s.state, &s.work, {}, {}});
+      refs.push_back({&s.rest, &s.state, &s.work, {}, {}, {}});
     }
     system.assemble(Parallel(threads), g, std::vector<std::uint8_t>(g.node_count(), 0), refs, mass, {}, kStep);
     REQUIRE(system.touching().empty());

@@ -42,7 +42,8 @@ struct HeldBar {
     solid = make_box(g, material::from_youngs_modulus(material::Law::kCorotational, 1e5, 0.4), low,
                      low + Vec3d(1.0, 0.5, 0.5));
     compute(solid, 1);
-    const std::vector<SolidRef> refs{{&solid.rest, &solid.state, &solid.work, kBackwardEuler, kBackwardEuler}};
+    const std::vector<SolidRef> refs{
+        {&solid.rest, &solid.state, &solid.work, kBackwardEuler, kBackwardEuler, kBackwardEuler}};
     system.assemble(Parallel(1), g, std::vector<std::uint8_t>(g.node_count(), 0), refs, solid.work.mass, {}, dt);
     for (std::size_t u = 0; u < system.nodes().size(); ++u)
       for (int a = 0; a < 3; ++a)
@@ -80,7 +81,7 @@ struct TwoBalls {
           s, [](const Vec3d& x) { return Vec3d(0.01 * std::sin(9 * x[1]), 0.05 * x[2] * x[0], -0.03 * x[1]); });
       compute(s, 1, threads);
       for (std::size_t n = 0; n < mass.size(); ++n) mass[n] += s.work.mass[n];
-      refs.push_back({&s.rest, &s.state, &s.work, kBackwardEuler, kBackwardEuler});
+      refs.push_back({&s.rest, &s.state, &s.work, kBackwardEuler, kBackwardEuler, kBackwardEuler});
     }
     system.assemble(parallel, g, grid::fixed_by_walls(g, walls), refs, mass, {}, dt);
     const std::size_t first = system.begin_of(1), pinned = first + 30;

@@ -44,7 +44,7 @@ struct Scene {
           s, [](const Vec3d& x) { return Vec3d(0.01 * std::sin(9 * x[1]), 0.05 * x[2] * x[0], -0.03 * x[1]); });
       compute(s, 1, threads);
       for (std::size_t n = 0; n < mass.size(); ++n) mass[n] += s.work.mass[n];  // bands are the whole grid
-      refs.push_back({&s.rest, &s.state, &s.work, {9.0, 9.0}, held});
+      refs.push_back({&s.rest, &s.state, &s.work, {9.0, 9.0}, held, held});
     }
     system.assemble(Parallel(threads), g, fixed, refs, mass, {}, kDt);
   }
@@ -267,6 +267,34 @@ TEST_CASE(
       CHECK(shares.ahead + shares.behind >= 0.5);                 // stable
       CHECK(shares.ahead - shares.behind + shares.memory > 0.0);  // damped
     }
+}
+
+TEST_CASE(
+    "On walls a step is the more damped the more the solid is strained, and always where its surface cuts cells") {
+  const auto rests = system::stiffness_shares_on_walls(0.5, 1.0, 0.1);
+  CHECK(rests.ahead == rests.behind);
+  CHECK(rests.memory > system::stiffness_shares(0.5, 0.0, 1.0).memory);  // its shortest waves more than in flight
+  const auto pressed = system::stiffness_shares_on_walls(0.5, 1.0, 0.6),
+             crushed = system::stiffness_shares_on_walls(0.5, 1.0, 0.8);
+  CHECK(pressed.behind == Approx(0.5 * rests.behind));
+  CHECK(crushed.ahead == Approx(0.6));
+  CHECK(crushed.behind == 0.0);
+
+  const Scene s;
+  TestSolid ball = make_ball(s.g, s.solids[0].rest.elastic, {0.3, 0.11, 0.3}, 0.13);
+  compute(ball, 1, 1);
+  VelocitySystem system;
+  const std::vector<SolidRef> refs = {{&ball.rest, &ball.state, &ball.work, {9.0, 9.0}, {0.5, 0.5}, {1.0, 0.0}}};
+  system.assemble(Parallel(1), s.g, s.fixed, refs, ball.work.mass, {}, kDt);
+  REQUIRE(system.fixed_axes(0) == 2);
+  std::size_t cut = 0, inside = 0;
+  for (std::size_t e = 0; e < ball.work.element_cell.size(); ++e) {
+    const bool full = ball.work.fraction[static_cast<std::size_t>(ball.work.element_cell[e])] > Real(0.999999);
+    ++(full ? inside : cut);
+    CHECK(system.stiffness_factor(0, e) == Approx((full ? 0.5 : 1.0) * kDt * kDt));
+  }
+  CHECK(inside > 20);
+  CHECK(cut > 20);
 }
 
 TEST_CASE("An oscillator keeps its energy where steps resolve it and loses it where they do not, as HHT-alpha does",

@@ -191,10 +191,11 @@ EFSI_INLINE bool at_centers(const PointBlock& p) {
 // out = factor K x with one quadrature point, at the centres of all of the block or not, and hourglass stiffness
 // U diag(k / s^2) U^T.
 template <bool centers>
-EFSI_INLINE void multiply_one_point(const PointBlock& p, Real inverse_h, Real factor, const Lanes* x, Lanes* out) {
+EFSI_INLINE void multiply_one_point(const PointBlock& p, Real inverse_h, const Real* factor, const Lanes* x,
+                                    Lanes* out) {
   constexpr int kHourglass[4] = {3, 5, 6, 7};
   const Real strain = Real(0.25) * inverse_h;
-  const Real share = static_cast<Real>(kHourglassNorm * kHourglassNorm) * factor;
+  const Block forces = strain * load(factor), share = static_cast<Real>(kHourglassNorm * kHourglassNorm) * load(factor);
   // Modes of the corners, and the gradient at the quadrature point.
   Block v[24], e[9], u[9], shares[3][3];
 #pragma GCC unroll 24
@@ -219,7 +220,7 @@ EFSI_INLINE void multiply_one_point(const PointBlock& p, Real inverse_h, Real fa
   for (int j = 0; j < 3; ++j)
 #pragma GCC unroll 3
     for (int i = 0; i < 3; ++i) {
-      e[i + 3 * j] *= strain * factor;
+      e[i + 3 * j] *= forces;
       v[3 * kGradient[j][0] + i] = e[i + 3 * j];
     }
   // Hourglass stiffness in the axes of the element; away from the centre the stress also acts on these modes.
@@ -249,10 +250,12 @@ EFSI_INLINE void multiply_one_point(const PointBlock& p, Real inverse_h, Real fa
   for (int r = 0; r < 24; ++r) store(v[r], out[r]);
 }
 
-EFSI_KERNEL void multiply_at_centers(const PointBlock& p, Real inverse_h, Real factor, const Lanes* x, Lanes* out) {
+EFSI_KERNEL void multiply_at_centers(const PointBlock& p, Real inverse_h, const Real* factor, const Lanes* x,
+                                     Lanes* out) {
   multiply_one_point<true>(p, inverse_h, factor, x, out);
 }
-EFSI_KERNEL void multiply_anywhere(const PointBlock& p, Real inverse_h, Real factor, const Lanes* x, Lanes* out) {
+EFSI_KERNEL void multiply_anywhere(const PointBlock& p, Real inverse_h, const Real* factor, const Lanes* x,
+                                   Lanes* out) {
   multiply_one_point<false>(p, inverse_h, factor, x, out);
 }
 
@@ -353,15 +356,17 @@ void add_hourglass_force(const SolidWork& work, std::size_t block, Lanes* out) {
               static_cast<Real>(kHourglassSign[m][a]) * work.hourglass_force[block * kBlock + lane][3 * m + i];
 }
 
-EFSI_KERNEL void scale(Real factor, Real* out) {
+EFSI_KERNEL void scale(const Real* factor, Lanes* out) {
+  for (int i = 0; i < 24; ++i) {
 #pragma omp simd
-  for (int i = 0; i < 24 * kLanes; ++i) out[i] *= factor;
+    for (int l = 0; l < kLanes; ++l) out[i][l] *= factor[l];
+  }
 }
 
 }  // namespace
 
-void block_stiffness(const SolidWork& work, std::size_t block, double h, Real factor, const Real (&x)[24][kBlock],
-                     Real* out) {
+void block_stiffness(const SolidWork& work, std::size_t block, double h, const Real* factor,
+                     const Real (&x)[24][kBlock], Real* out) {
   auto* rows = reinterpret_cast<Lanes*>(out);
   const Real inverse_h = static_cast<Real>(1.0 / h);
   const auto points = static_cast<std::size_t>(work.points_per_element);
@@ -376,10 +381,10 @@ void block_stiffness(const SolidWork& work, std::size_t block, double h, Real fa
   std::fill(out, out + 24 * kBlock, Real(0));
   for (std::size_t q = 0; q < points; ++q)
     add_point(work.point[block * points + q], gauss_gradients().g[q], inverse_h, x, rows);
-  scale(factor, out);
+  scale(factor, rows);
 }
 
-void block_stiffness_diagonal(const SolidWork& work, std::size_t block, double h, Real factor, Real* out) {
+void block_stiffness_diagonal(const SolidWork& work, std::size_t block, double h, const Real* factor, Real* out) {
   auto* rows = reinterpret_cast<Lanes*>(out);
   const auto points = static_cast<std::size_t>(work.points_per_element);
   if (points == 1)
@@ -393,7 +398,7 @@ void block_stiffness_diagonal(const SolidWork& work, std::size_t block, double h
       set_gradient(p, points, q, a, grad);
       add_diagonal(p, grad, static_cast<Real>(1.0 / h), rows + 3 * a);
     }
-  scale(factor, out);
+  scale(factor, rows);
 }
 
 // By two traces that turning does not change: an isotropic stiffness has 9 K = 9 lambda + 6 mu over the normal

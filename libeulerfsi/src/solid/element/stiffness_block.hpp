@@ -6,11 +6,11 @@
 
 namespace efsi::solid {
 
-// out = factor K x
-void block_stiffness(const SolidWork& work, std::size_t block, double h, Real factor, const Real (&x)[24][kBlock],
-                     Real* out);
+// out = factor K x, one factor per element
+void block_stiffness(const SolidWork& work, std::size_t block, double h, const Real* factor,
+                     const Real (&x)[24][kBlock], Real* out);
 // out = factor diag K
-void block_stiffness_diagonal(const SolidWork& work, std::size_t block, double h, Real factor, Real* out);
+void block_stiffness_diagonal(const SolidWork& work, std::size_t block, double h, const Real* factor, Real* out);
 // Of the isotropic stiffness with the traces of that of each element: lambda and mu, times its volume [J].
 struct BlockModuli {
   Real lambda[kBlock], mu[kBlock];

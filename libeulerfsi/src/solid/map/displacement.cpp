@@ -114,10 +114,14 @@ CornerMarks rounded_marks(const Vec3i& n, const std::uint8_t* mark, const Packed
   return combined(pair);
 }
 
-// A motion of the frame over a step, in grid units: y -> c + s + R (y - c).
+// A motion of the frame over a step, in grid units: y -> c + s + R (y - c), or with an affine flow y + s + S (y - c).
 class FrameMotion {
  public:
-  FrameMotion(const Grid& g, const RigidStep& frame, double dt) {
+  FrameMotion(const Grid& g, const BodyStep& frame, double dt) : flows_(!frame.flow.at_rest()) {
+    if (flows_) {
+      follow(g, frame, dt);
+      return;
+    }
     // Where nothing turns the centre is of no account: what rests is to rest to the last bit.
     const bool turns = !(frame.turn.isZero(0) && frame.velocity.angular.isZero(0));
     if (turns) center_ = quad((frame.velocity.center - g.origin) / g.h);
@@ -130,23 +134,41 @@ class FrameMotion {
       row_[a] = quad(r.row(a));
     }
   }
-  EFSI_INLINE Quad forward(const Quad& y) const { return center_ + shift_ + times(column_, y - center_); }
-  EFSI_INLINE Quad back(const Quad& x) const { return center_ + times(row_, x - center_ - shift_); }
+  EFSI_INLINE Quad forward(const Quad& y) const {
+    return (flows_ ? y : center_) + shift_ + times(column_, y - center_);
+  }
+  EFSI_INLINE Quad back(const Quad& x) const {
+    const Quad r = x - center_ - shift_;
+    return (flows_ ? x - shift_ : center_) + times(row_, r);
+  }
   // Cells per step.
   EFSI_INLINE Quad velocity(const Quad& x) const {
     const Quad r = x - center_;
+    if (flows_) return linear_ + times(rate_, r);
     return linear_ + Quad{spin_[1] * r[2] - spin_[2] * r[1], spin_[2] * r[0] - spin_[0] * r[2],
                           spin_[0] * r[1] - spin_[1] * r[0], 0};
   }
 
  private:
+  void follow(const Grid& g, const BodyStep& frame, double dt) {
+    const AffineStep step = affine_step(frame.flow, dt);
+    center_ = quad((frame.flow.anchor - g.origin) / g.h);
+    shift_ = quad((step.shift + frame.shift) / g.h);
+    linear_ = quad(frame.flow.drift * (dt / g.h));
+    for (int a = 0; a < 3; ++a) {
+      column_[a] = quad(step.forward.col(a));
+      row_[a] = quad(step.back.col(a));
+      rate_[a] = quad(dt * frame.flow.gradient.col(a));
+    }
+  }
   static Quad quad(const Vec3d& v) {
     return Quad{static_cast<Real>(v[0]), static_cast<Real>(v[1]), static_cast<Real>(v[2]), 0};
   }
   static EFSI_INLINE Quad times(const Quad columns[3], const Quad& x) {
     return columns[0] * x[0] + columns[1] * x[1] + columns[2] * x[2];
   }
-  Quad center_ = {0, 0, 0, 0}, shift_, linear_, spin_, column_[3], row_[3];
+  bool flows_;
+  Quad center_ = {0, 0, 0, 0}, shift_, linear_, spin_, column_[3], row_[3], rate_[3];
 };
 
 constexpr Real kBeyondWall = 1;  // cells over which what lies beyond a wall is extrapolated, there and back alike
@@ -265,13 +287,13 @@ EFSI_KERNEL void correct_row(const PackedSampler& nodes, const FrameMotion& moti
 
 }  // namespace
 
-void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const RigidStep& frame, const SolidWork& work,
+void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const BodyStep& frame, const SolidWork& work,
             SolidState& state, AdvectWorkspace& packed) {
   const Grid& g = state.band.grid;
   const PackedSampler sampler(g);
   const Real step = static_cast<Real>(dt / g.h);
   const bool paper = scheme == AdvectionScheme::kPaper;
-  const FrameMotion motion(g, paper ? RigidStep{} : frame, dt);
+  const FrameMotion motion(g, paper ? BodyStep{} : frame, dt);
   packed.reserve(g.node_count());
   state.valid.resize(g.node_count());
   const bool changes = state.change.size() > 0;
@@ -317,7 +339,7 @@ void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const R
   });
 }
 
-void predict_surface(const Parallel& parallel, double dt, const RigidStep& frame, const AdvectWorkspace& packed,
+void predict_surface(const Parallel& parallel, double dt, const BodyStep& frame, const AdvectWorkspace& packed,
                      SolidState& state) {
   const Grid& g = state.band.grid;
   const PackedSampler sampler(g);

@@ -53,10 +53,10 @@ struct AdvectWorkspace {
 // which its velocity is seen; at rest: in that of the grid, as always in kPaper. Elastic waves ride on the solid: where
 // the field stays on the grid while the solid moves, a wave's displacement gets out of step with its velocity by half
 // of what the solid moves, and waves that run with it grow (docs/numerics/transport-frame.md).
-void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const RigidStep& frame, const SolidWork& work,
+void advect(const Parallel& parallel, AdvectionScheme scheme, double dt, const BodyStep& frame, const SolidWork& work,
             SolidState& state, AdvectWorkspace& packed);
 // Where the same motion takes the vertices of the embedded surface; packed: as the advection leaves it.
-void predict_surface(const Parallel& parallel, double dt, const RigidStep& frame, const AdvectWorkspace& packed,
+void predict_surface(const Parallel& parallel, double dt, const BodyStep& frame, const AdvectWorkspace& packed,
                      SolidState& state);
 
 // Material in the middle of a cell of the band, by the mean of u at its corners.

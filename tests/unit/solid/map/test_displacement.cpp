@@ -26,7 +26,7 @@ void add_surface(TestSolid& s, const Vec3d& center, double radius) {
 
 // Moves the solid by one step of a velocity field given in the whole world.
 void move(TestSolid& s, const std::function<Vec3d(const Vec3d&)>& velocity, double dt, solid::AdvectionScheme scheme,
-          int threads = 1, const solid::RigidMotion& frame = {}) {
+          int threads = 1, const solid::RigidMotion& frame = {}, const solid::AffineFlow& flow = {}) {
   const Parallel parallel(threads);
   const grid::Grid& g = s.global;
   grid::VectorField v;
@@ -39,7 +39,8 @@ void move(TestSolid& s, const std::function<Vec3d(const Vec3d&)>& velocity, doub
   solid::take_velocity(parallel, g, dt, v, s.state, s.work);
   solid::extend(parallel, s.rest, s.state, s.work);
   solid::AdvectWorkspace packed;
-  const solid::RigidStep step = solid::steady_step(frame, dt);
+  solid::BodyStep step = solid::steady_step(frame, dt);
+  step.flow = flow;
   solid::advect(parallel, scheme, dt, step, s.work, s.state, packed);
   solid::predict_surface(parallel, dt, step, packed, s.state);
   solid::correct_surface(parallel, s.rest, 1.0, s.state);
@@ -87,6 +88,44 @@ TEST_CASE("Rigid translation is exact over many steps, and the band follows", "[
       CHECK((s.state.surface[p] - s.rest.surface.points[p] - travelled).norm() < 1e-5);
     CHECK(s.work.total_mass == Approx(4.0 / 3.0 * kPi * 1e-3 * s.rest.density).epsilon(0.012));
   }
+}
+
+TEST_CASE("A solid that is squashed evenly is carried exactly in the frame of that motion, however long the step",
+          "[law]") {
+  const Vec3d middle(0.25, 0.2, 0.25);
+  solid::AffineFlow flow;
+  flow.anchor = {0.25, 0.1, 0.25};  // of a floor
+  flow.drift = {0.4, 0.0, 0.0};
+  flow.gradient << 5.0, 2.0, 0.0, 0.0, -10.0, 0.0, 0.0, 0.0, 5.0;
+  const double dt = 0.03;  // strains by 0.3
+  const solid::AffineStep step = solid::affine_step(flow, dt);
+  const auto before = [&](const Vec3d& x) -> Vec3d {
+    return x - step.shift + step.back * (x - flow.anchor - step.shift);
+  };
+  const auto velocity = [&](const Vec3d& x) -> Vec3d { return flow.drift + flow.gradient * (x - flow.anchor); };
+  double error[2];
+  for (const bool rides : {false, true}) {
+    TestSolid s = make_ball(cube_grid(25, 0.02), kSoft, middle, 0.1);
+    add_surface(s, middle, 0.1);
+    move(s, velocity, dt, solid::AdvectionScheme::kMacCormack, 1, {}, rides ? flow : solid::AffineFlow{});
+    error[rides] = largest_error(s, [&](const Vec3d& x) -> Vec3d { return x - before(x); });
+    if (!rides) continue;
+    double worst = 0.0;
+    for (std::size_t p = 0; p < s.state.surface.size(); ++p)
+      worst = std::max(worst, (before(s.state.surface[p]) - s.rest.surface.points[p]).norm());
+    CHECK(worst < 1e-6);
+    const grid::Grid& g = s.state.band.grid;
+    double off = 0.0;
+    for (std::size_t n = 0; n < g.node_count(); ++n) {
+      if (!s.work.carries[n]) continue;
+      const Vec3i at = g.node_place(n);
+      const Vec3d x = g.node_position(at[0], at[1], at[2]);
+      off = std::max(off, (s.state.v.at(n).cast<double>() - velocity(before(x))).norm());
+    }
+    CHECK(off < 1e-5);
+  }
+  CHECK(error[1] < 1e-6);
+  CHECK(error[0] > 1e-5);
 }
 
 TEST_CASE("What the velocity has changed by in a step moves with the solid, and so does its length", "[law]") {
