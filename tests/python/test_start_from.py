@@ -63,7 +63,7 @@ def test_solids_go_on_in_another_scene(fallen: Path, tmp_path: Path, frame: int 
     np.testing.assert_array_equal(first, points(fallen / "cache", "small.usda", frame))
     before, after = solid(fallen / "cache", frame), solid(tmp_path / "cache", 5)
     # In vacuum cells carry the solid from a smaller part on, and of these there are few across it.
-    assert after["momentum"] == pytest.approx(before["momentum"], rel=5e-3, abs=1e-4)
+    assert after["momentum"] == pytest.approx(before["momentum"], rel=1e-2, abs=1e-4)
     assert after["rest_volume_cells"] == before["rest_volume_cells"]
     assert not np.array_equal(first, points(tmp_path / "cache", "alone.usda", 6))
 
