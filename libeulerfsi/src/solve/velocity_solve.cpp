@@ -119,6 +119,7 @@ void assemble_velocity_system(const StepContext& step, SolidStates& states, Soli
       const double load = solids[l].elastic_energy / (rest.elastic.mu * rest.volume);
       // What meets a solid or something given rests on the grid; what yields has damping of its own.
       const bool meets = pressed[l] || is_pinned(step.scene.pins, l), rests = meets || rest.plastic.yields();
+      ref.keeps_volume = !rest.compressible;
       ref.held = shares_while(true, pace, strain, growth);
       ref.loose = meets ? ref.held : shares_while(false, pace, strain, growth);
       ref.walled = rests ? ref.held : system::stiffness_shares_on_walls(pace, growth, load);

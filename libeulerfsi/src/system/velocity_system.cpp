@@ -20,6 +20,7 @@ constexpr double kAlpha = 0.05, kWallAlpha = 1.0 / 3.0;  // of HHT-alpha
 constexpr double kUndampedPace = 1.25, kUndampedStrain = 0.1, kUndampedGrowth = 1.25,
                  kUndampedLoad = 0.4;  // from here to twice as much it fades
 constexpr double kDampedImplicit = 0.6, kImplicitOfPace = 0.4;
+constexpr double kSpoiledGrowth = 1.25, kCrushedGrowth = 1.35, kCrushedViscosity = 30.0;
 constexpr std::uint8_t kAllAxes = 7;
 constexpr double kStiffSolid = 20.0;  // of the diagonal of G over inertia
 constexpr double kRounding =
@@ -92,6 +93,11 @@ StiffnessShares stiffness_shares(double pace, double strain, double growth) {
 StiffnessShares stiffness_shares_on_walls(double pace, double growth, double load) {
   return blend(kWallAlpha, pace,
                std::min(fade(pace, kUndampedPace), fade(growth, kUndampedGrowth)) * fade(load, kUndampedLoad));
+}
+
+double crushed_viscosity(double volume) {
+  const double growth = std::max(volume, 1.0 / volume);
+  return kCrushedViscosity * std::clamp((growth - kSpoiledGrowth) / (kCrushedGrowth - kSpoiledGrowth), 0.0, 1.0);
 }
 
 void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, const std::vector<std::uint8_t>& fixed,
@@ -226,10 +232,12 @@ void VelocitySystem::weigh_elements(double dt) {
     const solid::SolidWork& work = *solids_[l].work;
     const StiffnessShares &inside = shares(l), &cut = touches(l) ? solids_[l].held : inside;
     for (std::size_t e = 0; e < work.element_cell.size(); ++e) {
-      const bool full = work.fraction[static_cast<std::size_t>(work.element_cell[e])] > Real(1 - 1e-6);
-      const StiffnessShares& share = full ? inside : cut;
+      const auto cell = static_cast<std::size_t>(work.element_cell[e]);
+      const StiffnessShares& share = work.fraction[cell] > Real(1 - 1e-6) ? inside : cut;
+      const double crushed =
+          solids_[l].keeps_volume ? crushed_viscosity(static_cast<double>(work.volume_ratio[cell])) : 0.0;
       const std::size_t i = block_begin_[l] * kLanes + e;
-      stiffness_factor_[i] = static_cast<Real>(share.ahead * dt * dt + dt * solids_[l].rest->rayleigh_beta);
+      stiffness_factor_[i] = static_cast<Real>((share.ahead + crushed) * dt * dt + dt * solids_[l].rest->rayleigh_beta);
       past_factor_[i] = static_cast<Real>(share.behind * dt * dt);
     }
   }

@@ -297,6 +297,26 @@ TEST_CASE(
   CHECK(cut > 20);
 }
 
+TEST_CASE("An element that is off its volume by more than a third is viscous, one by less than a quarter is not") {
+  for (const double volume : {0.81, 1.0, 1.24}) CHECK(system::crushed_viscosity(volume) == 0.0);
+  CHECK(system::crushed_viscosity(1.3) == Approx(15.0));
+  for (const double volume : {0.1, 0.7, 1.36, 10.0}) CHECK(system::crushed_viscosity(volume) == Approx(30.0));
+
+  const Scene s;
+  TestSolid block = make_ball(s.g, s.solids[0].rest.elastic, {0.3, 0.3, 0.3}, 0.13);
+  set_displacement(block, [](const Vec3d& x) -> Vec3d { return 0.1 * (x - Vec3d(0.3, 0.3, 0.3)); });  // J 1.37
+  compute(block, 1, 1);
+  for (const bool keeps : {false, true}) {
+    std::vector<SolidRef> refs = {{&block.rest, &block.state, &block.work, {1.0, 0.0}, {}, {}}};
+    refs[0].keeps_volume = keeps;
+    VelocitySystem system;
+    system.assemble(Parallel(1), s.g, s.fixed, refs, block.work.mass, {}, kDt);
+    REQUIRE(!block.work.element_cell.empty());
+    for (std::size_t e = 0; e < block.work.element_cell.size(); ++e)
+      CHECK(system.stiffness_factor(0, e) == Approx((keeps ? 31.0 : 1.0) * kDt * kDt));
+  }
+}
+
 TEST_CASE("An oscillator keeps its energy where steps resolve it and loses it where they do not, as HHT-alpha does",
           "[law]") {
   const auto s = system::stiffness_shares(0.5, 0.01, 1.0);
