@@ -20,7 +20,7 @@ constexpr double kAlpha = 0.05, kWallAlpha = 1.0 / 3.0;  // of HHT-alpha
 constexpr double kUndampedPace = 1.25, kUndampedStrain = 0.1, kUndampedGrowth = 1.25,
                  kUndampedLoad = 0.4;  // from here to twice as much it fades
 constexpr double kDampedImplicit = 0.6, kImplicitOfPace = 0.4;
-constexpr double kSpoiledGrowth = 1.25, kCrushedGrowth = 1.35, kCrushedViscosity = 30.0;
+constexpr double kSpoiledGrowth = 1.4, kCrushedGrowth = 1.5, kCrushedViscosity = 30.0;
 constexpr std::uint8_t kAllAxes = 7;
 constexpr double kStiffSolid = 20.0;  // of the diagonal of G over inertia
 constexpr double kRounding =

@@ -38,9 +38,9 @@ StiffnessShares stiffness_shares(double pace, double strain, double growth);
 // energy over mu times its volume.
 StiffnessShares stiffness_shares_on_walls(double pace, double growth, double load);
 
-// Of an element of a solid that keeps its volume, over dt times its stiffness: none while it is off it by less than a
-// quarter, as in any impact; beyond a third it is crushed, and what repairs it shall not set it in motion. volume: over
-// that at rest (docs/numerics/repair.md).
+// Of an element of a solid that keeps its volume, over dt times its stiffness: none while it is off it by less than
+// two fifths, as in any impact; beyond a half it is crushed, and what repairs it shall not set it in motion. volume:
+// over that at rest (docs/numerics/repair.md).
 double crushed_viscosity(double volume);
 
 // One solid as the system sees it.
