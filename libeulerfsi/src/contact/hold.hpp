@@ -43,7 +43,7 @@ system::StiffnessShares shares_while(bool touches, double pace, double strain, d
 
 // The frame in which a solid's velocity field keeps its shape for the step: that of the rigid body with its momenta,
 // which moves by the mean of those at the step's start and now. While walls constrain a solid its field is at rest on
-// the grid, and the mean moves it along them only.
+// the grid, and the mean moves it along them only (transport/wall_frames.hpp adds to that).
 solid::BodyStep transport_frame(const Hold& hold, const solid::Momenta& before, const solid::Momenta& after, double dt);
 // Of each solid; those that constrain only each other have that of the rigid body with the momenta of all of them.
 // Momenta: per solid; empty: at rest.

@@ -16,11 +16,6 @@ namespace efsi::system {
 namespace {
 
 constexpr std::size_t kLanes = solid::kBlock;
-constexpr double kAlpha = 0.05, kWallAlpha = 1.0 / 3.0;  // of HHT-alpha
-constexpr double kUndampedPace = 1.25, kUndampedStrain = 0.1, kUndampedGrowth = 1.25,
-                 kUndampedLoad = 0.4;  // from here to twice as much it fades
-constexpr double kDampedImplicit = 0.6, kImplicitOfPace = 0.4;
-constexpr double kSpoiledGrowth = 1.4, kCrushedGrowth = 1.5, kCrushedViscosity = 30.0;
 constexpr std::uint8_t kAllAxes = 7;
 constexpr double kStiffSolid = 20.0;  // of the diagonal of G over inertia
 constexpr double kRounding =
@@ -69,37 +64,6 @@ constexpr auto kAsItIs = [](std::size_t, const Vec3& sum) -> Vec3 { return sum; 
 
 }  // namespace
 
-namespace {
-
-// 1 up to `from`, 0 from twice as much on.
-double fade(double value, double from) { return std::clamp(2.0 - value / from, 0.0, 1.0); }
-
-// Damped, and as much of HHT-alpha in place of that as `undamped` says.
-StiffnessShares blend(double alpha, double pace, double undamped) {
-  const double damped = std::clamp(kImplicitOfPace * pace, kDampedImplicit, 1.0);
-  // For what v changes by in the step: gamma = 1/2 + alpha, beta = (1 + alpha)^2 / 4.
-  const double beta = 0.25 * (1.0 + alpha) * (1.0 + alpha), implicit = beta * (1.0 - alpha),
-               memory = (beta - alpha) * alpha;
-  return {damped + undamped * (implicit - damped), undamped * implicit, undamped * memory};
-}
-
-}  // namespace
-
-StiffnessShares stiffness_shares(double pace, double strain, double growth) {
-  return blend(kAlpha, pace,
-               std::min({fade(pace, kUndampedPace), fade(strain, kUndampedStrain), fade(growth, kUndampedGrowth)}));
-}
-
-StiffnessShares stiffness_shares_on_walls(double pace, double growth, double load) {
-  return blend(kWallAlpha, pace,
-               std::min(fade(pace, kUndampedPace), fade(growth, kUndampedGrowth)) * fade(load, kUndampedLoad));
-}
-
-double crushed_viscosity(double volume) {
-  const double growth = std::max(volume, 1.0 / volume);
-  return kCrushedViscosity * std::clamp((growth - kSpoiledGrowth) / (kCrushedGrowth - kSpoiledGrowth), 0.0, 1.0);
-}
-
 void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, const std::vector<std::uint8_t>& fixed,
                               std::span<const SolidRef> solids, const std::vector<Real>& mass, const SlipNodes& slip,
                               double dt, int slab) {
@@ -114,7 +78,7 @@ void VelocitySystem::assemble(const Parallel& parallel, const Grid& global, cons
   rigid_.reset();
   row_inverse_.reset();
   list_elements(parallel);
-  weigh_elements(dt);
+  weigh_elements(parallel, dt);
   list_gathers();
   invert_diagonal(parallel);
   multilevel_.reset();
@@ -225,13 +189,14 @@ void VelocitySystem::list_elements(const Parallel& parallel) {
 }
 
 // What of an element's stiffness is implicit. In contact the cells that a surface cuts are damped.
-void VelocitySystem::weigh_elements(double dt) {
+void VelocitySystem::weigh_elements(const Parallel& parallel, double dt) {
   stiffness_factor_.assign(corner_.size() / 8, 0);
   past_factor_.assign(corner_.size() / 8, 0);
   for (std::size_t l = 0; l < solids_.size(); ++l) {
     const solid::SolidWork& work = *solids_[l].work;
     const StiffnessShares &inside = shares(l), &cut = touches(l) ? solids_[l].held : inside;
-    for (std::size_t e = 0; e < work.element_cell.size(); ++e) {
+    parallel.for_each(static_cast<std::int64_t>(work.element_cell.size()), [&](std::int64_t n) {
+      const auto e = static_cast<std::size_t>(n);
       const auto cell = static_cast<std::size_t>(work.element_cell[e]);
       const StiffnessShares& share = work.fraction[cell] > Real(1 - 1e-6) ? inside : cut;
       const double crushed =
@@ -239,7 +204,7 @@ void VelocitySystem::weigh_elements(double dt) {
       const std::size_t i = block_begin_[l] * kLanes + e;
       stiffness_factor_[i] = static_cast<Real>((share.ahead + crushed) * dt * dt + dt * solids_[l].rest->rayleigh_beta);
       past_factor_[i] = static_cast<Real>(share.behind * dt * dt);
-    }
+    });
   }
 }
 

@@ -40,7 +40,7 @@ void strain_wall_frames(const StepContext& step, const Holds& holds, std::span<c
     const system::SolidView view(step.parallel, velocity.slip, l, velocity.field);
     frames[l].flow = solid::fit_affine_flow(step.parallel, states[l].band, solids[l], common, velocity.field, planes,
                                             solid::has_pressure(step.scene.solids[l]));
-    if (momenta[l].mass > 0.0)
+    if (!frames[l].flow.at_rest())
       frames[l].shift +=
           missing_slide(frames[l].flow, momenta[l].center, momenta[l].linear / momenta[l].mass, planes.axes, step.dt);
   }
