@@ -8,13 +8,14 @@
 namespace efsi::sim {
 namespace {
 
-constexpr double kSticksBeyond = 1.1;  // of mu times the normal impulse, which the solves leave uncertain
+constexpr double kSticksBeyond = 1.1;  // of mu times the normal impulse, which the solves leave uncertain at rest
 
 // What the rows of a solid at one face exert in the step.
 struct FaceContact {
   double normal = 0.0;             // impulse [kg m/s]
   Vec3d friction = Vec3d::Zero();  // impulse [kg m/s]
   bool sticks = false;             // one of them does
+  double last = 0.0;               // mu times the normal impulse that the last step's force has in this one
   double weight = 0.0;             // of the means below: the normal impulses that are not tensile
   Vec3d first = Vec3d::Zero();     // of the places
   Vec3d along = Vec3d::Zero();     // of the velocities along the face
@@ -25,6 +26,7 @@ void add(const WallRow& row, const Vec3d& place, Vec3d v, FaceContact& face) {
   if (row.friction_state == FrictionState::kSlides)
     face.friction -= static_cast<double>(row.limit) * row.sliding_direction.cast<double>();
   if (row.friction_state == FrictionState::kSticks) face.friction += row.friction_impulse.cast<double>();
+  face.last += static_cast<double>(row.limit);
   face.sticks = face.sticks || row.friction_state == FrictionState::kSticks;
   const double weight = std::max(0.0, static_cast<double>(row.normal_impulse));
   for (int a = 0; a < 3; ++a)
@@ -44,7 +46,8 @@ double felt_mass(const solid::Momenta& body, const Vec3d& arm, const Vec3d& dire
 // What Coulomb's law asks of a face beyond its friction in the step. limit: mu times its normal impulse.
 Vec3d missing(const FaceContact& face, double limit, const solid::Momenta& body, const Vec3d& arm) {
   const double friction = face.friction.norm();
-  if (friction > limit * (face.sticks ? kSticksBeyond : 1.0)) return (limit / friction - 1.0) * face.friction;
+  const bool lasts = face.sticks && face.last <= kSticksBeyond * limit;  // and does not unload
+  if (friction > limit * (lasts ? kSticksBeyond : 1.0)) return (limit / friction - 1.0) * face.friction;
   if (face.sticks || !(face.weight > 0.0)) return Vec3d::Zero();
   const Vec3d v = face.along / face.weight;
   const Vec3d against = friction > 0.0 ? Vec3d(face.friction / friction) : Vec3d(-v.stableNormalized());

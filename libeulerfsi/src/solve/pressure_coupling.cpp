@@ -19,7 +19,7 @@ constexpr double kEstimate = 0.2;        // of the divergence that the estimate 
 constexpr double kWorthCoupling = 0.01;  // of density |div v|^2: the solids over the fluid
 constexpr double kStrains = 1e-3;        // of the solids' energy: what the projection may add to that of all
 constexpr double kGains = 1e-4;          // of that energy: a coupling step that takes less of its error is the last
-constexpr double kLeads = 0.01;          // cells in a step: largest motion of an active contact row by the projection
+constexpr double kLeads = 0.01;          // cells in a step: motion of a pair of surfaces by the projection
 
 // The first part of the preconditioner of Cahouet and Chabat (1988) is the inverse of J M^-1 J^T: a pressure that the
 // projection takes, or an estimate of it. This is the second: to a gradient G is M (1 + d2 (2 mu + lambda) / h^3
@@ -45,11 +45,12 @@ void add_stiffness(const StepContext& step, const SolidStates& states, const Sol
   }
 }
 
-// Whether subtracting `change` from the velocities closes active contact rows faster than `most`.
+// Whether subtracting `change` from the velocities leads the surfaces of a pair into each other faster than `most`.
 bool leads_astray(const std::vector<system::ContactRow>& rows, const std::vector<Real>& change, double most) {
-  return std::any_of(rows.begin(), rows.end(), [&](const system::ContactRow& row) {
-    return row.normal_impulse > 0.0 && row.normal.dot(system::row_velocity(row, change)) > most;
-  });
+  system::PairMotion motion;
+  for (const system::ContactRow& row : rows)
+    motion.add(row, row.normal_impulse, std::max(0.0, row.normal.dot(system::row_velocity(row, change))));
+  return motion.largest() > most;
 }
 
 // What walls have of a step along the last direction: the reaction at nodes above them, which the projection is free to

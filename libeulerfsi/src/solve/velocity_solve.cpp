@@ -15,10 +15,9 @@
 namespace efsi::sim {
 namespace {
 
-// Largest violation of a contact row, of the approach of the surfaces in the step;
-// at least and at most, in cells: what rests may creep by the one, and the other is little of the overlap that is
-// allowed.
-constexpr double kNegligible = 0.015, kLeastNegligible = 1e-3, kMostNegligible = 2e-3;
+// Largest violation by a pair of surfaces, of their approach in the step; at least and at most, in cells: what rests
+// may creep by the one, and the other is little of the overlap that is allowed.
+constexpr double kNegligible = 0.0075, kLeastNegligible = 5e-4, kMostNegligible = 1e-3;
 constexpr int kMostPasses = 4;  // of the velocity solve, each with the rows that the last one has led into walls
 
 // Calls body(3 unknown, node of the band) for the nodes that solid l carries.
@@ -85,7 +84,7 @@ void choose_start(const Parallel& parallel, VelocityEquation& elasticity) {
     elasticity.v_star = elasticity.v_old;
 }
 
-// Velocity by which a row of contact may be led beyond what it allows [m/s].
+// Velocity by which two surfaces may be led beyond what contact allows [m/s].
 double negligible_velocity(const std::vector<system::ContactRow>& rows, const std::vector<Real>& v,
                            double cells_per_step) {
   double fastest = 0.0;

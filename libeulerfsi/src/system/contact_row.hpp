@@ -4,6 +4,10 @@
 //   else 0
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <map>
 #include <vector>
 
 #include "system/velocity_system.hpp"
@@ -20,6 +24,7 @@ struct ContactRow {
   double penalty = 0.0;                    // kappa [kg]; 0: nothing of the row can move
   double hold = 1.0;                       // of the penalty while the pressure acts, over kappa
   bool sticks = false;                     // out
+  std::int32_t pair = 0;                   // the same for all rows between two bodies, or of one with itself
 
   Vec3d impulse() const { return normal_impulse * normal + friction_impulse; }
 };
@@ -46,5 +51,29 @@ void close_rows(const Parallel& parallel, const std::vector<ContactRow>& rows, c
 void add_impulse(const ContactRow& row, const Vec3d& impulse, std::vector<Real>& f);
 // f += B^T r with the impulses of all rows.
 void add_impulses(const std::vector<ContactRow>& rows, std::vector<Real>& f);
+
+// The largest motion of the rows of a pair, in the root mean square by what they push: a few rows that hardly push
+// anything say nothing of two surfaces.
+class PairMotion {
+ public:
+  // weight: impulse [kg m/s]; velocity of the row [m/s].
+  void add(const ContactRow& row, double weight, double velocity) {
+    Sums& sums = pairs_[row.pair];
+    sums.weight += weight;
+    sums.square += weight * velocity * velocity;
+  }
+  double largest() const {  // [m/s]
+    double most = 0.0;
+    for (const auto& [pair, sums] : pairs_)
+      if (sums.weight > 0.0) most = std::max(most, std::sqrt(sums.square / sums.weight));
+    return most;
+  }
+
+ private:
+  struct Sums {
+    double weight = 0.0, square = 0.0;
+  };
+  std::map<std::int32_t, Sums> pairs_;
+};
 
 }  // namespace efsi::system

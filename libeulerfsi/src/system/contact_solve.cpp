@@ -31,9 +31,10 @@ void prepare(const VelocitySystem& system, std::vector<ContactRow>& rows) {
 }
 
 // Takes up in the impulses what the penalties have done. Whether that is settled: a small part of the largest impulse,
-// or what leads the surfaces into each other, or along each other where they stick, at less than `negligible`.
+// or what leads two surfaces into each other, or along each other where they stick, at less than `negligible`.
 bool update(const std::vector<Real>& x, double negligible, std::vector<ContactRow>& rows) {
-  double change = 0.0, largest = 0.0, fastest = 0.0;
+  double change = 0.0, largest = 0.0;
+  PairMotion motion;
   for (ContactRow& row : rows) {
     if (!(row.penalty > 0.0)) continue;
     const RowAct next = act(row, row_velocity(row, x));
@@ -41,12 +42,12 @@ bool update(const std::vector<Real>& x, double negligible, std::vector<ContactRo
     row.normal_impulse = next.normal_impulse;
     row.friction_impulse = next.friction_impulse;
     row.sticks = next.share == 1.0;
-    const double changed = (row.impulse() - before).norm();
+    const double changed = (row.impulse() - before).norm(), impulse = row.impulse().norm();
     change = std::max(change, changed);
-    largest = std::max(largest, row.impulse().norm());
-    fastest = std::max(fastest, changed / row.penalty);
+    largest = std::max(largest, impulse);
+    motion.add(row, std::max(impulse, before.norm()), changed / row.penalty);
   }
-  return fastest <= negligible || change <= kSettled * largest;
+  return motion.largest() <= negligible || change <= kSettled * largest;
 }
 
 // |f + B^T r - G x| of what moves, r the impulses that the rows have.
