@@ -227,6 +227,7 @@ void solve_pressure(const StepContext& step, const SolidStates& states, const So
   pressure.coupled = 0;
   pressure.left_over.clear();
   pressure.largest = 0.0;
+  pressure.led = std::numeric_limits<double>::infinity();
   // A body at rest that the step now serves and now does not would never come to rest.
   std::vector<Real> direction;  // of the next coupling step
   if (pressure.takes || needs_coupling(step.scene, before)) estimate_direction(step, pressure, direction);

@@ -20,6 +20,7 @@ constexpr double kWorthCoupling = 0.01;  // of density |div v|^2: the solids ove
 constexpr double kStrains = 1e-3;        // of the solids' energy: what the projection may add to that of all
 constexpr double kGains = 1e-3;          // of that energy: a coupling step that takes less of its error is the last
 constexpr double kLeads = 0.01;          // cells in a step: motion of a pair of surfaces by the projection
+constexpr double kLess = 0.85;           // of that motion before the last coupling step: one that leaves more is the last
 
 // The first part of the preconditioner of Cahouet and Chabat (1988) is the inverse of J M^-1 J^T: a pressure that the
 // projection takes, or an estimate of it. This is the second: to a gradient G is M (1 + d2 (2 mu + lambda) / h^3
@@ -45,12 +46,12 @@ void add_stiffness(const StepContext& step, const SolidStates& states, const Sol
   }
 }
 
-// Whether subtracting `change` from the velocities leads the surfaces of a pair into each other faster than `most`.
-bool leads_astray(const std::vector<system::ContactRow>& rows, const std::vector<Real>& change, double most) {
+// How fast subtracting `change` from the velocities leads the surfaces of a pair into each other, at most [m/s].
+double led_astray(const std::vector<system::ContactRow>& rows, const std::vector<Real>& change) {
   system::PairMotion motion;
   for (const system::ContactRow& row : rows)
     motion.add(row, row.normal_impulse, std::max(0.0, row.normal.dot(system::row_velocity(row, change))));
-  return motion.largest() > most;
+  return motion.largest();
 }
 
 // What walls have of a step along the last direction: the reaction at nodes above them, which the projection is free to
@@ -216,7 +217,9 @@ bool strains_much(const StepContext& step, const SolidWorks& solids, const Grid&
   system.divide_by_mass(step.parallel, pressure.impulse, change);
   for (const WallRow& row : elasticity.walls)  // the pressure moves no node on a wall
     if (row.on_wall) change[3 * system.unknown_of(row.solid, row.node) + static_cast<std::size_t>(row.axis)] = 0;
-  if (leads_astray(elasticity.contacts.rows, change, kLeads * g.h / step.dt)) return true;
+  const double before = pressure.led;
+  pressure.led = led_astray(elasticity.contacts.rows, change);
+  if (pressure.led > kLeads * g.h / step.dt && pressure.led < kLess * before) return true;
   if (pressure.coupled != 0 && pressure.gain < kGains * energy) return false;
   std::vector<Real> inertia;
   system.multiply(step.parallel, change, moved);

@@ -30,6 +30,7 @@ struct PressureEquation {
   std::vector<Real> left;        // the right-hand side of Eq. 12 before it [m^3/s]
   double slope = 0.0;            // that times the estimate from which the search direction was made
   double gain = 0.0;             // error that the last coupling step removed, in the norm of J A^-1 J^T [J]
+  double led = 0.0;              // how fast the projection then leads surfaces in contact into each other [m/s]
 };
 
 }  // namespace efsi::sim
