@@ -17,7 +17,7 @@ namespace {
 
 // Largest violation by a pair of surfaces, of their approach in the step; at least and at most, in cells: what rests
 // may creep by the one, and the other is little of the overlap that is allowed.
-constexpr double kNegligible = 0.0075, kLeastNegligible = 5e-4, kMostNegligible = 1e-3;
+constexpr double kNegligible = 0.015, kLeastNegligible = 1e-3, kMostNegligible = 2e-3;
 constexpr int kMostPasses = 4;  // of the velocity solve, each with the rows that the last one has led into walls
 
 // Calls body(3 unknown, node of the band) for the nodes that solid l carries.
