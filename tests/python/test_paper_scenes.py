@@ -65,7 +65,7 @@ def test_party_piles_up_clay_keeps_dents_and_the_others_do_not(tmp_path: Path) -
     elastic, clay = ("Cheb", "Whale", "Octopus"), ("Duck", "Penguin")
     pairs = [frame["contacts"]["pairs"] for frame in run.frames.values() if "contacts" in frame]
     assert max(len(found) for found in pairs) >= 4, "they have not met"
-    assert max(pair["surface_overlap"] for found in pairs for pair in found) < 1.35, "one is in another"
+    assert max(pair["surface_overlap"] for found in pairs for pair in found) < 1.0, "one is in another"
     for name in elastic + clay:
         path = f"/World/{name}/Body"
         assert run.volume_errors(path).max() < 0.01, name
@@ -94,7 +94,7 @@ def test_party_piles_up_clay_keeps_dents_and_the_others_do_not(tmp_path: Path) -
     settings, cache = (f"/World/Domain.{value}" for value in values), str(tmp_path / "cache")
     free = Run(tmp_path / "weightless.usda", tmp_path / "free", *settings, start_from=cache, frames="1-18")
     let_go = {name: beside_rigid(shapes[name], free.points(f"/World/{name}/Body", 18)) for name in shapes}
-    assert max(let_go[name] for name in elastic) < 2e-3 and min(let_go[name] for name in clay) > 0.13, let_go
+    assert max(let_go[name] for name in elastic) < 4e-3 and min(let_go[name] for name in clay) > 0.13, let_go
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ constexpr double kWorthCoupling = 0.01;  // of density |div v|^2: the solids ove
 constexpr double kStrains = 1e-3;        // of the solids' energy: what the projection may add to that of all
 constexpr double kGains = 1e-3;          // of that energy: a coupling step that takes less of its error is the last
 constexpr double kLeads = 0.015;         // cells in a step: motion of a pair of surfaces by the projection
-constexpr double kLess = 0.85;           // of that motion before the last coupling step: one that leaves more is the last
+constexpr double kLess = 0.85;  // of that motion before the last coupling step: one that leaves more is the last
 
 // The first part of the preconditioner of Cahouet and Chabat (1988) is the inverse of J M^-1 J^T: a pressure that the
 // projection takes, or an estimate of it. This is the second: to a gradient G is M (1 + d2 (2 mu + lambda) / h^3

@@ -9,7 +9,7 @@ constexpr double kAlpha = 0.05, kWallAlpha = 1.0 / 3.0;  // of HHT-alpha
 constexpr double kUndampedPace = 1.25, kUndampedStrain = 0.1, kUndampedGrowth = 1.25,
                  kUndampedLoad = 0.4;  // from here to twice as much it fades
 constexpr double kDampedImplicit = 0.6, kImplicitOfPace = 0.4;
-constexpr double kSpoiledGrowth = 1.4, kCrushedGrowth = 1.5, kCrushedViscosity = 30.0;
+constexpr double kSpoiledGrowth = 1.4, kSpoiledClay = 1.1, kFromSpoiledToCrushed = 0.1, kCrushedViscosity = 30.0;
 
 // 1 up to `from`, 0 from twice as much on.
 double fade(double value, double from) { return std::clamp(2.0 - value / from, 0.0, 1.0); }
@@ -35,9 +35,9 @@ StiffnessShares stiffness_shares_on_walls(double pace, double growth, double loa
                std::min(fade(pace, kUndampedPace), fade(growth, kUndampedGrowth)) * fade(load, kUndampedLoad));
 }
 
-double crushed_viscosity(double volume) {
-  const double growth = std::max(volume, 1.0 / volume);
-  return kCrushedViscosity * std::clamp((growth - kSpoiledGrowth) / (kCrushedGrowth - kSpoiledGrowth), 0.0, 1.0);
+double crushed_viscosity(double volume, bool yields) {
+  const double growth = std::max(volume, 1.0 / volume), spoiled = yields ? kSpoiledClay : kSpoiledGrowth;
+  return kCrushedViscosity * std::clamp((growth - spoiled) / kFromSpoiledToCrushed, 0.0, 1.0);
 }
 
 }  // namespace efsi::system

@@ -19,8 +19,8 @@ StiffnessShares stiffness_shares(double pace, double strain, double growth);
 StiffnessShares stiffness_shares_on_walls(double pace, double growth, double load);
 
 // Of an element of a solid that keeps its volume, over dt times its stiffness: none while it is off it by less than
-// two fifths, as in any impact; beyond a half it is crushed, and what repairs it shall not set it in motion. volume:
-// over that at rest (docs/numerics/repair.md).
-double crushed_viscosity(double volume);
+// two fifths, as in any impact; beyond a half it is crushed, and what repairs it shall not set it in motion. Clay,
+// which does not rebound, is so from a tenth and a fifth on. volume: over that at rest (docs/numerics/repair.md).
+double crushed_viscosity(double volume, bool yields);
 
 }  // namespace efsi::system

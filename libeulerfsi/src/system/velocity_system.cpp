@@ -199,8 +199,9 @@ void VelocitySystem::weigh_elements(const Parallel& parallel, double dt) {
       const auto e = static_cast<std::size_t>(n);
       const auto cell = static_cast<std::size_t>(work.element_cell[e]);
       const StiffnessShares& share = work.fraction[cell] > Real(1 - 1e-6) ? inside : cut;
-      const double crushed =
-          solids_[l].keeps_volume ? crushed_viscosity(static_cast<double>(work.volume_ratio[cell])) : 0.0;
+      const double crushed = solids_[l].keeps_volume ? crushed_viscosity(static_cast<double>(work.volume_ratio[cell]),
+                                                                         solids_[l].rest->plastic.yields())
+                                                     : 0.0;
       const std::size_t i = block_begin_[l] * kLanes + e;
       stiffness_factor_[i] = static_cast<Real>((share.ahead + crushed) * dt * dt + dt * solids_[l].rest->rayleigh_beta);
       past_factor_[i] = static_cast<Real>(share.behind * dt * dt);

@@ -150,6 +150,20 @@ TEST_CASE("What the solve leaves is little of what the rows push, however stiff 
   }
 }
 
+TEST_CASE("Surfaces are judged by what their rows push, each pair by itself") {
+  ContactRow large, small;
+  small.pair = 1;
+  system::PairMotion motion;
+  CHECK(motion.largest() == 0.0);
+  for (int r = 0; r < 1000; ++r) motion.add(large, 1.0, r % 2 ? 3e-3 : 4e-3);
+  motion.add(large, 1e-4, 1.0);  // pushes next to nothing
+  CHECK(motion.largest() == Approx(std::sqrt(0.5 * (9e-6 + 16e-6) + 1e-7)).epsilon(1e-3));
+  motion.add(small, 1e-6, 0.5);  // of a small body beside them
+  CHECK(motion.largest() == Approx(0.5));
+  motion.add(small, 0.0, 10.0);  // open
+  CHECK(motion.largest() == Approx(0.5));
+}
+
 TEST_CASE("The preconditioner undoes what penalties do to rigid solids") {
   FacingBalls scene(0.0);
   const Parallel parallel(1);

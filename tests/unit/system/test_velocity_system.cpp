@@ -298,9 +298,12 @@ TEST_CASE(
 }
 
 TEST_CASE("An element that is off its volume by half is viscous, one that an impact squeezes is not") {
-  for (const double volume : {0.72, 1.0, 1.39}) CHECK(system::crushed_viscosity(volume) == 0.0);
-  CHECK(system::crushed_viscosity(1.45) == Approx(15.0));
-  for (const double volume : {0.1, 0.66, 1.51, 10.0}) CHECK(system::crushed_viscosity(volume) == Approx(30.0));
+  for (const double volume : {0.72, 1.0, 1.39}) CHECK(system::crushed_viscosity(volume, false) == 0.0);
+  CHECK(system::crushed_viscosity(1.45, false) == Approx(15.0));
+  for (const double volume : {0.1, 0.66, 1.51, 10.0}) CHECK(system::crushed_viscosity(volume, false) == Approx(30.0));
+  for (const double volume : {0.92, 1.0, 1.09}) CHECK(system::crushed_viscosity(volume, true) == 0.0);
+  CHECK(system::crushed_viscosity(1.15, true) == Approx(15.0));
+  for (const double volume : {0.1, 0.83, 1.21, 10.0}) CHECK(system::crushed_viscosity(volume, true) == Approx(30.0));
 
   const Scene s;
   TestSolid block = make_ball(s.g, s.solids[0].rest.elastic, {0.3, 0.3, 0.3}, 0.13);
