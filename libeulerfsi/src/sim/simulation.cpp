@@ -200,11 +200,8 @@ StepInfo Simulation::checked_step(double remaining) {
           reason = "solid " + std::to_string(l + 1) + " moved more than " + std::to_string(travel) + " cells";
       }
     }
-    bool errs = false;
-    if (reason.empty() && attempt < kMaxRetries && work_.masses_ready) {
-      errs = keep_energy(parallel_, scene, info.dt, work_.solids, work_.backup.solids, state_.solids);
-      errs = gives_way(scene, info.dt, work_.backup.solids, state_.solids) || errs;
-    }
+    const bool errs = reason.empty() && attempt < kMaxRetries && work_.masses_ready &&
+                      keep_energy(parallel_, scene, info.dt, work_.solids, work_.backup.solids, state_.solids);
     if (reason.empty() && !errs) {
       std::string end = lost_shape();
       if (end.empty()) end = crosses_periodic_face();

@@ -49,6 +49,14 @@ struct Approach {
   double cells(double gap) const { return std::max(travel, gap - distance); }
 };
 
+// Whether two solids, one < other, pushed each other in the last step. What pushes a solid also holds it; towards
+// anything else it may fall, since what it rests on may give way.
+bool push_each_other(const SolidStates& states, std::size_t one, std::size_t other) {
+  const std::vector<solid::ContactImpulse>& contacts = states[one].contacts;
+  return std::any_of(contacts.begin(), contacts.end(),
+                     [&](const solid::ContactImpulse& c) { return c.other == static_cast<std::int32_t>(other); });
+}
+
 bool is_dense(const fluid::FluidParams& fluid, double solid_density) {
   return fluid.present && fluid.density > kThin * solid_density;
 }
@@ -137,9 +145,11 @@ void limit_by_walls(const Scene& scene, std::size_t l, const solid::SolidState& 
   const Approach approach{params.numerics.contact_travel, kContactDistance};
   for (std::size_t face = 0; face < 6; ++face)
     if (approach.cells(gaps.cells[face]) < params.cfl_solid)
-      limit.lower(time_to_move(gaps.closing[face], expected_acceleration(params, solid),
-                               approach.cells(gaps.cells[face]) * scene.grid.h),
-                  StepRule::kWall, l + 1);
+      limit.lower(
+          time_to_move(gaps.closing[face],
+                       pushed_at(solid, face) > 0.0 ? expected_acceleration(params, solid) : params.gravity.norm(),
+                       approach.cells(gaps.cells[face]) * scene.grid.h),
+          StepRule::kWall, l + 1);
   if (params.numerics.resolve_impacts && gaps.least() < kContactReach) waves.lower(l, StepRule::kWallWave, limit);
 }
 
@@ -163,7 +173,9 @@ void limit_by_pair(const Scene& scene, const SolidStates& states, const std::vec
   const double h = scene.grid.h, apart = boxes[one].exteriorDistance(boxes[other]) / h;
   if (apart > kPairReach) return;
   const double acceleration =
-      std::max(expected_acceleration(params, states[one]), expected_acceleration(params, states[other]));
+      push_each_other(states, one, other)
+          ? std::max(expected_acceleration(params, states[one]), expected_acceleration(params, states[other]))
+          : params.gravity.norm();
   const auto time_for = [&](double speed, double cells) {
     return time_to_move(speed, params.gravity.norm(), cells * h);
   };
@@ -237,19 +249,6 @@ StepLimits step_limits(const Params& params, double lightest_density) {
   const double part = resolves ? n.step_tolerance / kNormalTolerance : 0.0;
   return {kContactReach, n.contact_travel, part * kContactPace, flight_cells(params, lightest_density),
           part * kContactShare};
-}
-
-bool gives_way(const Scene& scene, double dt, SolidStates& before, const SolidStates& after) {
-  bool any = false;
-  const double fall = scene.params.gravity.norm();
-  for (std::size_t l = 0; l < before.size(); ++l) {
-    const double expected = expected_acceleration(scene.params, before[l]),
-                 found = std::min(fall, after[l].acceleration);
-    if (!(found > expected) || !(found * dt * dt > scene.params.numerics.contact_travel * scene.grid.h)) continue;
-    before[l].acceleration = -1.0;
-    any = true;
-  }
-  return any;
 }
 
 StepLimit compute_time_step(const Parallel& parallel, const Scene& scene, const SolidStates& states, double fluid_speed,

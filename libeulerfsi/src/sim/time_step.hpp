@@ -28,8 +28,4 @@ StepLimits step_limits(const Params& params, double lightest_density);
 StepLimit compute_time_step(const Parallel& parallel, const Scene& scene, const SolidStates& states, double fluid_speed,
                             std::uint64_t steps, double remaining, SolidWorks& solids);
 
-// Whether a step has accelerated a solid by more than was expected of it, so that it may have moved too far: what it
-// rested on gave way. before: those are no longer expected to rest. A step is repeated so at most once.
-bool gives_way(const Scene& scene, double dt, SolidStates& before, const SolidStates& after);
-
 }  // namespace efsi::sim

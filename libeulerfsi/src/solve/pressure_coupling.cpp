@@ -19,7 +19,7 @@ constexpr double kEstimate = 0.2;        // of the divergence that the estimate 
 constexpr double kWorthCoupling = 0.01;  // of density |div v|^2: the solids over the fluid
 constexpr double kStrains = 1e-3;        // of the solids' energy: what the projection may add to that of all
 constexpr double kGains = 1e-3;          // of that energy: a coupling step that takes less of its error is the last
-constexpr double kLeads = 0.015;         // cells in a step: motion of a pair of surfaces by the projection
+constexpr double kLeads = 0.0125;        // cells in a step: motion of a pair of surfaces by the projection
 constexpr double kLess = 0.85;  // of that motion before the last coupling step: one that leaves more is the last
 
 // The first part of the preconditioner of Cahouet and Chabat (1988) is the inverse of J M^-1 J^T: a pressure that the

@@ -1,5 +1,4 @@
 // Purpose: physical laws that whole steps must keep.
-#include "sim/time_step.hpp"
 #include "unit/sim/scene.hpp"
 
 using namespace efsi;
@@ -226,34 +225,10 @@ TEST_CASE("What rests takes one step a frame, and what falls does not") {
   while (s->state().time < 3.0) s->step(3.0 - s->state().time);
   CHECK(s->step(frame).dt == Approx(frame));
   CHECK(s->state().solids[0].acceleration < 0.1);
-  // Towards what did not push it, too: a wall, half a cell beside it.
-  auto beside = make_simulation(p, {ball_desc({0.111, 0.1, 0.2})});
-  while (beside->state().time < 3.0) beside->step(3.0 - beside->state().time);
-  CHECK(beside->step(frame).dt == Approx(frame));
   auto falls = make_simulation(p, {ball_desc({0.2, 0.125, 0.2})});
   falls->step(1e-4);
   CHECK(falls->state().solids[0].acceleration == Approx(9.8).epsilon(1e-3));
   CHECK(falls->step(frame).dt < 0.75 * frame);
-}
-
-TEST_CASE("A step in which what a solid rests on gives way is repeated, once, as a fall") {
-  sim::Params p = still_vacuum({0.4, 0.6, 0.4});
-  p.gravity = {0.0, -9.8, 0.0};
-  auto s = make_simulation(p, {ball_desc({0.2, 0.1, 0.2})});
-  const std::vector<fluid::Emitter> no_emitters;
-  const std::vector<sim::ForceField> no_forces;
-  const std::vector<sim::Pin> no_pins;
-  const sim::Scene scene{s->params(), s->grid(), s->solids(), no_emitters, no_forces, no_pins};
-  sim::SolidStates rests = s->state().solids, falls = rests;
-  rests[0].acceleration = 0.01;
-  falls[0].acceleration = 9.8;
-  const double frame = 1.0 / 24.0;
-  CHECK_FALSE(sim::gives_way(scene, frame, rests, rests));
-  CHECK_FALSE(sim::gives_way(scene, 0.02, rests, falls));  // 0.2 cells
-  CHECK_FALSE(sim::gives_way(scene, frame, falls, falls));
-  REQUIRE(sim::gives_way(scene, frame, rests, falls));
-  CHECK(rests[0].acceleration == -1.0);
-  CHECK_FALSE(sim::gives_way(scene, frame, rests, falls));
 }
 
 TEST_CASE("In contact steps follow the size of a solid, not that of its cells") {
