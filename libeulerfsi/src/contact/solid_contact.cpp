@@ -274,8 +274,8 @@ SolidContacts find_solid_contacts(const StepContext& step, const SolidStates& st
   if (contacts.rows.empty()) return contacts;
   for (std::size_t r = 0; r < contacts.rows.size(); ++r) {
     system::ContactRow& row = contacts.rows[r];
-    const bool same = r > 0 && contacts.places[r].solids == contacts.places[r - 1].solids;
-    row.pair = r == 0 ? 0 : contacts.rows[r - 1].pair + !same;
+    const auto& [one, other] = contacts.places[r].solids;
+    row.pair = static_cast<std::int32_t>(one * states.size() + other);
     contacts.places[r].meets =
         row.normal_impulse > 0.0 || row.normal.dot(velocity_of(contacts.places[r], row, velocity)) < row.least;
   }
