@@ -13,7 +13,7 @@ namespace efsi::sim {
 struct State {
   double time = 0.0;  // [s]
   std::uint64_t steps = 0;
-  double fluid_speed = 0.0;  // largest component [m/s]; for the next time step
+  double fluid_speed = 0.0;  // largest component that limits the next time step [m/s]
   fluid::FluidState fluid;
   Window window;  // on which its pressure is known, 0 elsewhere
   std::vector<solid::SolidState> solids;

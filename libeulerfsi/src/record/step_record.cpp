@@ -16,6 +16,27 @@ EFSI_KERNEL Real largest(std::size_t n, const Real* values) {
   return top;
 }
 
+// Where only[i] is all[i].
+EFSI_KERNEL Real largest(std::size_t n, const Real* values, const Real* only, const Real* all) {
+  Real top = 0;
+#pragma omp simd reduction(max : top)
+  for (std::size_t i = 0; i < n; ++i) top = std::max(top, only[i] == all[i] ? std::abs(values[i]) : Real(0));
+  return top;
+}
+
+// The largest of largest_of(nodes, first node, values) over the components and planes of nodes.
+template <class Plane>
+double largest_of_planes(const Parallel& parallel, const grid::Grid& g, const grid::VectorField& velocity,
+                         const Plane& largest_of) {
+  const std::size_t plane = g.node_stride(2);
+  return parallel.max(g.cells[2] + 1, 0.0, [&](std::int64_t k) {
+    const std::size_t first = static_cast<std::size_t>(k) * plane;
+    Real top = 0;
+    for (const auto& c : velocity.c) top = std::max(top, largest_of(plane, first, c.data() + first));
+    return static_cast<double>(top);
+  });
+}
+
 }  // namespace
 
 void report_solids(const SolidWorks& work, StepInfo& info) {
@@ -28,12 +49,14 @@ void report_solids(const SolidWorks& work, StepInfo& info) {
 }
 
 double largest_component(const Parallel& parallel, const grid::Grid& g, const grid::VectorField& velocity) {
-  const std::size_t plane = g.node_stride(2);
-  return parallel.max(g.cells[2] + 1, 0.0, [&](std::int64_t k) {
-    Real top = 0;
-    for (const auto& c : velocity.c)
-      top = std::max(top, largest(plane, c.data() + static_cast<std::size_t>(k) * plane));
-    return static_cast<double>(top);
+  return largest_of_planes(parallel, g, velocity,
+                           [](std::size_t n, std::size_t, const Real* values) { return largest(n, values); });
+}
+
+double largest_component(const Parallel& parallel, const grid::Grid& g, const grid::VectorField& velocity,
+                         const std::vector<Real>& fluid_mass, const std::vector<Real>& mass) {
+  return largest_of_planes(parallel, g, velocity, [&](std::size_t n, std::size_t first, const Real* values) {
+    return largest(n, values, fluid_mass.data() + first, mass.data() + first);
   });
 }
 

@@ -15,6 +15,9 @@ namespace efsi::sim {
 void report_solids(const SolidWorks& work, StepInfo& info);
 // Largest component of a velocity at the nodes of a grid [m/s].
 double largest_component(const Parallel& parallel, const grid::Grid& g, const grid::VectorField& velocity);
+// The same of nodes without matter of a solid: fluid_mass and mass of all matter per node.
+double largest_component(const Parallel& parallel, const grid::Grid& g, const grid::VectorField& velocity,
+                         const std::vector<Real>& fluid_mass, const std::vector<Real>& mass);
 
 // Volumes that a transport without loss ends with, over those at rest.
 struct VolumeTarget {

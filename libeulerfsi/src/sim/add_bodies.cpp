@@ -120,6 +120,7 @@ std::shared_ptr<const geometry::Surface> surface_of(const SolidDesc& desc, doubl
 void set_surface(const Parallel& parallel, const geometry::Surface& surface, const Numerics& numerics, bool collider,
                  double h, solid::SolidRest& rest) {
   rest.distance = surface.distance;
+  rest.thinnest = surface.report.thinnest_feature;
   rest.surface = surface.mesh;
   if (numerics.uses_particles()) rest.nearest = geometry::NearestTriangle(rest.surface);
   rest.along = surface.along;

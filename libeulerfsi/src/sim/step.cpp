@@ -201,7 +201,7 @@ void close_ledger(const StepContext& step, State& state, Workspace& work, Energy
 }
 
 // The state after a step of dt, and what the step reports.
-void finish(const StepContext& step, const SolidWorks& solids, State& state) {
+void finish(const StepContext& step, const Matter& matter, const SolidWorks& solids, State& state) {
   {
     ScopedTimer timer(step.profile, Stage::kContact);
     record_sides(step.scene, state.solids, step.info.contacts);
@@ -214,6 +214,9 @@ void finish(const StepContext& step, const SolidWorks& solids, State& state) {
   if (!step.scene.params.fluid.present) return;
   step.info.max_speed_fluid = state.fluid_speed =
       largest_component(step.parallel, step.scene.grid, state.fluid.velocity);
+  if (step.scene.params.numerics.fluid_slips && !matter.mass.empty())  // films that solids squeeze are no flow
+    state.fluid_speed =
+        largest_component(step.parallel, step.scene.grid, state.fluid.velocity, matter.fluid_mass, matter.mass);
 }
 
 // Line 1, with what is given in the step: its motion limits the step, as folds and emitters do.
@@ -346,7 +349,7 @@ StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, do
   const std::vector<VolumeTarget> targets = volume_targets(scene.solids, state.solids, work.solids);
   transport(step, state, work, ledger);
   settle(step, targets, state, work, ledger);
-  finish(step, work.solids, state);
+  finish(step, work.matter, work.solids, state);
   close_ledger(step, state, work, ledger);
   return info;
 }

@@ -22,7 +22,10 @@ constexpr double kContactStrain = 0.1;    // in a step, below which it loses lit
 constexpr double kPaperCfl = 0.6;         // cells per step of solids less than kContactReach apart (Sec. 5.2)
 constexpr double kPairReach = 6.0;        // cells between solids, from which on they do not limit each other
 constexpr double kMeetingDistance = 0.4;  // cells that they keep, where they come from farther away
-constexpr double kUnseen = 1.2;           // cells that solids near each other may move before they see each other
+constexpr double kUnseen = 3.0;           // cells between solids neither of which reaches the other's map
+// What the surface of a solid may approach another by in a step, the less of the two, where contact_travel is less.
+constexpr double kTravelOfSize = 1.0 / 32.0;     // of the cubic root of its volume
+constexpr double kTravelOfThinnest = 1.0 / 8.0;  // of its thinnest feature
 // Cells per step in flight over those elsewhere: through vacuum (4 where these are 1.8) and through a fluid of at most
 // kThin of a solid's density. The pressure of the fluid grows with what a solid moves in a step, and presses it.
 constexpr double kVacuumReach = 20.0 / 9.0, kFluidReach = 1.5, kThin = 0.01;
@@ -48,6 +51,16 @@ struct Approach {
   double travel, distance;
   double cells(double gap) const { return std::max(travel, gap - distance); }
 };
+
+// Cells that the surface of a solid may approach what is near it by in a step: of a finer grid more. What can be
+// compressed would be, by as much of the cell that arrives first.
+double contact_travel(const Scene& scene, std::size_t l) {
+  const Numerics& numerics = scene.params.numerics;
+  const solid::SolidRest& rest = scene.solids[l];
+  if (!numerics.resolve_impacts || rest.compressible) return numerics.contact_travel;
+  const double of_solid = std::min(kTravelOfSize * std::cbrt(rest.volume), kTravelOfThinnest * rest.thinnest);
+  return std::max(numerics.contact_travel, of_solid / scene.grid.h);
+}
 
 // Whether two solids, one < other, pushed each other in the last step. What pushes a solid also holds it; towards
 // anything else it may fall, since what it rests on may give way.
@@ -142,7 +155,7 @@ Gaps measure_gaps(const Scene& scene, const solid::SolidState& solid) {
 void limit_by_walls(const Scene& scene, std::size_t l, const solid::SolidState& solid, const Gaps& gaps,
                     WaveLimits& waves, StepLimit& limit) {
   const Params& params = scene.params;
-  const Approach approach{params.numerics.contact_travel, kContactDistance};
+  const Approach approach{contact_travel(scene, l), kContactDistance};
   for (std::size_t face = 0; face < 6; ++face)
     if (approach.cells(gaps.cells[face]) < params.cfl_solid)
       limit.lower(
@@ -179,7 +192,7 @@ void limit_by_pair(const Scene& scene, const SolidStates& states, const std::vec
   const auto time_for = [&](double speed, double cells) {
     return time_to_move(speed, params.gravity.norm(), cells * h);
   };
-  const Approach approach{params.numerics.contact_travel, kMeetingDistance};
+  const Approach approach{std::min(contact_travel(scene, one), contact_travel(scene, other)), kMeetingDistance};
   double least = std::numeric_limits<double>::infinity(), meeting = least;
   visit_gaps(scene, states, one, other, [&](double gap, double closing) {
     least = std::min(least, gap);
@@ -193,7 +206,7 @@ void limit_by_pair(const Scene& scene, const SolidStates& states, const std::vec
   }
   if (!params.numerics.unilateral_walls) return;
   if (!std::isfinite(least))
-    meeting = time_for(relative_speed(states, one, other), std::max(kUnseen, apart - 2.0 * kUnseen));
+    meeting = time_for(relative_speed(states, one, other), approach.cells(std::max(kUnseen, apart)));
   limit.lower(meeting, StepRule::kSolid, one + 1, other + 1);
   if (params.numerics.resolve_impacts && least < kContactReach * h)
     for (const std::size_t l : {one, other})
@@ -204,7 +217,7 @@ void limit_by_pair(const Scene& scene, const SolidStates& states, const std::vec
 void limit_by_folds(const Scene& scene, std::size_t l, const solid::SolidState& solid, const solid::SolidWork& work,
                     WaveLimits& waves, StepLimit& limit) {
   if (scene.params.cfl_solid > kRetryTravel) return;
-  const double h = scene.grid.h, travel = scene.params.numerics.contact_travel;
+  const double h = scene.grid.h, travel = contact_travel(scene, l);
   double least = std::numeric_limits<double>::infinity();
   visit_fold_gaps(solid, work, [&](double gap, double closing) {
     least = std::min(least, gap);

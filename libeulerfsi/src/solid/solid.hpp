@@ -63,6 +63,7 @@ struct SolidRest : Properties {
   double volume = 0.0;                 // of the closed rest shape [m^3]
   double mass_volume = 0.0;            // what it weighs, over its density; 0: as its cells count it [m^3]
   double area = 0.0;                   // of the surface at rest [m^2]
+  double thinnest = 0.0;               // its thinnest feature [m]; 0: not known
   std::vector<std::shared_ptr<const geometry::SignedDistance>> held;  // regions of pins, material space; < 0 inside
 };
 
