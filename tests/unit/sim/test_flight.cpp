@@ -141,6 +141,44 @@ TEST_CASE("A step ends before a wall, however long a step may be") {
   CHECK(cells(4.7) == Approx(3.7).epsilon(0.03));
 }
 
+TEST_CASE(
+    "A step takes a surface of a thick body on by more than 0.4 cells, of a thin or compressible one by no more") {
+  // Cells that a body falls in its first step, whose surface is one cell above the floor.
+  const auto cells = [](double h, const Vec3d& half, bool compressible) {
+    sim::Params p = still_vacuum({0.4, 0.4, 0.4}, h);
+    const Vec3d center(0.2, half[1] + h, 0.2);
+    sim::SolidDesc d = ball_desc(center);
+    if (half != Vec3d::Constant(0.1)) d.surface = geometry::shapes::box(center - half, center + half);
+    d.velocity = {0.0, -5.0, 0.0};
+    d.compressible = compressible;
+    return 5.0 * make_simulation(p, {d})->step(1.0).dt / h;
+  };
+  const Vec3d ball = Vec3d::Constant(0.1);
+  const double size = std::cbrt(4.0 / 3.0 * 3.14159265358979323846) * 0.1;
+  CHECK(cells(0.02, ball, false) == Approx(0.4).epsilon(0.02));
+  CHECK(cells(0.01, ball, false) == Approx(size / 32.0 / 0.01).epsilon(0.02));
+  CHECK(cells(0.005, ball, false) == Approx(size / 32.0 / 0.005).epsilon(0.02));
+  CHECK(cells(0.005, ball, true) == Approx(0.4).epsilon(0.02));
+  const Vec3d plate(0.1, 0.0125, 0.1);  // five cells thick
+  CHECK(cells(0.005, plate, false) == Approx(5.0 / 8.0).epsilon(0.03));
+}
+
+TEST_CASE("Solids of which neither reaches the other's map are three cells apart, however much their boxes overlap") {
+  // A ball in the middle of a ring, 15 cells from it. Cells that it moves in a step; it may go 3.6.
+  sim::Params p = still_vacuum({0.8, 0.8, 0.4}, 0.01);
+  p.cfl_solid = 3.6;
+  const Vec3d center(0.4, 0.4, 0.2);
+  std::vector<sim::SolidDesc> solids{ball_desc(center, 0.05), ball_desc(center)};
+  solids[1].surface = geometry::shapes::torus(0.25, 0.05, 60, 20);
+  for (Vec3d& x : solids[1].surface.points) x += center;
+  solids[0].velocity = {20.0, 0.0, 0.0};
+  auto s = make_simulation(p, solids);
+  s->step(1e-4);  // a map that is given is known everywhere
+  const sim::StepInfo info = s->step(1.0);
+  CHECK(info.limit_rule == sim::StepRule::kSolid);
+  CHECK(20.0 * info.dt / p.voxel_size == Approx(3.0 - 0.4).epsilon(0.02));
+}
+
 TEST_CASE("A body that slides down a floor is where Galilei says, and not in the floor", "[law]") {
   const double dt = GENERATE(1.0 / 48.0, 1.0 / 240.0), along = 3.0;
   sim::Params p = box_params({0.8, 0.3, 0.4});
