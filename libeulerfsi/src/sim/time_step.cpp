@@ -23,7 +23,8 @@ constexpr double kPaperCfl = 0.6;         // cells per step of solids less than 
 constexpr double kPairReach = 6.0;        // cells between solids, from which on they do not limit each other
 constexpr double kMeetingDistance = 0.4;  // cells that they keep, where they come from farther away
 constexpr double kUnseen = 3.0;           // cells between solids neither of which reaches the other's map
-// What the surface of a solid may approach another by in a step, the less of the two, where contact_travel is less.
+// What the surface of a solid may approach that of another by in a step, the less of the two, where contact_travel is
+// less.
 constexpr double kTravelOfSize = 1.0 / 32.0;     // of the cubic root of its volume
 constexpr double kTravelOfThinnest = 1.0 / 8.0;  // of its thinnest feature
 // Cells per step in flight over those elsewhere: through vacuum (4 where these are 1.8) and through a fluid of at most
@@ -52,12 +53,12 @@ struct Approach {
   double cells(double gap) const { return std::max(travel, gap - distance); }
 };
 
-// Cells that the surface of a solid may approach what is near it by in a step: of a finer grid more. What can be
-// compressed would be, by as much of the cell that arrives first.
+// Cells that the surface of a solid may approach what gives way, too, by in a step: of a finer grid more. A wall or a
+// collider flattens a layer of cells at once, and what can be compressed would be.
 double contact_travel(const Scene& scene, std::size_t l) {
   const Numerics& numerics = scene.params.numerics;
   const solid::SolidRest& rest = scene.solids[l];
-  if (!numerics.resolve_impacts || rest.compressible) return numerics.contact_travel;
+  if (!numerics.resolve_impacts || rest.compressible || is_collider(scene.pins, l)) return numerics.contact_travel;
   const double of_solid = std::min(kTravelOfSize * std::cbrt(rest.volume), kTravelOfThinnest * rest.thinnest);
   return std::max(numerics.contact_travel, of_solid / scene.grid.h);
 }
@@ -155,7 +156,7 @@ Gaps measure_gaps(const Scene& scene, const solid::SolidState& solid) {
 void limit_by_walls(const Scene& scene, std::size_t l, const solid::SolidState& solid, const Gaps& gaps,
                     WaveLimits& waves, StepLimit& limit) {
   const Params& params = scene.params;
-  const Approach approach{contact_travel(scene, l), kContactDistance};
+  const Approach approach{params.numerics.contact_travel, kContactDistance};
   for (std::size_t face = 0; face < 6; ++face)
     if (approach.cells(gaps.cells[face]) < params.cfl_solid)
       limit.lower(

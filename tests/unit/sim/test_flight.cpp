@@ -142,25 +142,33 @@ TEST_CASE("A step ends before a wall, however long a step may be") {
 }
 
 TEST_CASE(
-    "A step takes a surface of a thick body on by more than 0.4 cells, of a thin or compressible one by no more") {
-  // Cells that a body falls in its first step, whose surface is one cell above the floor.
-  const auto cells = [](double h, const Vec3d& half, bool compressible) {
-    sim::Params p = still_vacuum({0.4, 0.4, 0.4}, h);
-    const Vec3d center(0.2, half[1] + h, 0.2);
-    sim::SolidDesc d = ball_desc(center);
-    if (half != Vec3d::Constant(0.1)) d.surface = geometry::shapes::box(center - half, center + half);
-    d.velocity = {0.0, -5.0, 0.0};
-    d.compressible = compressible;
-    return 5.0 * make_simulation(p, {d})->step(1.0).dt / h;
+    "Thick bodies approach each other by more than 0.4 cells; what is thin or compressible, walls and colliders do "
+    "not") {
+  // Cells that a body moves in its first step, as far from a ball as it keeps anyway.
+  struct Choice {
+    double h;
+    Vec3d half = Vec3d::Constant(0.1);  // of a plate; else of a ball
+    bool compressible = false, collider = false;
   };
-  const Vec3d ball = Vec3d::Constant(0.1);
+  const auto cells = [](const Choice& c) {
+    sim::Params p = still_vacuum({0.6, 0.4, 0.4}, c.h);
+    const Vec3d center(0.15, 0.2, 0.2);
+    sim::SolidDesc d = ball_desc(center);
+    if (c.half[0] != c.half[1]) d.surface = geometry::shapes::box(center - c.half, center + c.half);
+    d.velocity = {5.0, 0.0, 0.0};
+    d.compressible = c.compressible;
+    auto s = make_simulation(p, {d});
+    geometry::MeshReport report;
+    const sim::SolidDesc ahead = ball_desc(center + Vec3d(c.half[0] + (0.4 + 0.25) * c.h + 0.1, 0.0, 0.0));
+    c.collider ? s->add_collider(ahead, report) : s->add_solid(ahead, report);
+    return 5.0 * s->step(1.0).dt / c.h;
+  };
   const double size = std::cbrt(4.0 / 3.0 * 3.14159265358979323846) * 0.1;
-  CHECK(cells(0.02, ball, false) == Approx(0.4).epsilon(0.02));
-  CHECK(cells(0.01, ball, false) == Approx(size / 32.0 / 0.01).epsilon(0.02));
-  CHECK(cells(0.005, ball, false) == Approx(size / 32.0 / 0.005).epsilon(0.02));
-  CHECK(cells(0.005, ball, true) == Approx(0.4).epsilon(0.02));
-  const Vec3d plate(0.1, 0.0125, 0.1);  // five cells thick
-  CHECK(cells(0.005, plate, false) == Approx(5.0 / 8.0).epsilon(0.03));
+  CHECK(cells({.h = 0.02}) == Approx(0.4).epsilon(0.05));
+  CHECK(cells({.h = 0.005}) == Approx(size / 32.0 / 0.005).epsilon(0.05));
+  CHECK(cells({.h = 0.005, .compressible = true}) == Approx(0.4).epsilon(0.05));
+  CHECK(cells({.h = 0.005, .collider = true}) == Approx(0.4).epsilon(0.05));
+  CHECK(cells({.h = 0.005, .half = {0.0125, 0.1, 0.1}}) == Approx(5.0 / 8.0).epsilon(0.05));  // five cells thick
 }
 
 TEST_CASE("Solids of which neither reaches the other's map are three cells apart, however much their boxes overlap") {
