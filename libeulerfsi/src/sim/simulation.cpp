@@ -10,6 +10,7 @@
 #include "base/refuse.hpp"
 #include "linalg/reduce.hpp"
 #include "record/contact_record.hpp"
+#include "record/step_record.hpp"
 #include "sim/checkpoint.hpp"
 #include "sim/step_loss.hpp"
 #include "sim/time_step.hpp"
@@ -339,10 +340,8 @@ void Simulation::set_velocity(const float* values) {
   const std::size_t n = grid_.node_count();
   for (std::size_t a = 0; a < 3; ++a)
     for (std::size_t i = 0; i < n; ++i) state_.fluid.velocity.c[a][i] = static_cast<Real>(values[a * n + i]);
-  state_.fluid_speed = 0.0;
+  state_.fluid_speed = largest_component(parallel_, grid_, state_.fluid.velocity);
   state_.fluid.carried_time = 0.0;
-  for (const auto& c : state_.fluid.velocity.c)
-    for (Real v : c) state_.fluid_speed = std::max(state_.fluid_speed, static_cast<double>(std::abs(v)));
 }
 
 void Simulation::set_smoke(const float* values, bool temperature) {

@@ -212,11 +212,12 @@ void finish(const StepContext& step, const Matter& matter, const SolidWorks& sol
   for (std::size_t l = 0; l < solids.size(); ++l) state.solids[l].speed = solids[l].max_speed;
   report_solids(solids, step.info);
   if (!step.scene.params.fluid.present) return;
-  step.info.max_speed_fluid = state.fluid_speed =
-      largest_component(step.parallel, step.scene.grid, state.fluid.velocity);
-  if (step.scene.params.numerics.fluid_slips && !matter.mass.empty())  // films that solids squeeze are no flow
-    state.fluid_speed =
-        largest_component(step.parallel, step.scene.grid, state.fluid.velocity, matter.fluid_mass, matter.mass);
+  const double fastest = largest_component(step.parallel, step.scene.grid, state.fluid.velocity);
+  const bool films = step.scene.params.numerics.fluid_slips && !matter.mass.empty();  // which limit no step
+  step.info.max_speed_fluid = fastest;
+  state.fluid_speed =
+      films ? largest_component(step.parallel, step.scene.grid, state.fluid.velocity, matter.fluid_mass, matter.mass)
+            : fastest;
 }
 
 // Line 1, with what is given in the step: its motion limits the step, as folds and emitters do.

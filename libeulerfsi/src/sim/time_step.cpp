@@ -23,9 +23,8 @@ constexpr double kPaperCfl = 0.6;         // cells per step of solids less than 
 constexpr double kPairReach = 6.0;        // cells between solids, from which on they do not limit each other
 constexpr double kMeetingDistance = 0.4;  // cells that they keep, where they come from farther away
 constexpr double kUnseen = 3.0;           // cells between solids neither of which reaches the other's map
-// What the surface of a solid may approach that of another by in a step, the less of the two, where contact_travel is
-// less.
-constexpr double kTravelOfSize = 1.0 / 32.0;     // of the cubic root of its volume
+// The surfaces of two solids may approach each other in a step by contact_travel, or by the smaller of these if more:
+constexpr double kTravelOfSize = 1.0 / 32.0;     // of the cubic root of a solid's volume
 constexpr double kTravelOfThinnest = 1.0 / 8.0;  // of its thinnest feature
 // Cells per step in flight over those elsewhere: through vacuum (4 where these are 1.8) and through a fluid of at most
 // kThin of a solid's density. The pressure of the fluid grows with what a solid moves in a step, and presses it.
@@ -53,8 +52,9 @@ struct Approach {
   double cells(double gap) const { return std::max(travel, gap - distance); }
 };
 
-// Cells that the surface of a solid may approach what gives way, too, by in a step: of a finer grid more. A wall or a
-// collider flattens a layer of cells at once, and what can be compressed would be.
+// Cells that the surface of a solid may approach that of another one by in a step, by the size of the solid. Not that
+// of a collider, which flattens a layer of cells at once, nor where the solid is compressible: the cells would be
+// crushed.
 double contact_travel(const Scene& scene, std::size_t l) {
   const Numerics& numerics = scene.params.numerics;
   const solid::SolidRest& rest = scene.solids[l];
