@@ -11,7 +11,7 @@
 #include "given/given_shape.hpp"
 #include "sim/simulation.hpp"
 #include "solid/element/mass.hpp"
-#include "solid/element/plasticity.hpp"
+#include "solid/element/material_lattice.hpp"
 #include "solid/surface/fold_points.hpp"
 #include "solid/surface/surface_clusters.hpp"
 
@@ -260,10 +260,10 @@ std::size_t Simulation::add_body(const SolidDesc& desc, bool collider, geometry:
 
   solid::SolidState state = state_of(desc, center, *start, grid_);
   if (slab) flatten(parallel_, rest, slab->axis, state);
-  if (rest.plastic.yields()) {
-    rest.plastic_lattice = solid::make_plastic_lattice(report.extent_min, report.extent_max, grid_.h);
-    state.plastic.resize(rest.plastic_lattice.node_count());
-  }
+  if (rest.plastic.yields() || rest.bulk > 0.0)
+    rest.lattice = solid::make_material_lattice(report.extent_min, report.extent_max, grid_.h);
+  if (rest.plastic.yields()) state.plastic.resize(rest.lattice.node_count());
+  if (rest.bulk > 0.0) state.dilatation.resize(rest.lattice.node_count());
   state.speed = starting_speed(desc, center, state.surface);
   solid::SolidWork work;
   solid::compute_mass(parallel_, rest, state, work);

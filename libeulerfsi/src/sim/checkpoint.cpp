@@ -14,7 +14,7 @@
 namespace efsi::sim {
 namespace {
 
-constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', 'G'};
+constexpr char kMagic[8] = {'e', 'f', 's', 'i', 'c', 'h', 'k', 'H'};
 
 struct HashArchive {
   Hash hash;
@@ -92,6 +92,7 @@ std::uint64_t rest_hash(const solid::SolidRest& rest, bool collider) {
   hash.add_array(rest.surface.points);
   hash.add_array(rest.surface.triangles);
   hash.add_value(static_cast<std::uint64_t>(rest.plastic.yields()));
+  hash.add_value(static_cast<std::uint64_t>(rest.bulk > 0.0));
   return collider ? hash.value() & ~std::uint64_t{1} : hash.value() | 1;
 }
 

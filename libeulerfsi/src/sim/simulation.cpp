@@ -365,6 +365,7 @@ void Simulation::set_solid_field(std::size_t index, bool velocity, const float* 
     for (const auto& c : field.c)
       for (Real v : c) solid.speed = std::max(solid.speed, static_cast<double>(std::abs(v)));
   } else {
+    std::fill(solid.dilatation.begin(), solid.dilatation.end(), Real(0));
     solid::place_surface(parallel_, solids_[index], solid);
     for (solid::SolidState& any : state_.solids) any.deep.clear();  // it has not moved there through what is there
   }

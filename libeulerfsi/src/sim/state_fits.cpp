@@ -76,8 +76,10 @@ std::string body_fault(const solid::SolidState& state, const grid::Grid& box, co
     fault = "change_time: must be a finite number > 0";
   if (fault.empty()) fault = count_fault("valid", state.valid.size(), band.node_count());
   if (fault.empty()) fault = optional_fault("stiff", state.stiff.size(), band.cell_count());
-  const std::size_t lattice = rest.plastic.yields() ? rest.plastic_lattice.node_count() : 0;
-  if (fault.empty()) fault = count_fault("plastic", state.plastic.size(), lattice);
+  const auto lattice = [&](bool used) { return used ? rest.lattice.node_count() : 0; };
+  if (fault.empty()) fault = count_fault("plastic", state.plastic.size(), lattice(rest.plastic.yields()));
+  if (fault.empty()) fault = count_fault("dilatation", state.dilatation.size(), lattice(rest.bulk > 0.0));
+  if (fault.empty()) fault = finite_fault("dilatation", state.dilatation);
   if (fault.empty()) fault = count_fault("surface", state.surface.size(), rest.surface.points.size());
   const auto finite = [](const Vec3d& x) { return x.allFinite(); };
   if (fault.empty() && !std::all_of(state.surface.begin(), state.surface.end(), finite))

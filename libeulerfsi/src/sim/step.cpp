@@ -25,6 +25,7 @@
 #include "solid/element/plasticity.hpp"
 #include "solid/map/displacement.hpp"
 #include "solid/particles/particles.hpp"
+#include "solve/bulk.hpp"
 #include "solve/pressure.hpp"
 #include "solve/velocity_solve.hpp"
 #include "solve/viscosity.hpp"
@@ -117,9 +118,10 @@ void take_velocities(const StepContext& step, std::uint64_t steps, const grid::G
 }
 
 // Lines 18 to 20 for solid l: map, velocity and surface move with it, and its band follows.
-void transport_solid(const StepContext& step, std::size_t l, const solid::BodyStep& frame,
-                     const VelocityEquation& elasticity, solid::SolidWork& work, solid::SolidState& state,
-                     solid::AdvectWorkspace& packed, std::vector<solid::Particles>& particles, EnergyLedger& ledger) {
+void transport_solid(const StepContext& step, std::size_t l, const solid::BodyStep& frame, const Matter& matter,
+                     const VelocityEquation& elasticity, const PressureEquation& pressure, solid::SolidWork& work,
+                     solid::SolidState& state, solid::AdvectWorkspace& packed, std::vector<solid::Particles>& particles,
+                     EnergyLedger& ledger) {
   const int slab = grid::slab_axis(step.scene.grid, step.scene.params.walls);
   if (is_collider(step.scene.pins, l)) {
     ScopedTimer timer(step.profile, Stage::kSolidAdvection);
@@ -139,6 +141,7 @@ void transport_solid(const StepContext& step, std::size_t l, const solid::BodySt
     } else {
       solid::extend(step.parallel, step.scene.solids[l], state, work);
       ledger.leave(l);
+      carry_dilatation(step, l, matter, pressure, work, state);
     }
     const solid::AdvectionScheme scheme = step.scene.params.numerics.solid_advection;
     solid::advect(step.parallel, scheme, step.dt, frame, work, state, packed);  // Alg. 1 lines 19, 20
@@ -317,8 +320,8 @@ void transport(const StepContext& step, State& state, Workspace& work, EnergyLed
   measure_straining(step, state.solids, work.solids);
   work.pressure.system.exchange_scratch(work.solid_advect.storage());
   for (std::size_t l = 0; l < state.solids.size(); ++l)
-    transport_solid(step, l, frames[l], work.elasticity, work.solids[l], state.solids[l], work.solid_advect,
-                    work.particles, ledger);
+    transport_solid(step, l, frames[l], work.matter, work.elasticity, work.pressure, work.solids[l], state.solids[l],
+                    work.solid_advect, work.particles, ledger);
   work.pressure.system.exchange_scratch(work.solid_advect.storage());
   still_fluid(work.elasticity.walls, velocity.field);
   advect_fluid(step, state.solids, velocity.field, velocity.slip, work.pressure,  // Alg. 1 line 22

@@ -8,7 +8,8 @@
 namespace efsi::solid {
 
 std::size_t SolidWork::bytes() const {
-  const std::size_t reals = fraction.size() + volume_ratio.size() + mass.size() + 3 * force_velocity.size();
+  const std::size_t reals =
+      fraction.size() + volume_ratio.size() + mass.size() + 3 * force_velocity.size() + dilatation.size();
   return reals * sizeof(Real) + (element.size() + element_cell.size() + element_corner.size()) * sizeof(std::int32_t) +
          point.size() * sizeof(PointBlock) + hourglass_force.size() * sizeof(hourglass_force[0]) + carries.size() +
          layer.size() + sliver.size() + element_factor.size() * sizeof(double) + element_middle.size() * sizeof(Vec3) +

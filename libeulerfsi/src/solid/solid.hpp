@@ -47,7 +47,7 @@ struct Properties {
 // Constant.
 struct SolidRest : Properties {
   material::Elastic elastic;
-  Grid plastic_lattice;                // of a solid that can yield, material space (solid/element/plasticity.hpp)
+  Grid lattice;                        // of what belongs to its material (solid/element/material_lattice.hpp)
   std::uint64_t definition = 0;        // hash of the parameters it was made of, for the scene hash
   double bulk = 0.0;                   // stiffness against that which the pressure has, not the elements [Pa]
   geometry::SignedDistance distance;   // material space
@@ -134,7 +134,9 @@ struct SolidState {
   std::vector<WallImpulse> presses;      // rows at walls in the last step
   std::vector<ContactImpulse> contacts;  // active contact rows with itself and later solids in the last step
   std::vector<DeepVertex> deep;          // of the surface in other solids, in the order of (other, vertex)
-  std::vector<PlasticNode> plastic;      // nodes of rest.plastic_lattice; empty: it cannot yield
+  std::vector<PlasticNode> plastic;      // nodes of rest.lattice; empty: it cannot yield
+  std::vector<Real> dilatation;          // of it, the volume ratio that the pressure answers to, 0: not known; empty:
+                                         // the pressure has no bulk stiffness (solid/element/dilatation.hpp)
   double flow_due = 0.0;                 // half of the last step, in which that has yet to flow; 0: no step yet [s]
   std::vector<Vec3d> surface;            // positions of the embedded surface [m]
   double rest_volume_cells = 0.0;        // by cell fractions, at the first step [m^3]
@@ -183,6 +185,7 @@ void visit_fields(State& s, Fields& fields) {
   fields.array(s.contacts);
   fields.array(s.deep);
   fields.array(s.plastic);
+  fields.array(s.dilatation);
   if (!s.plastic.empty()) fields.value(s.flow_due);
   fields.array(s.surface);
   fields.value(s.rest_volume_cells);
@@ -227,6 +230,7 @@ struct SolidWork {
   std::vector<std::int32_t> element_cell;    // element -> band cell
   std::vector<std::int32_t> element_corner;  // element -> band node of corner 0
   std::vector<std::uint8_t> sliver;    // per element: its cell is not the solid's: there is no pressure of its own
+  std::vector<Real> dilatation;        // of their centres (solid/element/dilatation.hpp); empty: nothing answers to it
   std::vector<double> element_factor;  // of their stiffness; empty: 1 everywhere
   std::vector<Vec3> element_middle;    // of what is solid of them, local coordinates; empty: their centres
   std::vector<std::array<Real, 12>>

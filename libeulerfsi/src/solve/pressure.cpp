@@ -60,7 +60,7 @@ void assemble_pressure_system(const StepContext& step, const SolidStates& states
     std::vector<std::uint8_t> active;
     if (!step.scene.solids.empty()) active = pressure_cells(step.parallel, step.scene, states, matter);
     close_prescribed_cells(step, states, matter, slip, active);
-    compute_compliance(step, states, solids, matter, pressure.compliance);
+    compute_compliance(step, states, solids, matter, active, pressure.compliance);
     pressure.system.assemble(step.parallel, matter.common.grid, matter.common.walls, matter.fixed,
                              matter.specific_volume, std::move(active), matter.owned, &slip, !step.scene.pins.empty(),
                              step.scene.params.fluid.viscosity > 0.0, pressure.compliance);

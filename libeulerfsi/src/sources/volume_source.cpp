@@ -15,6 +15,7 @@ namespace {
 
 constexpr double kLargestGrowth = 0.02;  // of a solid's volume in a step, to make up for what its surface has lost
 constexpr double kSoonest = 1e-3;        // s: in which it makes up for that, not sooner
+constexpr double kFastest = 0.1;         // of a cell's volume in a step
 constexpr double kAhead = 0.5;           // of what the last step lost: losses last for many steps
 
 // What a solid as a whole is asked to gain in this step, over its volume at rest: what its mesh has lost and part of
@@ -43,17 +44,25 @@ void take_from_fluid(const Parallel& parallel, const Matter& matter, Real share,
   });
 }
 
+double return_rate(double dt, const solid::SolidWork& work, std::size_t cell) {
+  const double det = static_cast<double>(work.volume_ratio[cell]), limit = kFastest / dt;
+  const double wanted = work.dilatation.empty() || work.element[cell] < 0
+                            ? 1.0
+                            : static_cast<double>(work.dilatation[static_cast<std::size_t>(work.element[cell])]);
+  return std::clamp((wanted - det) / (det * overlap_time(dt)), -limit, limit);
+}
+
 void compute_volume_source(const Parallel& parallel, const Scene& scene, double dt, const SolidStates& states,
                            const Holds& holds, const Matter& matter, SolidWorks& solids, std::vector<Real>& source) {
   const Grid& g = matter.common.grid;
   linalg::fill(parallel, source, g.padded_count(), Real(0));
-  const double tau = overlap_time(dt), limit = 0.1 / dt;
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     solid::SolidWork& solid = solids[l];
     solid.next_volume = 0.0;
-    if (scene.solids[l].compressible) continue;
+    const bool compressible = scene.solids[l].compressible;
+    if (compressible && solid.dilatation.empty()) continue;
     double growth = 0.0;
-    if (states[l].whole && solid::encloses(scene.solids[l])) {
+    if (!compressible && states[l].whole && solid::encloses(scene.solids[l])) {
       const double volume = solid::volume_ratio(scene.solids[l], states[l]);
       const double lost = lost_beyond_film(holds.of(l), scene.solids[l], scene.grid.h, 1.0 - volume);
       const double asked = asked_volume(lost, states[l].leak);
@@ -61,8 +70,7 @@ void compute_volume_source(const Parallel& parallel, const Scene& scene, double 
       growth = asked / std::max(dt, kSoonest);
     }
     for_owned_cells(parallel, g, matter.owned, l, states[l].band, [&](std::size_t cell, std::size_t c) {
-      const double det = static_cast<double>(solid.volume_ratio[c]);
-      const double rate = growth + std::clamp((1.0 - det) / (det * tau), -limit, limit);
+      const double rate = growth + return_rate(dt, solid, c);
       source[cell] = static_cast<Real>(rate * static_cast<double>(solid.fraction[c]));
     });
   }

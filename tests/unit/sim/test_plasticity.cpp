@@ -163,7 +163,7 @@ TEST_CASE("A solid that cannot yield carries nothing; one that can is told apart
   CHECK(elastic->state().solids[0].plastic.capacity() == 0);
   CHECK(elastic->workspace().solids[0].hourglass_force.capacity() == 0);
   const std::uint64_t nodes = plastic->state().solids[0].plastic.size();
-  CHECK(nodes == plastic->solids()[0].plastic_lattice.node_count());
+  CHECK(nodes == plastic->solids()[0].lattice.node_count());
   CHECK(plastic->memory_bytes() >= elastic->memory_bytes() + 2 * nodes * sizeof(solid::PlasticNode));
   CHECK(plastic->scene_hash() != elastic->scene_hash());
   CHECK(plastic->scene_hash() != other->scene_hash());

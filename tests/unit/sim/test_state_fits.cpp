@@ -16,6 +16,8 @@ SimulationPtr stepped(bool fluid) {
   p.fluid.present = fluid;
   sim::SolidDesc d = ball_desc({0.15, 0.12, 0.15}, 0.08);
   d.plastic = {500.0, 100.0, 0.0};
+  d.compressible = true;
+  d.poissons_ratio = 0.4;
   auto s = make_simulation(p, {d});
   s->step(0.01);
   return s;
@@ -44,6 +46,8 @@ TEST_CASE("A state of the simulation itself fits, and each array of another leng
   CHECK_THAT(body([](auto& b) { b.valid.clear(); }), Contains("solid 1: valid: 0 values: must be "));
   CHECK_THAT(body([](auto& b) { b.stiff.resize(1); }), Contains("solid 1: stiff: 1 values"));
   CHECK_THAT(body([](auto& b) { b.plastic.pop_back(); }), Contains("solid 1: plastic: "));
+  CHECK_THAT(body([](auto& b) { b.dilatation.pop_back(); }), Contains("solid 1: dilatation: "));
+  CHECK_THAT(body([](auto& b) { b.dilatation[0] = std::numeric_limits<Real>::infinity(); }), Contains("not finite"));
   CHECK_THAT(body([](auto& b) { b.surface.pop_back(); }), Contains("solid 1: surface: "));
   CHECK_THAT(body([](auto& b) { b.u.c[0][3] = std::numeric_limits<Real>::quiet_NaN(); }), Contains("not finite"));
   CHECK_THAT(body([](auto& b) { b.surface[0][1] = std::numeric_limits<double>::infinity(); }), Contains("not finite"));

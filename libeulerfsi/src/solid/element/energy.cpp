@@ -1,5 +1,6 @@
 #include "solid/element/energy.hpp"
 
+#include "solid/element/dilatation.hpp"
 #include "solid/element/mass.hpp"
 #include "solid/element/plasticity.hpp"
 #include "solid/hexahedron.hpp"
@@ -9,8 +10,8 @@ namespace {
 
 // Of a cell with these displacements at its corners, the lowest at x0, that is `stiff` times as stiff as a whole one
 // and has `bulk` times the pressure's part [J].
-double cell_energy(const SolidRest& rest, const PlasticField& plastic, const Vec3d u[8], const Vec3d& x0, double h,
-                   const Vec3d& middle, int points, double stiff, double bulk) {
+double cell_energy(const SolidRest& rest, const PlasticField& plastic, const Dilatation& dilatation, const Vec3d u[8],
+                   const Vec3d& x0, double h, const Vec3d& middle, int points, double stiff, double bulk) {
   const material::Elastic& elastic = rest.elastic;
   double energy = 0.0;
   for (int q = 0; q < points; ++q) {
@@ -20,7 +21,8 @@ double cell_energy(const SolidRest& rest, const PlasticField& plastic, const Vec
     if (points == 1) energy += hourglass_modes(rest, plastic, p, u, h, elastic.mu).energy;
   }
   const double det = deformation_from_displacement(displacement_gradient(u, center_gradients(), h)).det;
-  return stiff * energy + h * h * h / det * material::bulk_energy(bulk * rest.bulk, det);
+  const double ratio = dilatation.at_center(u, x0, h, det);
+  return stiff * energy + h * h * h / det * material::bulk_energy(bulk * rest.bulk, ratio);
 }
 
 }  // namespace
@@ -30,6 +32,7 @@ double elastic_energy(const Parallel& parallel, const SolidRest& rest, const Sol
   const Grid& g = state.band.grid;
   const auto corner = grid::corner_offsets(g);
   const PlasticField plastic(rest, state);
+  const Dilatation dilatation(rest, state);
   constexpr std::int64_t kChunk = 256;
   const auto elements = static_cast<std::int64_t>(work.element_corner.size());
   return parallel.sum((elements + kChunk - 1) / kChunk, [&](std::int64_t chunk) {
@@ -40,8 +43,9 @@ double elastic_energy(const Parallel& parallel, const SolidRest& rest, const Sol
       Vec3d u[8];
       for (std::size_t a = 0; a < 8; ++a) u[a] = state.u.at(n + corner[a]).cast<double>();
       const Vec3i place = g.node_place(n);
-      sum += cell_energy(rest, plastic, u, g.node_position(place[0], place[1], place[2]), g.h, work.middle(index),
-                         points_per_element, work.element_weight * work.factor(index), bulk_weight(rest, work, index));
+      sum += cell_energy(rest, plastic, dilatation, u, g.node_position(place[0], place[1], place[2]), g.h,
+                         work.middle(index), points_per_element, work.element_weight * work.factor(index),
+                         bulk_weight(rest, work, index));
     }
     return sum;
   });
@@ -52,6 +56,7 @@ ShapeEnergies measure_shape(const Parallel& parallel, const SolidRest& rest, con
   const Grid& g = state.band.grid;
   const auto corner = grid::corner_offsets(g);
   const PlasticField plastic(rest, state);
+  const Dilatation dilatation(rest, state);
   struct Sums {
     double mass = 0.0;  // over rho0 h^3
     double kinetic = 0.0, elastic = 0.0;
@@ -77,7 +82,7 @@ ShapeEnergies measure_shape(const Parallel& parallel, const SolidRest& rest, con
         s.mass += mass;
         s.kinetic += mass * square / 16.0;
         s.moment += mass * g.cell_center(i, j, k);
-        s.elastic += fraction * cell_energy(rest, plastic, u, g.node_position(i, j, k), g.h, Vec3d::Zero(),
+        s.elastic += fraction * cell_energy(rest, plastic, dilatation, u, g.node_position(i, j, k), g.h, Vec3d::Zero(),
                                             points_per_element, 1.0, 1.0);
       }
   });

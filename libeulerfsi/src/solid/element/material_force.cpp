@@ -4,6 +4,7 @@
 #include <array>
 #include <limits>
 
+#include "solid/element/dilatation.hpp"
 #include "solid/element/mass.hpp"
 #include "solid/element/plasticity.hpp"
 #include "solid/hexahedron.hpp"
@@ -124,13 +125,15 @@ struct MaterialRange {
 
 // The quadrature points of element e.
 void compute_element(const SolidRest& rest, const SolidState& state, const PlasticField& plastic,
-                     const std::array<std::size_t, 8>& corner, std::size_t e, SolidWork& work, MaterialRange& range) {
+                     const Dilatation& dilatation, const std::array<std::size_t, 8>& corner, std::size_t e,
+                     SolidWork& work, MaterialRange& range) {
   const Grid& g = state.band.grid;
   const auto points = static_cast<std::size_t>(work.points_per_element);
   const auto n = static_cast<std::size_t>(work.element_corner[e]);
   Vec3d u[8];
   for (std::size_t a = 0; a < 8; ++a) u[a] = state.u.at(n + corner[a]).cast<double>();
-  const Vec3d x0 = plastic.empty() ? Vec3d(Vec3d::Zero()) : position_of(g, n);
+  const bool places = !plastic.empty() || !work.dilatation.empty();
+  const Vec3d x0 = places ? position_of(g, n) : Vec3d(Vec3d::Zero());
   bool degenerate = false;
   material::Elastic elastic = rest.elastic;
   elastic.mu *= work.element_weight * work.factor(e);
@@ -154,7 +157,9 @@ void compute_element(const SolidRest& rest, const SolidState& state, const Plast
     }
     work.set_element_point(e, q, point);
     const double det = points != 1 || local.isZero(0.0) ? d.det : det_f_at_center(u, g.h);
-    energy += volume * d.det / det * material::bulk_energy(bulk, det);
+    const double ratio = work.dilatation.empty() ? det : dilatation.at_center(u, x0, g.h, det);
+    if (!work.dilatation.empty()) work.dilatation[e] = static_cast<Real>(ratio);
+    energy += volume * d.det / det * material::bulk_energy(bulk, ratio);
     range.energy += energy;
     range.low = std::min(range.low, det);
     range.high = std::max(range.high, det);
@@ -172,6 +177,8 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
   const std::size_t elements = work.element_cell.size();
   work.resize_elements(points_per_element);
   const PlasticField plastic(rest, state);
+  const Dilatation dilatation(rest, state);
+  work.dilatation.resize(state.dilatation.empty() ? 0 : elements);
   work.hourglass_force.resize(plastic.empty() || points_per_element != 1 ? 0 : elements);
 
   constexpr std::int64_t kChunk = 256;
@@ -180,7 +187,7 @@ void compute_material(const Parallel& parallel, const SolidRest& rest, const Sol
   parallel.for_each(chunks, [&](std::int64_t chunk) {
     const std::size_t end = std::min(elements, static_cast<std::size_t>((chunk + 1) * kChunk));
     for (std::size_t e = static_cast<std::size_t>(chunk * kChunk); e < end; ++e)
-      compute_element(rest, state, plastic, corner, e, work, ranges[static_cast<std::size_t>(chunk)]);
+      compute_element(rest, state, plastic, dilatation, corner, e, work, ranges[static_cast<std::size_t>(chunk)]);
   });
   MaterialRange total;
   for (const MaterialRange& range : ranges) total.add(range);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "solid/element/material_lattice.hpp"
 #include "solid/hexahedron.hpp"
 
 namespace efsi::solid {
@@ -55,7 +56,7 @@ struct PointFlow {
 PointFlow flow_at(const SolidRest& rest, const ElasticPoint& p, double dt) {
   PointFlow out;
   if (!(p.inverse_f.determinant() > 0.0)) return out;
-  const double h = rest.plastic_lattice.h;
+  const double h = rest.lattice.h;
   out.place = p.place;
   const Eigen::JacobiSVD<Mat3d> svd(p.inverse_f, Eigen::ComputeFullU | Eigen::ComputeFullV);
   const Vec3d wide = svd.singularValues().cwiseMax(1.0);
@@ -145,35 +146,18 @@ void gather(const Parallel& parallel, const Grid& lattice, const std::vector<Poi
 
 }  // namespace
 
-Grid make_plastic_lattice(const Vec3d& low, const Vec3d& high, double h) {
-  Grid lattice;
-  lattice.h = h;
-  lattice.origin = low - Vec3d::Constant(h);
-  for (std::size_t a = 0; a < 3; ++a)
-    lattice.cells[a] = 2 + static_cast<int>(std::ceil((high - low)[static_cast<Eigen::Index>(a)] / h));
-  return lattice;
-}
-
 PlasticField::PlasticField(const SolidRest& rest, const SolidState& state)
-    : lattice_(rest.plastic_lattice), nodes_(state.plastic) {}
+    : lattice_(rest.lattice), nodes_(state.plastic) {}
 
 PlasticStrain PlasticField::at(const Vec3d& X) const {
   PlasticStrain strain;
   if (nodes_.empty()) return strain;
-  int lower[3];
-  double part[3];
-  for (int a = 0; a < 3; ++a) {
-    const int cells = lattice_.cells[static_cast<std::size_t>(a)];
-    const double x = std::clamp((X[a] - lattice_.origin[a]) / lattice_.h, 0.0, static_cast<double>(cells));
-    lower[a] = std::min(static_cast<int>(x), cells - 1);
-    part[a] = x - lower[a];
-  }
+  const LatticePoint point = lattice_point(lattice_, X);
   double log[5] = {};
-  for (const auto& corner : grid::kCorner) {
-    const PlasticNode& node = nodes_[lattice_.node(lower[0] + corner[0], lower[1] + corner[1], lower[2] + corner[2])];
+  for (std::size_t corner = 0; corner < 8; ++corner) {
+    const PlasticNode& node = nodes_[point.node[corner]];
     if (!(node.accumulated > 0)) continue;
-    double weight = 1.0;
-    for (int a = 0; a < 3; ++a) weight *= corner[a] ? part[a] : 1.0 - part[a];
+    const double weight = point.weight[corner];
     for (int c = 0; c < 5; ++c) log[c] += weight * static_cast<double>(node.log[c]);
     strain.accumulated += weight * static_cast<double>(node.accumulated);
     strain.none = false;
@@ -294,7 +278,7 @@ bool flow(const Parallel& parallel, const SolidRest& rest, double time, int poin
     return count;
   });
   if (!(flowing > 0.0)) return false;
-  gather(parallel, rest.plastic_lattice, flows, state.plastic);
+  gather(parallel, rest.lattice, flows, state.plastic);
   return true;
 }
 

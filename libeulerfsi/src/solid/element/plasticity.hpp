@@ -14,9 +14,6 @@
 
 namespace efsi::solid {
 
-// Spacing h; covers `low` to `high`, the extent of the rest shape [m], and a cell more.
-Grid make_plastic_lattice(const Vec3d& low, const Vec3d& high, double h);
-
 // H and the accumulated equivalent strain at a point.
 struct PlasticStrain {
   Mat3d log = Mat3d::Zero();

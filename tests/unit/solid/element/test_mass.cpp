@@ -2,6 +2,7 @@
 #include <Eigen/Dense>
 #include <catch2/catch.hpp>
 
+#include "solid/element/material_lattice.hpp"
 #include "solid/element/plasticity.hpp"
 #include "unit/solid/ball.hpp"
 #include "unit/solid/element/soft.hpp"
@@ -173,13 +174,13 @@ TEST_CASE("What the extension made up is no solid, and what it had a part in onl
 TEST_CASE("Of what has yielded the elastic part is asked whether it is in shape") {
   TestSolid s = make_ball(cube_grid(18, 0.02), kSoft, Vec3d::Constant(0.18), 0.1);
   s.rest.plastic = {1000.0, 1000.0, 0.0};
-  s.rest.plastic_lattice = solid::make_plastic_lattice(Vec3d::Constant(-0.9), Vec3d::Constant(1.3), 0.05);
+  s.rest.lattice = solid::make_material_lattice(Vec3d::Constant(-0.9), Vec3d::Constant(1.3), 0.05);
   const auto elements = [&](const Vec3d& stretch, const Vec3d& yielded) {
     const Vec3d center = Vec3d::Constant(0.18);
     set_displacement(s, [&](const Vec3d& x) -> Vec3d { return x - center - (x - center).cwiseQuotient(stretch); });
     std::fill(s.state.valid.begin(), s.state.valid.end(), solid::kEdge);
     const auto log = [&](int a) { return static_cast<Real>(std::log(yielded[a])); };
-    s.state.plastic.assign(s.rest.plastic_lattice.node_count(), {{log(0), log(1), 0, 0, 0}, 1});
+    s.state.plastic.assign(s.rest.lattice.node_count(), {{log(0), log(1), 0, 0, 0}, 1});
     solid::compute_mass(Parallel(2), s.rest, s.state, s.work);
     return s.work.element_cell.size();
   };

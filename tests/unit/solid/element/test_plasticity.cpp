@@ -4,6 +4,7 @@
 #include <random>
 
 #include "solid/element/energy.hpp"
+#include "solid/element/material_lattice.hpp"
 #include "solid/element/plasticity.hpp"
 #include "solid/hexahedron.hpp"
 #include "unit/solid/ball.hpp"
@@ -22,8 +23,8 @@ TestSolid plastic_block(double yield_stress, double hardening = 0.0, double size
   TestSolid s =
       make_block(cube_grid(kCells, kH), material::from_youngs_modulus(material::Law::kCorotational, 2e4, 0.0));
   s.rest.plastic = {yield_stress, kFast, hardening};
-  s.rest.plastic_lattice = solid::make_plastic_lattice(Vec3d::Constant(-size), Vec3d::Constant(2.0 * size), kH);
-  s.state.plastic.resize(s.rest.plastic_lattice.node_count());
+  s.rest.lattice = solid::make_material_lattice(Vec3d::Constant(-size), Vec3d::Constant(2.0 * size), kH);
+  s.state.plastic.resize(s.rest.lattice.node_count());
   return s;
 }
 
@@ -64,7 +65,7 @@ struct Bend {
 
 void set_bend(TestSolid& s, const Bend& bend, bool yielded) {
   set_displacement(s, [&](const Vec3d& x) -> Vec3d { return x - bend.material(x); });
-  const grid::Grid& lattice = s.rest.plastic_lattice;
+  const grid::Grid& lattice = s.rest.lattice;
   for (int k = 0; yielded && k <= lattice.cells[2]; ++k)
     for (int j = 0; j <= lattice.cells[1]; ++j)
       for (int i = 0; i <= lattice.cells[0]; ++i) {

@@ -3,6 +3,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
+#include "solid/element/material_lattice.hpp"
 #include "solid/element/plasticity.hpp"
 #include "solid/element/repair.hpp"
 #include "unit/solid/ball.hpp"
@@ -88,9 +89,9 @@ TEST_CASE("Cells of what has yielded are put back by their elastic part, which m
   const Vec3d flat(2.0, 2.0, 0.25);
   TestSolid s = make_ball(cube_grid(24, kFine), kSoft, kCenter, 0.1);
   s.rest.plastic = {1000.0, 1000.0, 0.0};
-  s.rest.plastic_lattice = solid::make_plastic_lattice(Vec3d::Constant(-1.0), Vec3d::Constant(1.5), 0.1);
+  s.rest.lattice = solid::make_material_lattice(Vec3d::Constant(-1.0), Vec3d::Constant(1.5), 0.1);
   const auto log = [&](int a) { return static_cast<Real>(std::log(flat[a])); };
-  s.state.plastic.assign(s.rest.plastic_lattice.node_count(), {{log(0), log(1), 0, 0, 0}, 1});
+  s.state.plastic.assign(s.rest.lattice.node_count(), {{log(0), log(1), 0, 0, 0}, 1});
   set_displacement(s, [&](const Vec3d& x) -> Vec3d { return x - kCenter - (x - kCenter).cwiseQuotient(flat); });
   const auto energy = [&] {
     solid::compute_material(Parallel(1), s.rest, s.state, 1, s.work);
