@@ -15,6 +15,7 @@ namespace {
 
 constexpr double kLargestGrowth = 0.02;  // of a solid's volume in a step, to make up for what its surface has lost
 constexpr double kSoonest = 1e-3;        // s: in which it makes up for that, not sooner
+constexpr double kBulkTimes = 3.0;       // of the time in which det F is led back, where bulk stiffness resists it
 constexpr double kFastest = 0.1;         // of a cell's volume in a step
 constexpr double kAhead = 0.5;           // of what the last step lost: losses last for many steps
 
@@ -49,7 +50,8 @@ double return_rate(double dt, const solid::SolidWork& work, std::size_t cell) {
   const double wanted = work.dilatation.empty() || work.element[cell] < 0
                             ? 1.0
                             : static_cast<double>(work.dilatation[static_cast<std::size_t>(work.element[cell])]);
-  return std::clamp((wanted - det) / (det * overlap_time(dt)), -limit, limit);
+  const double time = overlap_time(dt) * (work.dilatation.empty() ? 1.0 : kBulkTimes);
+  return std::clamp((wanted - det) / (det * time), -limit, limit);
 }
 
 void compute_volume_source(const Parallel& parallel, const Scene& scene, double dt, const SolidStates& states,
