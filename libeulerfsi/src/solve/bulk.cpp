@@ -6,12 +6,11 @@
 #include "linalg/reduce.hpp"
 #include "solid/element/dilatation.hpp"
 #include "solid/element/mass.hpp"
+#include "solid/map/credible.hpp"
 #include "sources/volume_source.hpp"
 
 namespace efsi::sim {
 namespace {
-
-constexpr double kLeastRatio = 0.1;  // of a dilatation; its inverse is the largest one
 
 // Calls body(solid, its band cell, padded cell) for the cells that solids with a bulk stiffness own.
 template <class Body>
@@ -70,7 +69,7 @@ void carry_dilatation(const StepContext& step, std::size_t l, const Matter& matt
       if (step.scene.params.numerics.volume_source)
         growth -= step.dt * return_rate(step.dt, work, c) * static_cast<double>(work.fraction[c]);
     }
-    next[e] = std::clamp(ratio * (1.0 + growth), kLeastRatio, 1.0 / kLeastRatio);
+    next[e] = std::clamp(ratio * (1.0 + growth), 1.0 / solid::kMostDetF, solid::kMostDetF);
   });
   solid::carry_dilatation(step.parallel, step.scene.solids[l], work, next, state);
 }
