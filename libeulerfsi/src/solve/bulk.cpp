@@ -1,6 +1,7 @@
 #include "solve/bulk.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "frame/grid_loops.hpp"
 #include "linalg/reduce.hpp"
@@ -11,6 +12,9 @@
 
 namespace efsi::sim {
 namespace {
+
+// Of a dilatation in a step: beyond it the step, linear in the divergence, is further off (growth² / 2) than det F.
+constexpr double kMostGrowth = 0.25;
 
 // Calls body(solid, its band cell, padded cell) for the cells that solids with a bulk stiffness own.
 template <class Body>
@@ -69,7 +73,8 @@ void carry_dilatation(const StepContext& step, std::size_t l, const Matter& matt
       if (step.scene.params.numerics.volume_source)
         growth -= step.dt * return_rate(step.dt, work, c) * static_cast<double>(work.fraction[c]);
     }
-    next[e] = std::clamp(ratio * (1.0 + growth), 1.0 / solid::kMostDetF, solid::kMostDetF);
+    const double grown = std::clamp(ratio * (1.0 + growth), 1.0 / solid::kMostDetF, solid::kMostDetF);
+    next[e] = std::abs(growth) > kMostGrowth ? solid::kForgotten : grown;
   });
   solid::carry_dilatation(step.parallel, step.scene.solids[l], work, next, state);
 }

@@ -83,6 +83,9 @@ void carry_dilatation(const Parallel& parallel, const SolidRest& rest, const Sol
       }
     });
   }
+  for (std::size_t e = 0; e < elements; ++e)
+    if (next[e] == kForgotten)
+      for (const std::size_t node : points[e].node) state.dilatation[node] = 0;
 }
 
 }  // namespace efsi::solid

@@ -22,8 +22,10 @@ class Dilatation {
   const std::vector<Real>& nodes_;
 };
 
-// A step has given the elements another dilatation than they had (work.dilatation): `next`, per element; 0: it is not
-// known. The nodes around their centres take the mean of what has changed, those that knew nothing the mean itself.
+// A step has given the elements another dilatation than they had (work.dilatation): `next`, per element; 0: it stays.
+// The nodes around their centres take the mean of what has changed, those that knew nothing the mean itself; around an
+// element of kForgotten they know nothing any more.
+constexpr double kForgotten = -1.0;
 void carry_dilatation(const Parallel& parallel, const SolidRest& rest, const SolidWork& work,
                       const std::vector<double>& next, SolidState& state);
 

@@ -94,6 +94,19 @@ TEST_CASE("The roughness of a map has no bulk energy once the dilatation is know
   CHECK(rough > 5.0 * elements);
 }
 
+TEST_CASE("An element whose dilatation is forgotten has det F of its map, and what is further away keeps its own",
+          "[solid]") {
+  TestSolid s = bulky_block();
+  grow(s, [](const Vec3d&) { return 1.02; });
+  std::vector<double> next(s.work.element_corner.size(), 0.0);
+  next.front() = solid::kForgotten;
+  solid::carry_dilatation(Parallel(1), s.rest, s.work, next, s.state);
+  set_displacement(s, [](const Vec3d&) { return Vec3d::Zero(); });
+  compute(s, 1);
+  CHECK(static_cast<double>(s.work.dilatation.front()) == Approx(1.0).margin(1e-6));
+  CHECK(static_cast<double>(s.work.dilatation.back()) == Approx(1.02).margin(1e-6));
+}
+
 TEST_CASE("The dilatation has the same bits on any number of threads", "[determinism]") {
   const auto run = [](int threads) {
     TestSolid s = bulky_block();
