@@ -345,7 +345,7 @@ bool hold_more(std::vector<WallRow>& rows, system::VelocitySystem& system, Right
     }
     if (row.friction_state != FrictionState::kSlides || !(v.dot(row.sliding_direction) < 0)) continue;
     row.friction_state = FrictionState::kSticks;
-    any = true;
+    any = row.late = true;
     brake(row, -1, system, right);
     for (std::size_t a = 0; a < 3; ++a) {
       if (!(row.tangents & bit(static_cast<int>(a)))) continue;
@@ -396,8 +396,13 @@ void share_remainder(const std::vector<Vec3d>& sums, const Reaction& reaction, s
 }
 
 void add_pressure_reactions(const Reaction& reaction, std::vector<WallRow>& rows) {
-  for (WallRow& row : rows)
-    if (row.on_wall) add(reaction(row.solid, row.node), row);
+  for (WallRow& row : rows) {
+    if (!row.on_wall) continue;
+    Vec3 impulse = reaction(row.solid, row.node);
+    for (int a = 0; a < 3; ++a)
+      if (row.late && a != row.axis) impulse[a] = 0;
+    add(impulse, row);
+  }
 }
 
 void add_projection_reactions(const Reaction& reaction, std::vector<WallRow>& rows) {
@@ -406,8 +411,12 @@ void add_projection_reactions(const Reaction& reaction, std::vector<WallRow>& ro
 }
 
 void add_coupling_reactions(const Reaction& reaction, std::vector<WallRow>& rows) {
-  for (WallRow& row : rows)
-    if (!row.on_wall && row.holds) add(reaction(row.solid, row.node), row);
+  for (WallRow& row : rows) {
+    if (!row.holds || (row.on_wall && !row.late)) continue;
+    Vec3 impulse = reaction(row.solid, row.node);
+    if (row.on_wall) impulse[row.axis] = 0;  // the projection holds it there
+    add(impulse, row);
+  }
 }
 
 void reset_above_walls(const std::vector<Real>& mass, NodeVelocity& velocity, std::vector<WallRow>& rows) {

@@ -20,6 +20,7 @@ struct WallRow {
   Real least = 0;                              // velocity along that [m/s]
   bool holds = false;                          // prescribes it
   FrictionState friction_state = FrictionState::kNone;
+  bool late = false;                      // sticks since the velocity solve: the projection moves it along the wall
   std::uint8_t tangents = 0;              // bit a: friction acts along axis a
   Real limit = 0;                         // impulse of friction at most [kg m/s]
   Vec3 sliding_direction = Vec3::Zero();  // unit vector along which it slides
