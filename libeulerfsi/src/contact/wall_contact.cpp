@@ -395,14 +395,19 @@ void share_remainder(const std::vector<Vec3d>& sums, const Reaction& reaction, s
   }
 }
 
+namespace {
+
+// The part of an impulse along the components of a row that the projection holds as well.
+Vec3 held_in_projection(Vec3 impulse, const WallRow& row) {
+  for (int a = 0; a < 3; ++a)
+    if (!row.on_wall || (row.late && a != row.axis)) impulse[a] = 0;
+  return impulse;
+}
+
+}  // namespace
+
 void add_pressure_reactions(const Reaction& reaction, std::vector<WallRow>& rows) {
-  for (WallRow& row : rows) {
-    if (!row.on_wall) continue;
-    Vec3 impulse = reaction(row.solid, row.node);
-    for (int a = 0; a < 3; ++a)
-      if (row.late && a != row.axis) impulse[a] = 0;
-    add(impulse, row);
-  }
+  for (WallRow& row : rows) add(held_in_projection(reaction(row.solid, row.node), row), row);
 }
 
 void add_projection_reactions(const Reaction& reaction, std::vector<WallRow>& rows) {
@@ -412,10 +417,8 @@ void add_projection_reactions(const Reaction& reaction, std::vector<WallRow>& ro
 
 void add_coupling_reactions(const Reaction& reaction, std::vector<WallRow>& rows) {
   for (WallRow& row : rows) {
-    if (!row.holds || (row.on_wall && !row.late)) continue;
-    Vec3 impulse = reaction(row.solid, row.node);
-    if (row.on_wall) impulse[row.axis] = 0;  // the projection holds it there
-    add(impulse, row);
+    const Vec3 impulse = reaction(row.solid, row.node);
+    add(impulse - held_in_projection(impulse, row), row);
   }
 }
 

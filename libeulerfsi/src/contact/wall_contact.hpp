@@ -37,7 +37,8 @@ bool hold_more(std::vector<WallRow>& rows, system::VelocitySystem& system, Right
 void add_velocity_reactions(const Reaction& reaction, std::vector<WallRow>& rows);
 // Normal impulses by the projection at nodes on walls that Eq. 8 lets leave: the projection holds them.
 void add_projection_reactions(const Reaction& reaction, std::vector<WallRow>& rows);
-// Those of a coupling step at held nodes above walls: Eq. 8 holds them, the projection does not.
+// Those of a coupling step along what Eq. 8 holds and the projection does not: above walls, and where a row sticks
+// late.
 void add_coupling_reactions(const Reaction& reaction, std::vector<WallRow>& rows);
 // The velocity solve ends at a tolerance: what it leaves of a solid's momentum along axes that walls hold is theirs,
 // too. sums: of the reactions of all nodes of each solid.

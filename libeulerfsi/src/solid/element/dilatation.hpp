@@ -22,10 +22,11 @@ class Dilatation {
   const std::vector<Real>& nodes_;
 };
 
+constexpr double kForgotten = -1.0;  // a dilatation that is not known any more
+
 // A step has given the elements another dilatation than they had (work.dilatation): `next`, per element; 0: it stays.
 // The nodes around their centres take the mean of what has changed, those that knew nothing the mean itself; around an
 // element of kForgotten they know nothing any more.
-constexpr double kForgotten = -1.0;
 void carry_dilatation(const Parallel& parallel, const SolidRest& rest, const SolidWork& work,
                       const std::vector<double>& next, SolidState& state);
 
