@@ -167,7 +167,7 @@ Outcome repair() {
   for (const double x : {0.12, 0.3})
     mesh = geometry::shapes::together(mesh, box(Vec3d(x, 0.06, 0.2), Vec3d(x + 0.07, 0.28, 0.28)));
   mesh = geometry::shapes::together(mesh, box(Vec3d(0.12, 0.06, 0.2), Vec3d(0.37, 0.13, 0.28)));
-  add(simulation, mesh, Vec3d(1.0, -3.3, 0.3), 4e3);
+  add(simulation, mesh, Vec3d(1.0, -3.6, 0.3), 4e3);
   Outcome outcome = run(simulation, 12);
   CHECK(outcome.repaired > 0);
   return outcome;

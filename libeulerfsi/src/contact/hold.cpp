@@ -69,7 +69,7 @@ std::vector<solid::BodyStep> transport_frames(const Holds& holds, const std::vec
   return frames;
 }
 
-bool has_element_hysteresis(const Hold& hold, double cells) { return cells < kSlow || !hold.touches(); }
+bool has_element_hysteresis(bool on_wall, double cells) { return cells < kSlow || !on_wall; }
 
 double lost_beyond_film(const Hold& hold, const solid::SolidRest& rest, double h, double lost) {
   if (hold.touches()) return lost;

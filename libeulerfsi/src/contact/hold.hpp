@@ -50,10 +50,11 @@ solid::BodyStep transport_frame(const Hold& hold, const solid::Momenta& before, 
 std::vector<solid::BodyStep> transport_frames(const Holds& holds, const std::vector<solid::Momenta>& before,
                                               const std::vector<solid::Momenta>& after, double dt);
 
-// Whether the cells that carry stiffness are remembered for the next step's choice. In an impact cells fill and empty
-// faster than the choice may lag. cells: that the solid moves in the step.
+// Whether the cells that carry stiffness are remembered for the next step's choice. In an impact on a wall cells fill
+// and empty faster than the choice may lag. on_wall: a wall of the box holds the solid; cells: that it moves in the
+// step.
 inline constexpr double kSlow = 0.3;  // cells per step: a solid at rest, or sliding, at a wall
-bool has_element_hysteresis(const Hold& hold, double cells);
+bool has_element_hysteresis(bool on_wall, double cells);
 
 // The part of what a solid has lost, over its volume at rest, that counts: while nothing touches it a film does not.
 inline constexpr double kFilm = 0.005;  // cells: thickness over a free surface; its loss under a load stays below that

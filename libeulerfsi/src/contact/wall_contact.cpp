@@ -19,6 +19,7 @@ namespace {
 
 constexpr double kTouches = 0.2;    // cells: gap up to which an active row stays active
 constexpr double kBetween = 0.075;  // cells: depth of a vertex between columns that a node in touch does not see
+constexpr double kLetsGo = 0.5;     // of the force of a face in the last step: with less a contact ends
 constexpr double kNoGap = 1e30;     // the column of a node does not meet the solid
 
 // Distance of the undeformed surface of the material at a node [m].
@@ -249,13 +250,17 @@ void prescribe_shared(std::size_t t, const WallRow& row, system::SlipNodes& slip
   slip.prescribe(t, fixed, held);
 }
 
+// The face of the box on which a row was.
+std::size_t face_of(const solid::WallImpulse& p) {
+  return 2 * static_cast<std::size_t>(p.axis) + (p.node[static_cast<std::size_t>(p.axis)] != 0);
+}
+
 }  // namespace
 
 double pushed_at(const solid::SolidState& solid, std::size_t face) {
   double sum = 0.0;
   for (const solid::WallImpulse& p : solid.presses)
-    if (p.axis == static_cast<std::int32_t>(face / 2) && (p.node[p.axis] != 0) == (face % 2 != 0) && p.force > 0)
-      sum += static_cast<double>(p.force);
+    if (face_of(p) == face && p.force > 0) sum += static_cast<double>(p.force);
   return sum;
 }
 
@@ -286,6 +291,10 @@ void meet_walls(const StepContext& step, const SolidStates& states, const SolidW
     v[rows[r].axis] = prescribed[r][rows[r].axis];
     slip.set_velocity_of(rows[r].solid, rows[r].node, rows[r].on_wall ? v : prescribed[r], velocity.field);
   }
+}
+
+bool is_on_wall(const std::vector<WallRow>& rows, std::size_t solid) {
+  return std::any_of(rows.begin(), rows.end(), [&](const WallRow& row) { return row.solid == solid && row.holds; });
 }
 
 std::vector<std::uint8_t> held_components(const std::vector<std::uint8_t>& fixed, const std::vector<WallRow>& rows) {
@@ -435,7 +444,32 @@ void reset_above_walls(const std::vector<Real>& mass, NodeVelocity& velocity, st
   }
 }
 
+namespace {
+
+using FaceForces = std::array<double, 6>;  // by which the faces of the box push a solid [N]
+
+std::vector<FaceForces> face_forces(const SolidStates& states) {
+  std::vector<FaceForces> forces(states.size());
+  for (std::size_t l = 0; l < states.size(); ++l)
+    for (std::size_t face = 0; face < 6; ++face) forces[l][face] = pushed_at(states[l], face);
+  return forces;
+}
+
+// A contact ends where its force has fallen by more than half in a step: in the next one it would pull. Its rows are
+// forgotten; those that should have held are activated after the velocity solve.
+void let_go(const std::vector<FaceForces>& before, SolidStates& states) {
+  const std::vector<FaceForces> now = face_forces(states);
+  for (std::size_t l = 0; l < states.size(); ++l)
+    for (solid::WallImpulse& p : states[l].presses) {
+      const std::size_t face = face_of(p);
+      if (now[l][face] < kLetsGo * before[l][face]) p.force = 0;
+    }
+}
+
+}  // namespace
+
 void remember_rows(double dt, const std::vector<WallRow>& rows, SolidStates& states) {
+  const std::vector<FaceForces> before = face_forces(states);
   for (solid::SolidState& solid : states) solid.presses.clear();
   const Real rate = static_cast<Real>(1.0 / dt);
   for (const WallRow& row : rows) {
@@ -452,6 +486,7 @@ void remember_rows(double dt, const std::vector<WallRow>& rows, SolidStates& sta
                                          {friction[0], friction[1], friction[2]},
                                          slides || row.friction_state == FrictionState::kNone});
   }
+  let_go(before, states);
 }
 
 void still_fluid(const std::vector<WallRow>& rows, grid::VectorField& flow) {

@@ -20,6 +20,8 @@ double pushed_at(const solid::SolidState& solid, std::size_t face);
 // forces but their own, and the velocity that walls and rows prescribe. Fixes in matter.fixed what sticks.
 void meet_walls(const StepContext& step, const SolidStates& states, const SolidWorks& solids, Matter& matter,
                 NodeVelocity& velocity, std::vector<WallRow>& rows);
+// Whether a row of the solid is active.
+bool is_on_wall(const std::vector<WallRow>& rows, std::size_t solid);
 // What is fixed in the velocity solve: matter.fixed without inactive rows, and what sticks above walls.
 std::vector<std::uint8_t> held_components(const std::vector<std::uint8_t>& fixed, const std::vector<WallRow>& rows);
 // Ties the nodes of inactive rows to those above them.

@@ -82,7 +82,7 @@ void compute_materials(const StepContext& step, SolidWorks& solids, SolidStates&
 // Which cells of solid l carry stiffness and which touch a collider, for the next step's choice.
 void remember_elements(const StepContext& step, std::size_t l, const VelocityEquation& elasticity,
                        const solid::SolidWork& work, solid::SolidState& state) {
-  if (has_element_hysteresis(elasticity.holds.of(l), work.max_speed * step.dt / step.scene.grid.h))
+  if (has_element_hysteresis(is_on_wall(elasticity.walls, l), work.max_speed * step.dt / step.scene.grid.h))
     solid::remember_elements(work, state);
   else
     state.stiff.clear();

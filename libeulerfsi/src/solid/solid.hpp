@@ -231,7 +231,7 @@ struct SolidWork {
   std::vector<std::int32_t> element_corner;  // element -> band node of corner 0
   std::vector<std::uint8_t> sliver;    // per element: its cell is not the solid's: there is no pressure of its own
   std::vector<Real> dilatation;        // of their centres (solid/element/dilatation.hpp); empty: nothing answers to it
-  std::vector<double> element_factor;  // of their stiffness; empty: 1 everywhere
+  std::vector<double> element_factor;  // stiffness over that of a full cell; empty: 1 everywhere
   std::vector<Vec3> element_middle;    // of what is solid of them, local coordinates; empty: their centres
   std::vector<std::array<Real, 12>>
       hourglass_force;            // per element: along x y z on each mode [N]; empty: it cannot yield

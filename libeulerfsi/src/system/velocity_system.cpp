@@ -20,6 +20,7 @@ constexpr std::uint8_t kAllAxes = 7;
 constexpr double kStiffSolid = 20.0;  // of the diagonal of G over inertia
 constexpr double kRounding =
     8.0 * static_cast<double>(std::numeric_limits<Real>::epsilon());  // of what cancels in a residual
+constexpr Real kFull = Real(0.999);  // solid fraction: a flush surface, up to rounding, cuts no cell
 
 // A vector of three, and the value behind it.
 constexpr std::size_t kBehind = 1;
@@ -198,7 +199,7 @@ void VelocitySystem::weigh_elements(const Parallel& parallel, double dt) {
     parallel.for_each(static_cast<std::int64_t>(work.element_cell.size()), [&](std::int64_t n) {
       const auto e = static_cast<std::size_t>(n);
       const auto cell = static_cast<std::size_t>(work.element_cell[e]);
-      const StiffnessShares& share = work.fraction[cell] > Real(1 - 1e-6) ? inside : cut;
+      const StiffnessShares& share = work.fraction[cell] > kFull ? inside : cut;
       const double crushed = solids_[l].keeps_volume ? crushed_viscosity(static_cast<double>(work.volume_ratio[cell]),
                                                                          solids_[l].rest->plastic.yields())
                                                      : 0.0;

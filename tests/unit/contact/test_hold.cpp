@@ -38,10 +38,11 @@ TEST_CASE("Solids that push each other are a cluster, held altogether; one alone
   CHECK_FALSE(holds.of(4).touches());
 }
 
-TEST_CASE("What touches nothing keeps its choice of elements, its frame and its film; what does loses them at once") {
-  CHECK(sim::has_element_hysteresis(kFree, 3.0));
-  CHECK(sim::has_element_hysteresis(kOnFloor, 0.29));
-  CHECK_FALSE(sim::has_element_hysteresis(kOnFloor, 0.31));
+TEST_CASE(
+    "What a wall holds loses its choice of elements when it is fast, what touches anything its frame and its film") {
+  CHECK(sim::has_element_hysteresis(false, 3.0));
+  CHECK(sim::has_element_hysteresis(true, 0.29));
+  CHECK_FALSE(sim::has_element_hysteresis(true, 0.31));
 
   CHECK(sim::shares_while(false, 0.5, 0.01, 1.0).behind > 0.0);
   CHECK(sim::shares_while(true, 0.5, 0.01, 1.0).behind == 0.0);

@@ -81,6 +81,26 @@ TEST_CASE("A ball leaves the floor wholly, and rises as high as the speed says a
   CHECK(deepest > -0.5 * p.voxel_size);
 }
 
+TEST_CASE("A floor pushes a block that is thrown at it, and pulls it in no step", "[law]") {
+  sim::Params p = vacuum({0.4, 0.7, 0.4});
+  p.gravity = Vec3d::Zero();
+  p.max_time_step = 0.01;
+  sim::SolidDesc d = desc_of(block({0.2, 0.13, 0.2}, {0.1, 0.1, 0.1}));
+  d.youngs_modulus = 4e3;  // twice rho v^2 / 2
+  d.velocity = {0.0, -2.0, 0.0};
+  auto s = make_simulation(p, {d});
+  double last = -2.0, pushed = 0.0, pulled = 0.0;
+  while (s->state().time < 0.35) {
+    s->step(0.35 - s->state().time);
+    const double now = mean_velocity(*s)[1];
+    (now > last ? pushed : pulled) += now - last;
+    last = now;
+  }
+  INFO("pushed by " << pushed << " m/s, pulled by " << -pulled);
+  CHECK(pushed > 2.8);
+  CHECK(pulled > -0.01);
+}
+
 TEST_CASE("A ball that flies into a corner of two walls stays out of both", "[law]") {
   sim::Params p = box_params({0.4, 0.4, 0.4});
   sim::SolidDesc d = ball_desc({0.25, 0.15, 0.2});

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "grid/plane_cut.hpp"
+#include "solid/element/aggregation.hpp"
 #include "solid/element/plasticity.hpp"
 #include "solid/hexahedron.hpp"
 #include "solid/map/copies.hpp"
@@ -340,6 +341,7 @@ void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidSt
   remove_splinters(state, use, work);
   find_elements(g, use, work);
   stiffen_by_part(parallel, rest, state, work);
+  stiffen_beside_cuts(g, work);
   lump_mass(parallel, rest, state, work);
   const auto slab = static_cast<std::size_t>(g.cells[0]) * static_cast<std::size_t>(g.cells[1]);
   work.volume = g.h * g.h * g.h * parallel.sum(g.cells[2], [&](std::int64_t k) {
