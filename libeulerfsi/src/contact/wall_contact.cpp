@@ -255,14 +255,18 @@ std::size_t face_of(const solid::WallImpulse& p) {
   return 2 * static_cast<std::size_t>(p.axis) + (p.node[static_cast<std::size_t>(p.axis)] != 0);
 }
 
+using FaceForces = std::array<double, 6>;  // by which the faces of the box push a solid [N]
+
+FaceForces face_forces(const solid::SolidState& solid) {
+  FaceForces forces{};
+  for (const solid::WallImpulse& p : solid.presses)
+    if (p.force > 0) forces[face_of(p)] += static_cast<double>(p.force);
+  return forces;
+}
+
 }  // namespace
 
-double pushed_at(const solid::SolidState& solid, std::size_t face) {
-  double sum = 0.0;
-  for (const solid::WallImpulse& p : solid.presses)
-    if (face_of(p) == face && p.force > 0) sum += static_cast<double>(p.force);
-  return sum;
-}
+double pushed_at(const solid::SolidState& solid, std::size_t face) { return face_forces(solid)[face]; }
 
 void meet_walls(const StepContext& step, const SolidStates& states, const SolidWorks& solids, Matter& matter,
                 NodeVelocity& velocity, std::vector<WallRow>& rows) {
@@ -446,31 +450,26 @@ void reset_above_walls(const std::vector<Real>& mass, NodeVelocity& velocity, st
 
 namespace {
 
-using FaceForces = std::array<double, 6>;  // by which the faces of the box push a solid [N]
-
-std::vector<FaceForces> face_forces(const SolidStates& states) {
-  std::vector<FaceForces> forces(states.size());
-  for (std::size_t l = 0; l < states.size(); ++l)
-    for (std::size_t face = 0; face < 6; ++face) forces[l][face] = pushed_at(states[l], face);
-  return forces;
-}
-
 // A contact ends where its force has fallen by more than half in a step: in the next one it would pull. Its rows are
 // forgotten; those that should have held are activated after the velocity solve.
 void let_go(const std::vector<FaceForces>& before, SolidStates& states) {
-  const std::vector<FaceForces> now = face_forces(states);
-  for (std::size_t l = 0; l < states.size(); ++l)
+  for (std::size_t l = 0; l < states.size(); ++l) {
+    const FaceForces now = face_forces(states[l]);
     for (solid::WallImpulse& p : states[l].presses) {
       const std::size_t face = face_of(p);
-      if (now[l][face] < kLetsGo * before[l][face]) p.force = 0;
+      if (now[face] < kLetsGo * before[l][face]) p.force = 0;
     }
+  }
 }
 
 }  // namespace
 
 void remember_rows(double dt, const std::vector<WallRow>& rows, SolidStates& states) {
-  const std::vector<FaceForces> before = face_forces(states);
-  for (solid::SolidState& solid : states) solid.presses.clear();
+  std::vector<FaceForces> before;
+  for (solid::SolidState& solid : states) {
+    before.push_back(face_forces(solid));
+    solid.presses.clear();
+  }
   const Real rate = static_cast<Real>(1.0 / dt);
   for (const WallRow& row : rows) {
     if (!row.holds) continue;

@@ -10,7 +10,7 @@ using namespace efsi::test;
 
 namespace {
 
-// Cells of a grid, of which the first is an element of solid fraction 1; no other cell has solid.
+// Cells of a grid; none has any solid before it is added.
 struct Cells {
   grid::Grid grid = cube_grid(4, 0.1);
   solid::SolidWork work;
