@@ -250,9 +250,9 @@ void prescribe_shared(std::size_t t, const WallRow& row, system::SlipNodes& slip
   slip.prescribe(t, fixed, held);
 }
 
-// The face of the box on which a row was.
+// The face of the box on which a row was; a row above it is one node away.
 std::size_t face_of(const solid::WallImpulse& p) {
-  return 2 * static_cast<std::size_t>(p.axis) + (p.node[static_cast<std::size_t>(p.axis)] != 0);
+  return 2 * static_cast<std::size_t>(p.axis) + (p.node[static_cast<std::size_t>(p.axis)] > 1);
 }
 
 using FaceForces = std::array<double, 6>;  // by which the faces of the box push a solid [N]

@@ -11,6 +11,8 @@ namespace {
 
 // Less deep than this a vertex is where it went in, or has left: the surface next to it tells the side [cells].
 constexpr double kDeep = 0.5;
+constexpr double kStride = 0.125;           // cells, of the way through the other solid
+constexpr double kThick = kResolved - 0.5;  // cells: what is kResolved thick, as its distance on a grid tells
 
 using DeepVertices = std::vector<solid::DeepVertex>;
 
@@ -24,18 +26,27 @@ const solid::DeepVertex* find(const DeepVertices& deep, std::size_t other, std::
   return found ? &*place : nullptr;
 }
 
+// How thick the other solid is at rest between the side by which a vertex went in and the one by which it has come out
+// [cells], at most kResolved. in: the normal of the first.
+double thickness(const SeenVertex& seen, const Vec3d& in, double h) {
+  const geometry::SignedDistance& distance = solid::distance_of(seen.rest, seen.state);
+  double inside = std::max(0.0, -seen.rest_distance / h);
+  for (double way = kStride; inside < kResolved && way < 2.0 * kResolved; way += kStride) {
+    if (distance.sample(seen.material + way * h * in) < 0.0)
+      inside += kStride;
+    else if (inside > 0.0)
+      break;
+  }
+  return inside;
+}
+
 // What is remembered of a vertex that is deep in another solid; nothing where that is not certain.
 std::optional<solid::DeepVertex> remember(const solid::DeepVertex* known, std::size_t other, const SeenVertex& seen) {
-  const bool certain = seen.is_known();
-  if (!known && !certain) return {};
+  if (known) return *known;
+  if (!seen.is_known()) return {};
   const Vec3 normal = seen.rest_normal().cast<Real>();
-  solid::DeepVertex deep = known ? *known
-                                 : solid::DeepVertex{static_cast<std::int32_t>(seen.vertex),
-                                                     static_cast<std::int32_t>(other),
-                                                     {normal[0], normal[1], normal[2]},
-                                                     Real(0)};
-  if (certain) deep.deepest = std::max(deep.deepest, static_cast<Real>(-seen.rest_distance));
-  return deep;
+  return solid::DeepVertex{
+      static_cast<std::int32_t>(seen.vertex), static_cast<std::int32_t>(other), {normal[0], normal[1], normal[2]}};
 }
 
 // A vertex of a solid has come out on another side.
@@ -43,7 +54,10 @@ void count_vertex(std::size_t solid, const SeenVertex& seen, const solid::DeepVe
                   ContactPair& pair) {
   ++pair.exchanged_vertices;
   pair.surface_overlap = std::max(pair.surface_overlap, -seen.rest_distance / h);
-  if (static_cast<double>(deep.deepest) > 0.5 * kResolved * h && !pair.passed) pair.passed = {solid, seen.vertex};
+  if (pair.passed) return;
+  const Vec3d in(static_cast<double>(deep.normal[0]), static_cast<double>(deep.normal[1]),
+                 static_cast<double>(deep.normal[2]));
+  if (thickness(seen, in, h) > kThick) pair.passed = {solid, seen.vertex};
 }
 
 }  // namespace

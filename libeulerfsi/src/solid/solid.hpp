@@ -95,12 +95,10 @@ struct ContactImpulse {
   Real friction_force[3];  // of friction on the other [N]
 };
 
-// A vertex of the surface that is deep in another solid: the normal of that one at rest where it went in, and how deep
-// it has been, in the rest shape.
+// A vertex of the surface that is deep in another solid: the normal of that one at rest where it went in.
 struct DeepVertex {
   std::int32_t vertex, other;
   Real normal[3];
-  Real deepest;  // [m]
 };
 
 // Plastic strain at a node of the lattice: H = 1/2 log(F_p^T F_p), whose trace is 0.

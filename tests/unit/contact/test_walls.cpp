@@ -2,6 +2,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
+#include "contact/wall_contact.hpp"
 #include "unit/sim/scene.hpp"
 
 using namespace efsi;
@@ -309,4 +310,18 @@ TEST_CASE("A block that slides on flat ground stops where Coulomb's law says", "
        << (fluid ? "1000:1" : "vacuum") << ", friction " << friction << ": slides " << way << " m for " << exact);
   CHECK(way == Approx(exact).epsilon(0.01));
   CHECK(mean_velocity(*s).norm() < 0.01);
+}
+
+TEST_CASE("What a row above a wall holds counts for that wall, a low one or a high one") {
+  solid::SolidState state;
+  const auto press = [&](int node, float force) {
+    state.presses.push_back({{5, node, 5}, 1, Real(force), {0, 0, 0}, 0});
+  };
+  press(0, 1.0f);
+  press(1, 2.0f);
+  press(19, 4.0f);
+  press(20, 8.0f);
+  CHECK(sim::pushed_at(state, 2) == 3.0);
+  CHECK(sim::pushed_at(state, 3) == 12.0);
+  CHECK(sim::pushed_at(state, 0) == 0.0);
 }

@@ -13,9 +13,9 @@ namespace {
 constexpr double kSmall = 0.02;
 const Vec3d kMiddle(0.2, 0.2, 0.2);
 
-// A plate, five cells thick along x.
-TestSolid plate() {
-  const Vec3d half(2.5 * kSmall, 0.12, 0.12), margin = Vec3d::Constant(3.0 * kSmall);
+// A plate, so many cells thick along x.
+TestSolid plate(double cells = 5.0) {
+  const Vec3d half(0.5 * cells * kSmall, 0.12, 0.12), margin = Vec3d::Constant(3.0 * kSmall);
   return make_solid(
       cube_grid(20, kSmall), {},
       sample_distance(kMiddle - half - margin, kMiddle + half + margin, 0.5 * kSmall, [&](const Vec3d& x) {
@@ -50,9 +50,13 @@ TEST_CASE("A vertex that goes through a plate has exchanged sides, once; one tha
   CHECK(exchanged(s, {{-2.3, 0, 0}, {2.3, 0, 0}}) == 0);  // never deep: within the limit of what a step may move
 }
 
-TEST_CASE("A run goes on where what has exchanged sides has been less than one and a half cells deep") {
+TEST_CASE("What is three cells thick or more is passed, however far a step has gone; thinner parts are only counted") {
   TwoSolids s(plate());
-  CHECK(exchanged(s, {{-3, 0, 0}, {-1.8, 0, 0}, {-1.1, 0, 0}, {1.1, 0, 0}, {2.6, 0, 0}}, false) == 1);
+  CHECK(exchanged(s, {{-3, 0, 0}, {-1.8, 0, 0}, {-1.1, 0, 0}, {1.1, 0, 0}, {2.6, 0, 0}}) == 1);
+  TwoSolids sheet(plate(3.0));
+  CHECK(exchanged(sheet, {{-1.7, 0, 0}, {-0.8, 0, 0}, {1.1, 0, 0}}) == 1);
+  TwoSolids thin(plate(2.0));
+  CHECK(exchanged(thin, {{-1.2, 0, 0}, {-0.3, 0, 0}, {0.7, 0, 0}}, false) == 1);
 }
 
 TEST_CASE("What is made up of a map beside a solid takes no vertex in") {
