@@ -312,6 +312,18 @@ def test_keyframes_of_values_that_may_have_them(stage_of, setup: Setup) -> None:
     assert stage.GetPrimAtPath("/World/Solid1").GetAttribute("eulerfsi:youngsModulus").GetNumTimeSamples() == 0
 
 
+def test_a_name_in_the_menu_of_a_number_takes_its_place(stage_of, setup: Setup) -> None:
+    def tolerance() -> float:
+        stage = stage_of(setup)
+        return stage.GetPrimAtPath("/World/Domain").GetAttribute("eulerfsi:stepTolerance").Get()
+
+    setup.put("stepTolerance", 0.3)
+    assert setup.value("stepToleranceName") == "custom" and tolerance() == 0.3
+    for name, value in load()["domain"]["stepTolerance"].names.items():
+        setup.put("stepToleranceName", name)
+        assert tolerance() == value
+
+
 def test_a_preset_sets_values_for_the_size_of_the_solid(asset, setup: Setup) -> None:
     setup.connect(0, lambda _frame: Geometry(TETRAHEDRON * 3, [Polygon(0, face) for face in CLOCKWISE], {}))
     setup.put("solid1_velocity", 1.0, 0.0, 0.0)
