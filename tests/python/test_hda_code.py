@@ -533,12 +533,12 @@ def test_a_run_of_another_session_is_cancelled_by_its_lock(asset, setup: Setup, 
 
 
 def test_validate_shows_what_the_solver_says(asset, hou, setup: Setup, tmp_path: Path, capsys) -> None:
-    report = {"errors": [], "warnings": [{"message": "a thin feature"}]}
+    report = {"errors": [], "warnings": [{"message": "a thin feature"}], "notes": ["for layout"]}
     setup.put(
         "command", tool(tmp_path, f"assert sys.argv[1::2] == ['validate', '--json']\nprint({json.dumps(report)!r})")
     )
     asset.validate(setup.kwargs)
-    assert capsys.readouterr().out == "The scene can be simulated.\nWarning: a thin feature\n"
+    assert capsys.readouterr().out == "The scene can be simulated.\nWarning: a thin feature\nNote: for layout\n"
     report["errors"] = [{"message": "two domains"}]
     setup.put("command", tool(tmp_path, f"print({json.dumps(report)!r})\nsys.exit(3)"))
     with pytest.raises(hou.NodeError, match="^two domains$"):
