@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import bpy
 
 from . import bake, estimate, job, load, place, presets, properties, scene_export, table, thickness
@@ -69,6 +71,16 @@ def _rebake(layout: bpy.types.UILayout, scene: bpy.types.Scene, now: bake.Status
         _lines(layout, why)
     elif kept < scene.frame_current:
         _lines(layout, f"Frames up to {kept} stay: the last checkpoint before frame {scene.frame_current}")
+
+
+def _row(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, name: str, row: dict[str, Any]) -> None:
+    """A row of the table; a number whose values have names below the menu of them."""
+    if "names" in row:
+        column = layout.column(align=True)
+        column.prop(settings, table.named(name))
+        column.prop(settings, name, text="Value")
+    else:
+        layout.prop(settings, name)
 
 
 class EULERFSI_PT_bake(_Panel, bpy.types.Panel):
@@ -169,7 +181,7 @@ class EULERFSI_PT_object(_Panel, bpy.types.Panel):
             column = layout.column()
             for name, row in table.rows(scope).items():
                 if not table.is_advanced(row):
-                    column.prop(group, name)
+                    _row(column, group, name, row)
 
     @staticmethod
     def _solid(layout: bpy.types.UILayout, obj: bpy.types.Object) -> None:
@@ -200,7 +212,7 @@ class EULERFSI_PT_domain(_Panel, bpy.types.Panel):
             _lines(layout, line)
         for name, row in table.rows("domain").items():
             if not name.startswith(_WALLS) and name != "voxel_size" and not table.is_advanced(row):
-                layout.prop(settings, name)
+                _row(layout, settings, name, row)
         layout.operator("eulerfsi.add_smoke", icon="MOD_FLUIDSIM")
 
 
@@ -253,14 +265,14 @@ class EULERFSI_PT_advanced(_Panel, bpy.types.Panel):
         settings = _domain(scene).eulerfsi.domain
         for name, row in table.rows("domain").items():
             if table.is_advanced(row):
-                layout.prop(settings, name)
+                _row(layout, settings, name, row)
         for name in ("checkpoint_every", "keep_checkpoints", "half", "smoke_threshold", "threads"):
             layout.prop(scene.eulerfsi, name)
         obj = load.original(context.scene, context.object)
         if obj and obj.eulerfsi.role == "SOLID":
             for name, row in table.rows("solid").items():
                 if table.is_advanced(row):
-                    layout.prop(obj.eulerfsi.solid, name)
+                    _row(layout, obj.eulerfsi.solid, name, row)
 
 
 CLASSES = (

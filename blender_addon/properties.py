@@ -51,9 +51,35 @@ def _property(row: dict[str, Any]) -> Any:
     return FloatProperty(default=default, **words)
 
 
+def _by_name(name: str, row: dict[str, Any]) -> Any:
+    """An enum that shows and sets a number whose values have names; nothing but the number is stored."""
+    choices = table.choices(row)
+
+    def get(settings: bpy.types.PropertyGroup) -> int:
+        return table.choice_of(row, getattr(settings, name))
+
+    def choose(settings: bpy.types.PropertyGroup, number: int) -> None:
+        value = choices[number][2]
+        if value is not None:
+            setattr(settings, name, value)
+
+    told = ((key, label, "The number below" if value is None else f"{value:g}") for key, label, value in choices)
+    return EnumProperty(
+        name=row["label"],
+        description=row["doc"].rstrip("."),
+        items=[(*words, number) for number, words in enumerate(told)],
+        get=get,
+        set=choose,
+        options=set(),
+    )
+
+
 def _group(scope: str) -> type:
     """The class of all rows of a scope."""
     annotations = {name: _property(row) for name, row in table.rows(scope).items()}
+    for name, row in table.rows(scope).items():
+        if "names" in row:
+            annotations[table.named(name)] = _by_name(name, row)
     name = f"EULERFSI_PG_{scope}"
     return type(name, (bpy.types.PropertyGroup,), {"__annotations__": annotations, "__module__": __name__})
 

@@ -59,6 +59,23 @@ def limits(row: dict[str, Any]) -> dict[str, float]:
     return result
 
 
+def named(name: str) -> str:
+    """Name of the property that shows the values of a number by name."""
+    return f"{name}_by_name"
+
+
+def choices(row: dict[str, Any]) -> list[tuple[str, str, float | None]]:
+    """(identifier, label, value) of a number whose values have names: its default, those, and None for any other."""
+    names = [(word.upper(), word.capitalize(), value) for word, value in row["names"].items()]
+    return [("DEFAULT", "Default", row["default"]), *names, ("CUSTOM", "Custom", None)]
+
+
+def choice_of(row: dict[str, Any], value: float) -> int:
+    """Number of the choice that a value is."""
+    found = [number for number, (_, _, choice) in enumerate(choices(row)) if choice == plain(value)]
+    return found[0] if found else len(choices(row)) - 1
+
+
 def plain(value: Any) -> Any:
     """A property's value for JSON. Blender has single precision: 0.3 is 0.30000001192 there, and becomes 0.3 again."""
     if isinstance(value, bool | str | int):

@@ -19,11 +19,12 @@ def render_parameters(table: Table) -> str:
         "// Purpose: the parameter table as X-macros.",
         f"// {NOTE}",
         "//",
-        "// X(name, field, kind, default, hard_min, hard_max, min_exclusive, unit)",
+        "// X(name, field, kind, default, hard_min, hard_max, min_exclusive, least, unit)",
         "//   name    string, as USD shows it             field   member of the C definition struct",
         "//   kind    DOUBLE | BOOL | TOKEN | VECTOR       default BOOL: 0 or 1; TOKEN: index; VECTOR: EfsiVec3",
         "//   limits  double, EFSI_INF where there is none; they hold for each component of a VECTOR",
         "//   min_exclusive  1: hard_min itself is not allowed",
+        "//   least   the least value other than 0; 0: hard_min is it",
         "// and Y(field, member): member of the C++ struct that has the field's value",
         "// clang-format off",
         "#pragma once",
@@ -64,7 +65,7 @@ def cpp_row(parameter: Parameter) -> str:
     exclusive = int(parameter.get("min_exclusive", False))
     return (
         f'X("{parameter["name"]}", {parameter["field"]}, {KINDS[kind]}, {text}, {real(low)}, {real(high)}, '
-        f'{exclusive}, "{parameter.get("unit", "")}")'
+        f'{exclusive}, {real(parameter.get("least", 0.0))}, "{parameter.get("unit", "")}")'
     )
 
 

@@ -12,6 +12,7 @@ from .words import NOTE, describe_range, number, title
 DIALOG_TEMPLATE = ROOT / "houdini_hda" / "DialogScript.template"
 HELP_TEMPLATE = ROOT / "houdini_hda" / "Help.template"
 PRESETS = ROOT / "usd_plugin" / "eulerfsi_usd" / "presets.json"
+CUSTOM = "custom"  # of a menu that stands above a number: the number counts
 DIALOG_TYPES = {"double": "float", "bool": "toggle", "token": "string", "asset": "file"}
 
 
@@ -21,7 +22,10 @@ def render_dialog(table: Table) -> str:
 
     def rows(match: re.Match[str]) -> str:
         indent, scope, prefix = match.groups()
-        blocks = [dialog_parameter(scope, prefix or "", parameter) for parameter in table[scope]["parameter"]]
+        blocks = []
+        for parameter in table[scope]["parameter"]:
+            blocks += [dialog_names(prefix or "", parameter)] if "names" in parameter else []
+            blocks += [dialog_parameter(scope, prefix or "", parameter)]
         return "\n".join(indent + line if line else "" for block in blocks for line in block)
 
     presets = json.loads(PRESETS.read_text(encoding="utf-8"))["presets"]
@@ -50,6 +54,30 @@ def render_help(table: Table) -> str:
     return HELP_TEMPLATE.read_text(encoding="utf-8").replace("@cards@\n", "\n".join(cards))
 
 
+def names_of(name: str) -> str:
+    """Name of the menu that stands above a number (eulerfsi_houdini.scene)."""
+    return f"{name}Name"
+
+
+def dialog_names(prefix: str, parameter: Parameter) -> list[str]:
+    """Lines of the menu of a number whose values have names."""
+    name, label, names = prefix + parameter["name"], title(parameter["name"]), parameter["names"]
+    told = ", ".join(f"{title(word)} ({number(value)})" for word, value in names.items())
+    return [
+        "parm {",
+        f'    name    "{names_of(name)}"',
+        f'    label   "{label} by Name"',
+        "    type    string",
+        f'    default {{ "{CUSTOM}" }}',
+        "    menu    {",
+        f'        "{CUSTOM}" "Custom"',
+        *(f'        "{word}" "{title(word)}"' for word in names),
+        "    }",
+        f"    help    {json.dumps(f'{told}, or, with Custom, the number of {label}.')}",
+        "}",
+    ]
+
+
 def dialog_parameter(scope: str, prefix: str, parameter: Parameter) -> list[str]:
     """Lines of one parm block. A finite hard limit locks its end of the slider ("!")."""
     kind, default = parameter["type"], parameter["default"]
@@ -64,6 +92,8 @@ def dialog_parameter(scope: str, prefix: str, parameter: Parameter) -> list[str]
         *(["size    3"] if kind == "vector" else []),
         f"default {{ {' '.join(json.dumps(text) for text in texts)} }}",
     ]
+    if "names" in parameter:
+        lines.append(f'disablewhen "{{ {names_of(prefix + parameter["name"])} != {CUSTOM} }}"')
     if "hard" in parameter:
         ends = zip(parameter["hard"], parameter["soft"], strict=True)
         lines.append(

@@ -27,6 +27,7 @@ KNOWN_KEYS = REQUIRED_KEYS | {
     "tokens",
     "hard",
     "soft",
+    "least",
     "names",
     "min_exclusive",
     "unit",
@@ -122,7 +123,8 @@ def check_parameter(where: str, parameter: Parameter) -> None:
         raise TableError(f"{where}: default = {default!r} is not one of {parameter['tokens']}")
     if kind in ("double", "int", "vector"):
         check_limits(where, parameter)
-    elif keys & {"hard", "soft", "unit", "stage_unit", "min_exclusive"}:
+        check_names(where, parameter)
+    elif keys & {"hard", "least", "soft", "unit", "stage_unit", "min_exclusive", "names"}:
         raise TableError(f"{where}: limits and units belong to numbers")
 
 
@@ -147,11 +149,21 @@ def check_limits(where: str, parameter: Parameter) -> None:
     for value in values:
         if not low <= value <= high or (parameter.get("min_exclusive") and value == low):
             raise TableError(f"{where}: default = {parameter['default']} is outside hard = {parameter['hard']}")
+    if (least := parameter.get("least")) and not (low == 0.0 < least < high and set(values) == {0.0}):
+        raise TableError(f"{where}: least = {least} must be within limits that begin at 0, which is the default")
     stage_unit = parameter["stage_unit"]
     if stage_unit and any(limit != 0 and math.isfinite(limit) for limit in (low, high)):
         raise TableError(f"{where}: a finite hard limit other than 0 needs stage_unit = ''")
     if stage_unit not in ("", "local", "degrees") and unit_powers(parameter["unit"]) != stage_powers(stage_unit):
         raise TableError(f"{where}: unit = {parameter['unit']!r} and stage_unit = {stage_unit!r} do not agree")
+
+
+def check_names(where: str, parameter: Parameter) -> None:
+    """Values that have a name lie within the limits."""
+    low, high = parameter["hard"]
+    for name, value in parameter.get("names", {}).items():
+        if type(value) is not float or not max(low, parameter.get("least", low)) <= value <= high:
+            raise TableError(f"{where}: names: {name} = {value} must be a number within the limits")
 
 
 def unit_powers(unit: str) -> dict[str, int]:

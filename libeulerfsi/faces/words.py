@@ -31,6 +31,8 @@ def describe_range(parameter: Parameter) -> str:
     if "hard" not in parameter:
         return ""
     low, high = parameter["hard"]
+    if least := parameter.get("least"):
+        return f"0, or >= {number(least)} and <= {number(high)}"
     below = "" if low == -math.inf else f"{'>' if parameter.get('min_exclusive') else '>='} {number(low)}"
     above = "" if high == math.inf else f"<= {number(high)}"
     return " and ".join(part for part in (below, above) if part) or "finite"

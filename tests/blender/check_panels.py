@@ -72,6 +72,13 @@ def check_ready_and_roles() -> None:
         rows = {name for name, row in table.rows(scope).items() if not table.is_advanced(row)}
         assert role == "DOMAIN" or rows <= shown[role], role
     assert set(table.rows("domain")) <= shown["NONE"]
+    settings = bpy.data.objects["Domain"].eulerfsi.domain
+    assert "step_tolerance_by_name" in shown["NONE"] and settings.step_tolerance_by_name == "DEFAULT"
+    settings.step_tolerance_by_name = "FINE"
+    assert table.plain(settings.step_tolerance) == 0.05 and settings.step_tolerance_by_name == "FINE"
+    settings.step_tolerance = 0.2
+    settings.step_tolerance_by_name = "CUSTOM"
+    assert table.plain(settings.step_tolerance) == 0.2 and settings.step_tolerance_by_name == "CUSTOM"
     for mode in ("NEW", "RESUME", "REBAKE"):
         button = types.SimpleNamespace(mode=mode)
         assert part("operators").EULERFSI_OT_bake.description(bpy.context, button)

@@ -76,6 +76,17 @@ def test_every_row_has_a_property_and_presets_are_rows(addon):
     assert [name for name, row in rows.items() if table.is_advanced(row)] == ["material", "contact_stiffness"]
 
 
+def test_values_with_names_are_choices(addon):
+    table = addon("table")
+    named = {(scope, n): r for scope in table.SCOPES for n, r in table.rows(scope).items() if "names" in r}
+    assert list(named) == [("domain", "step_tolerance")]
+    (row,) = named.values()
+    choices = {label: value for _, label, value in table.choices(row)}
+    assert choices == {"Default": 0.0, "Loose": 0.5, "Normal": 0.15, "Fine": 0.05, "Custom": None}
+    for value, label in ((0.0, "Default"), (0.15, "Normal"), (0.2, "Custom")):
+        assert list(choices)[table.choice_of(row, float(np.float32(value)))] == label
+
+
 # Options that no bake of Blender passes, so that no message of one is about them.
 NOT_PASSED = {"--confine", "--flipbook", "--frames", "--path-map", "--region", "--set", "--start-frame", "--start-from"}
 NOT_PASSED |= {"--strict", "--max-wall-seconds", "--from-usd", "--solid", "--wait"}

@@ -90,9 +90,14 @@ def test_names_of_a_tolerance_and_the_fast_preset_reach_the_run(cli, scene, tmp_
     assert done.returncode == 0, done.stderr
     domain = json.loads((tmp_path / "out/manifest.json").read_text())["parameters"]["/World/Domain"]
     assert domain["preset"] == 2 and domain["step_tolerance"] == 0.05
+    note = "note: /World/Domain: the preset fast is for layout: its long steps damp solids"
+    assert done.stderr.count(note) == (tmp_path / "out/log").read_text().count(note) == 1
     wrong = cli("simulate", scene, *options, "--set", "Domain.stepTolerance=slow", "-o", tmp_path / "wrong")
     assert wrong.returncode == 2 and "'slow' is not" in wrong.stderr
     assert all(name in wrong.stderr for name in ("loose", "normal", "fine"))
+    little = cli("simulate", scene, "--set", "Domain.stepTolerance=1e-9", "-o", tmp_path / "wrong")
+    text = "/World/Domain.eulerfsi:stepTolerance = 1e-09: must be 0, or >= 0.001 and <= 10"
+    assert little.returncode == 3 and text in little.stderr
     assert not (tmp_path / "wrong").exists()
 
 

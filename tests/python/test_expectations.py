@@ -91,6 +91,27 @@ def test_validate_has_a_line_a_solid_and_one_for_the_fluid(library) -> None:
     assert finer.expected != report.expected
 
 
+def test_a_rebound_is_promised_for_the_steps_of_production_alone(library) -> None:
+    scene, voxel = ROOT / "examples" / "scenes" / "meeting_balls.usda", "/World/Domain.voxelSize=0.04"
+
+    def said(*settings: str) -> list[str]:
+        report = validate(scene, "1-2", None, [voxel, *(f"/World/Domain.{setting}" for setting in settings)], 1)
+        fast = "preset=fast" in settings
+        assert [note for note in report.notes if "preset fast is for layout" in note] == report.notes
+        assert len(report.notes) == fast == len([line for line in report.lines() if line.startswith("note: ")])
+        assert report.facts()["notes"] == report.notes
+        return report.expected[:-1]
+
+    usual = said()
+    assert said("stepTolerance=fine") == said("stepTolerance=normal") == usual
+    assert all("a rebound within" in line and "no rebound" not in line for line in usual)
+    loose, fast = said("stepTolerance=loose"), said("preset=fast")
+    assert all(line.endswith("no rebound is promised: stepTolerance is above normal, 0.15") for line in loose)
+    assert all("fast keeps 0.28 of the speed, production 0.52" in line for line in fast)
+    assert not any("a rebound within" in line or "the rebound's" in line for line in loose + fast)
+    assert all("volume within" in line and "half of the volume's at voxel" in line for line in loose + fast)
+
+
 # --- random scenes ---------------------------------------------------------------------------------------------------
 
 

@@ -159,6 +159,20 @@ def test_defaults_and_limits_equal_the_table() -> None:
     assert seen == {name for name, (_, parm) in PARMS.items() if "eulerfsi" in parm["tags"]}
 
 
+def test_names_of_values_are_a_menu_above_the_number() -> None:
+    order, found = list(PARMS), []
+    for scope, rows in load().items():
+        for row in (row for row in rows.values() if row.names):
+            name = SCOPE_PREFIX[scope] + row.name
+            _, menu = PARMS[order[order.index(name) - 1]]
+            assert menu["name"] == [f"{name}Name"] and menu["default"] == ["custom"]
+            assert menu["menu"][::2] == ["custom", *row.names]
+            assert all(f"({value:g})" in menu["help"][0] for value in row.names.values())
+            assert PARMS[name][1]["disablewhen"] == [f"{{ {name}Name != custom }}"]
+            found.append(row.name)
+    assert found == ["stepTolerance"]
+
+
 def test_every_callback_exists() -> None:
     package = FOLDER / "python" / "eulerfsi_houdini" / "callbacks.py"
     functions = {node.name for node in ast.parse(package.read_text("utf-8")).body if isinstance(node, ast.FunctionDef)}

@@ -312,6 +312,18 @@ def test_keyframes_of_values_that_may_have_them(stage_of, setup: Setup) -> None:
     assert stage.GetPrimAtPath("/World/Solid1").GetAttribute("eulerfsi:youngsModulus").GetNumTimeSamples() == 0
 
 
+def test_a_name_in_the_menu_of_a_number_takes_its_place(stage_of, setup: Setup) -> None:
+    def tolerance() -> float:
+        stage = stage_of(setup)
+        return stage.GetPrimAtPath("/World/Domain").GetAttribute("eulerfsi:stepTolerance").Get()
+
+    setup.put("stepTolerance", 0.3)
+    assert setup.value("stepToleranceName") == "custom" and tolerance() == 0.3
+    for name, value in load()["domain"]["stepTolerance"].names.items():
+        setup.put("stepToleranceName", name)
+        assert tolerance() == value
+
+
 def test_a_preset_sets_values_for_the_size_of_the_solid(asset, setup: Setup) -> None:
     setup.connect(0, lambda _frame: Geometry(TETRAHEDRON * 3, [Polygon(0, face) for face in CLOCKWISE], {}))
     setup.put("solid1_velocity", 1.0, 0.0, 0.0)
@@ -521,12 +533,12 @@ def test_a_run_of_another_session_is_cancelled_by_its_lock(asset, setup: Setup, 
 
 
 def test_validate_shows_what_the_solver_says(asset, hou, setup: Setup, tmp_path: Path, capsys) -> None:
-    report = {"errors": [], "warnings": [{"message": "a thin feature"}]}
+    report = {"errors": [], "warnings": [{"message": "a thin feature"}], "notes": ["for layout"]}
     setup.put(
         "command", tool(tmp_path, f"assert sys.argv[1::2] == ['validate', '--json']\nprint({json.dumps(report)!r})")
     )
     asset.validate(setup.kwargs)
-    assert capsys.readouterr().out == "The scene can be simulated.\nWarning: a thin feature\n"
+    assert capsys.readouterr().out == "The scene can be simulated.\nWarning: a thin feature\nNote: for layout\n"
     report["errors"] = [{"message": "two domains"}]
     setup.put("command", tool(tmp_path, f"print({json.dumps(report)!r})\nsys.exit(3)"))
     with pytest.raises(hou.NodeError, match="^two domains$"):

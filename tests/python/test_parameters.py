@@ -89,6 +89,8 @@ def test_header_of_an_unknown_form_is_refused() -> None:
         ("min_exclusive = true\nsoft", "minExclusive = true\nsoft", r"voxelSize: unknown keys \['minExclusive'\]"),
         ('name = "wallYMin"', 'name = "wallXMin"', r"wallXMin: name = 'wallXMin' occurs twice"),
         ("[solid]", "[solids]", r"sections are"),
+        ("least = 0.001", "least = 11.0", r"stepTolerance: least = 11.0 must be within limits that begin at 0"),
+        ("loose = 0.5", "loose = 50.0", r"stepTolerance: names: loose = 50.0 must be a number within the limits"),
         ('another = "fast"\n', "", r"preset: missing keys \['another'\]"),
         ("on a {prims}. It is on", "on a {prim}. It is on", r"\[force\]: {prim}: must be {prims} or one of"),
     ],
@@ -121,9 +123,9 @@ PROGRAM = r"""
 #define BOOL(field, value) (def.field = value, double(def.field))
 #define TOKEN(field, value) (def.field = value, double(def.field))
 #define VECTOR(field, value) (def.field = value, def.field.x + def.field.y + def.field.z)
-#define ROW(name, field, kind, value, low, high, exclusive, unit) \
-  std::printf("%s|%s|%s|%.17g|%.17g|%.17g|%d|%s\n", name, #field, #kind, kind(field, value), low, high, exclusive, \
-              unit);
+#define ROW(name, field, kind, value, low, high, exclusive, least, unit) \
+  std::printf("%s|%s|%s|%.17g|%.17g|%.17g|%d|%.17g|%s\n", name, #field, #kind, kind(field, value), low, high, \
+              exclusive, least, unit);
 int main() {
   { EfsiSimulationDef def{}; EFSI_DOMAIN_PARAMETERS(ROW) }
   { EfsiSolidDef def{}; EFSI_SOLID_PARAMETERS(ROW) }
@@ -152,10 +154,10 @@ def test_cpp_table_compiles_and_holds_the_values_of_the_table(tmp_path: Path) ->
             value = row["tokens"].index(default) if kind == "token" else sum(default) if kind == "vector" else default
             low, high = row.get("hard", (0.0, len(row.get("tokens", "01")) - 1))
             exclusive = int(row.get("min_exclusive", False))
-            numbers = (float(value), float(low), float(high), exclusive)
+            numbers = (float(value), float(low), float(high), exclusive, row.get("least", 0.0))
             expected.append((row["name"], row["field"], kind.upper(), *numbers, row.get("unit", "")))
     rows = [line.split("|") for line in printed]
-    found = [(n, f, k, float(v), float(low), float(high), int(e), u) for n, f, k, v, low, high, e, u in rows]
+    found = [(*row[:3], *map(float, row[3:6]), int(row[6]), float(row[7]), row[8]) for row in rows]
     assert found == expected
 
 
@@ -170,6 +172,7 @@ def test_python_table_equals_the_toml_table() -> None:
             assert row.default == default and row.tokens == tuple(source.get("tokens", ()))
             assert (row.hard_min, row.hard_max) == tuple(source.get("hard", (-math.inf, math.inf)))
             assert row.min_exclusive == source.get("min_exclusive", False)
+            assert row.least == source.get("least", 0.0) and row.names == source.get("names", {})
             assert row.depends_on_stage_units == (words.stage_default(source) == -math.inf)
 
 

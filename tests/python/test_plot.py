@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from conftest import make_scene
 from eulerfsi.cli.main import main
-from eulerfsi.cli.plot import KINDS, Statistics, plot
+from eulerfsi.cli.plot import KINDS, Statistics, draw_bodies, limiting_bodies, plot
 from eulerfsi.errors import CacheIOError, SceneError, UsageError
 from PIL import Image
 
@@ -58,6 +58,50 @@ def test_step_shows_every_step_and_the_mean(cache):
     limits = [row["limit"] for row in rows(cache, "step")]
     assert {"rule": "maximum", "bodies": []} in limits
     assert any(line.get_label().startswith("maximum: ") for line in rules)
+
+
+def limited(cache, folder, limits):
+    """A cache whose steps are so limited: [(frame, rule, bodies)]."""
+    (folder / "manifest.json").write_text((cache / "manifest.json").read_text())
+    last = rows(cache, "frame")[-1]
+    steps = [
+        {"event": "step", "frame": frame, "time": 0.01 * (n + 1), "dt": 0.01, "limit": {"rule": rule, "bodies": bodies}}
+        for n, (frame, rule, bodies) in enumerate(limits)
+    ]
+    (folder / "stats.jsonl").write_text("".join(json.dumps(line) + "\n" for line in [*steps, last]))
+    return folder
+
+
+def test_step_shows_which_bodies_limited_the_steps(cache, tmp_path):
+    limits = [(2, "wall_wave", ["/W/A"]), (2, "solid", ["/W/A", "/W/B"]), (2, "end", []), (3, "end", [])]
+    folder = limited(cache, tmp_path, limits)
+    assert limiting_bodies(Statistics(folder)) == {"A": [0, 1], "B": [1]}
+    labels = [line.get_label() for line in draw("step", folder).get_lines()]
+    expected = {"wall wave: 25%", "solid: 25%", "the last step of a frame: 25%", "a whole frame: 25%"}
+    assert expected <= set(labels)
+
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots()
+    draw_bodies(Statistics(folder), axes)
+    pyplot.close(figure)
+    assert [text.get_text() for text in axes.get_yticklabels()] == ["A: 50%", "B: 25%"]
+    wave, solid = axes.get_lines()
+    assert wave.get_xydata().tolist() == [[0.01, 0]] and solid.get_xydata().tolist() == [[0.02, 0], [0.02, 1]]
+    assert wave.get_color() == draw("step", folder).get_lines()[1].get_color()
+    with (
+        Image.open(plot("step", folder, tmp_path / "a.png")) as picture,
+        Image.open(plot("step", limited(cache, tmp_path, [(2, "end", [])]), tmp_path / "b.png")) as without,
+    ):
+        assert picture.size[1] > without.size[1] + 60
+
+
+def test_bodies_of_one_name_have_their_paths_and_many_are_together(cache, tmp_path):
+    same = limited(cache, tmp_path, [(2, "solid", ["/W/A/Mesh", "/W/B/Mesh"])])
+    assert list(limiting_bodies(Statistics(same))) == ["/W/A/Mesh", "/W/B/Mesh"]
+    many = limited(cache, tmp_path, [(2, "wall", [f"/W/B{n}"]) for n in range(20)] + [(2, "wall", ["/W/B0"])])
+    found = limiting_bodies(Statistics(many))
+    assert len(found) == 13 and found["B0"] == [0, 20] and found["others"] == [12, 13, 14, 15, 16, 17, 18, 19]
 
 
 def test_volume_has_a_curve_by_mesh_and_by_cells_for_every_solid(cache):

@@ -337,6 +337,9 @@ def test_value_fault_accepts_every_default_and_refuses_every_broken_limit(scope:
                 assert checks.value_fault(row, limit + beyond) == (row.limit_text(), "OutOfRange")
         if row.min_exclusive:
             assert checks.value_fault(row, row.hard_min) is not None
+        if row.least:
+            assert checks.value_fault(row, 0.0) is None and checks.value_fault(row, row.least) is None
+            assert checks.value_fault(row, row.least / 2) == (row.limit_text(), "OutOfRange")
 
 
 # --------------------------------------------------------------------------------------------------------- validators

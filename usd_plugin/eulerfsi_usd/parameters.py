@@ -21,7 +21,8 @@ class Parameter:
     """One row of the table.
 
     `default` and the limits are SI; a hard limit other than 0 belongs to a quantity without stage units, so limits hold
-    for values on a stage too. `usd_type` is the Sdf type name of the attribute; `animated`: its time samples count.
+    for values on a stage too. `least`: the least value other than 0; `names`: of values. `usd_type` is the Sdf type
+    name of the attribute; `animated`: its time samples count.
     """
 
     scope: str
@@ -32,7 +33,9 @@ class Parameter:
     hard_min: float
     hard_max: float
     min_exclusive: bool
+    least: float
     tokens: tuple[str, ...]
+    names: dict[str, float]
     unit: str
     stage_unit: str
     usd_physics: bool
@@ -52,6 +55,8 @@ class Parameter:
 
     def limit_text(self) -> str:
         """Hard limits in words, such as "> 0 and <= 4"; "finite" where there are none."""
+        if self.least:
+            return f"0, or >= {self.least:g} and <= {self.hard_max:g}"
         low = "" if self.hard_min == -math.inf else f"{'>' if self.min_exclusive else '>='} {self.hard_min:g}"
         high = "" if self.hard_max == math.inf else f"<= {self.hard_max:g}"
         return " and ".join(text for text in (low, high) if text) or "finite"
@@ -59,7 +64,7 @@ class Parameter:
     def allows(self, value: float) -> bool:
         """True when a number (or one component of a vector) is finite and within the hard limits."""
         above = value > self.hard_min if self.min_exclusive else value >= self.hard_min
-        return math.isfinite(value) and above and value <= self.hard_max
+        return math.isfinite(value) and above and not 0 < value < self.least and value <= self.hard_max
 
 
 def _limits(row: dict) -> tuple[float, float]:
@@ -83,7 +88,9 @@ def load() -> dict[str, dict[str, Parameter]]:
             hard_min=low,
             hard_max=high,
             min_exclusive=row.get("min_exclusive", False),
+            least=row.get("least", 0.0),
             tokens=tuple(row.get("tokens", ())),
+            names=row.get("names", {}),
             unit=row.get("unit", ""),
             stage_unit=row.get("stage_unit", ""),
             usd_physics=row.get("usd_physics", False),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
 
 FORMATS = (".png", ".svg", ".pdf")
 _INCHES = (9.0, 4.5)
+_ROW, _AROUND = 0.2, 0.7  # inches of a row of the panel below, and of what is around its rows
+_MOST_BODIES = 12  # that have a row of their own
+_OTHERS = "others"
 
 
 class Statistics:
@@ -58,8 +62,16 @@ def plot(kind: str, folder: Path, output: Path | None) -> Path:
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
-    figure, axes = pyplot.subplots(figsize=_INCHES, layout="constrained")
+    if rows := len(limiting_bodies(statistics)) if kind == "step" else 0:
+        heights = (_INCHES[1], _ROW * rows + _AROUND)
+        size = (_INCHES[0], sum(heights))
+        figure, (axes, below) = pyplot.subplots(2, height_ratios=heights, figsize=size, layout="constrained")
+        draw_bodies(statistics, below)
+    else:
+        figure, axes = pyplot.subplots(figsize=_INCHES, layout="constrained")
     KINDS[kind](statistics, axes)
+    if rows:
+        below.set_xlim(axes.get_xlim())
     axes.set_title(f"{folder.resolve().name}", fontsize="medium")
     axes.grid(alpha=0.3)
     handles, _ = axes.get_legend_handles_labels()
@@ -81,16 +93,66 @@ def _step(statistics: Statistics, axes: Axes) -> None:
     """Fig. 9: the size of every step, what limited it, and the mean."""
     end, size = (_column(statistics.steps, lambda line, name=name: line[name]) for name in ("time", "dt"))
     axes.step(end, 1e3 * size, where="pre", linewidth=0.8, color="tab:gray", label=f"{len(size)} steps")
-    rules = np.array([line.get("limit", {}).get("rule", "") for line in statistics.steps])
-    names, counts = np.unique(rules[rules != ""], return_counts=True)
-    for name, count in sorted(zip(names, counts, strict=True), key=lambda pair: -pair[1]):
-        share = f"{name.replace('_', ' ')}: {count / len(size):.0%}"
-        axes.plot(end[rules == name], 1e3 * size[rules == name], ".", markersize=3, label=share)
+    rules = np.array(_rules(statistics))
+    for name, color in _colors(statistics).items():
+        share = f"{name}: {(rules == name).mean():.0%}"
+        axes.plot(end[rules == name], 1e3 * size[rules == name], ".", markersize=3, color=color, label=share)
     mean = 1e3 * size.mean()
     axes.axhline(mean, color="black", linewidth=1.2, label=f"mean {mean:.3g} ms")
     frame = 1e3 * statistics.frame_seconds
     axes.axhline(frame, color="tab:gray", linewidth=0.8, linestyle="--", label=f"a frame, {frame:.3g} ms")
     axes.set(xlabel="time [s]", ylabel="size of a step [ms]", ylim=(0.0, 1.05 * frame))
+
+
+def _rules(statistics: Statistics) -> list[str]:
+    """What limited every step, "" where the statistics do not say. The last step of a frame is as long as what is left
+    of it, whatever limited the steps before."""
+    names = [line.get("limit", {}).get("rule", "").replace("_", " ") for line in statistics.steps]
+    alone = Counter(line["frame"] for line in statistics.steps)
+    ends = {True: "a whole frame", False: "the last step of a frame"}
+    told = zip(statistics.steps, names, strict=True)
+    return [ends[alone[line["frame"]] == 1] if name == "end" else name for line, name in told]
+
+
+def _colors(statistics: Statistics) -> dict[str, str]:
+    """{rule: color}, the most frequent first."""
+    rules = [rule for rule, _ in Counter(_rules(statistics)).most_common() if rule]
+    return {rule: f"C{number % 10}" for number, rule in enumerate(rules)}
+
+
+def limiting_bodies(statistics: Statistics) -> dict[str, list[int]]:
+    """{body: numbers of the steps that it limited}, the most frequent first: the name of its prim, the path where
+    several have that name. What is left of many is together in one."""
+    found: dict[str, list[int]] = {}
+    for number, line in enumerate(statistics.steps):
+        for path in line.get("limit", {}).get("bodies", ()):
+            found.setdefault(path, []).append(number)
+    paths = sorted(found, key=lambda path: -len(found[path]))
+    names = Counter(path.rpartition("/")[2] for path in paths)
+    rows: dict[str, list[int]] = {}
+    for row, path in enumerate(paths):
+        name = path.rpartition("/")[2]
+        name = path if names[name] > 1 else name
+        if row < _MOST_BODIES or len(paths) == _MOST_BODIES + 1:
+            rows[name] = found[path]
+        else:
+            rows[_OTHERS] = sorted({*rows.get(_OTHERS, ()), *found[path]})
+    return rows
+
+
+def draw_bodies(statistics: Statistics, axes: Axes) -> None:
+    """Which body limited which step, a row each, in the colors of the rules."""
+    end = _column(statistics.steps, lambda line: line["time"])
+    rules, rows = _rules(statistics), limiting_bodies(statistics)
+    for color_of, color in _colors(statistics).items():
+        points = [(end[n], row) for row, numbers in enumerate(rows.values()) for n in numbers if rules[n] == color_of]
+        if points:
+            axes.plot(*np.transpose(points), "|", color=color)
+    labels = [f"{name}: {len(numbers) / len(rules):.0%}" for name, numbers in rows.items()]
+    axes.set_yticks(range(len(rows)), labels, fontsize="small")
+    axes.set(xlabel="time [s]", ylim=(len(rows) - 0.5, -0.5))
+    axes.set_title("steps limited by", fontsize="small", loc="left")
+    axes.grid(alpha=0.3, axis="x")
 
 
 def _volume(statistics: Statistics, axes: Axes) -> None:

@@ -36,6 +36,7 @@ class Report:
 
     scene: Scene
     warnings: list[Issue]
+    notes: list[str]
     memory: int
     memory_limit: int
     threads: int
@@ -50,6 +51,7 @@ class Report:
         return [
             *describe_scene(self.scene),
             *(f"warning: {issue.message}" for issue in self.warnings),
+            *(f"note: {note}" for note in self.notes),
             f"memory: about {format_bytes(self.memory + memory.PROCESS)} of {format_bytes(self.memory_limit)} "
             f"available ({format_bytes(self.memory)} for the simulation)",
             f"disk: about {format_bytes(self.disk)}" + spread,
@@ -63,6 +65,7 @@ class Report:
         return {
             **scene_facts(self.scene),
             "warnings": [finding(i.message, i.code, i.prim, i.field) for i in self.warnings],
+            "notes": self.notes,
             "memory": self.memory,
             "process_memory": self.memory + memory.PROCESS,
             "disk": self.disk,
@@ -118,7 +121,8 @@ def validate(
     checkpoints = Checkpoints("10", "2").most(number)
     room, most = (disk.need(scene, Output(), number, checkpoints, full=full) for full in (False, True))
     told = time_estimate(scene, threads, limit, reading)
-    return Report(scene, warnings, needed, limit, threads, told, room, most, expectations.describe(scene))
+    notes, expected = checks.notes(scene), expectations.describe(scene)
+    return Report(scene, warnings, notes, needed, limit, threads, told, room, most, expected)
 
 
 def scene_facts(scene: Scene) -> dict[str, Any]:

@@ -127,6 +127,8 @@ def _simulate(path: Path, options: Options, log: Log, progress: Progress, stop: 
         log.info(text)
         say(text, progress.err)
 
+    for note in checks.notes(scene):
+        tell(f"note: {note}")
     with FolderLock(folder, options.wait, tell):
         mode = cache_module.prepare(folder, options.overwrite, options.resume, options.rebake_from)
         wanted = parse_frames(options.frames) if options.frames else scene.frames

@@ -103,7 +103,7 @@ def cancel(kwargs: Kwargs) -> None:
 
 
 def validate(kwargs: Kwargs) -> None:
-    """Shows what the tool says of the scene: faults, warnings, memory, time."""
+    """Shows what the tool says of the scene: faults, warnings, notes."""
     node = _node(kwargs)
     try:
         scene = write_scene(node)
@@ -117,7 +117,8 @@ def validate(kwargs: Kwargs) -> None:
         report(node, fault.messages)
         return
     errors, warnings = ([str(entry["message"]) for entry in found[key]] for key in ("errors", "warnings"))
-    lines = errors or ["The scene can be simulated.", *(f"Warning: {text}" for text in warnings)]
+    notes = (f"Note: {text}" for text in found.get("notes", ()))
+    lines = errors or ["The scene can be simulated.", *(f"Warning: {text}" for text in warnings), *notes]
     report(node, tuple(lines), severe=bool(errors))
 
 

@@ -101,6 +101,9 @@ def author_rows(builder: Builder, prim: Usd.Prim, scope: str, prefix: str, witho
 
 
 def _value(node: hou.SopNode, row: Parameter, name: str, frame: float | None) -> object:
+    """By the menu above it, where that names one, else of the row."""
+    if row.names and (named := row.names.get(values.text(node, f"{name}Name"))) is not None:
+        return named
     if row.type == "vector":
         return CONVERT["vector"](values.vector(node, name, frame))
     if row.type in ("token", "asset"):

@@ -59,7 +59,7 @@ typedef struct EfsiSimulationDef {
   int32_t volume_source;        /**< 1: a volume source restores the rest volume of solids; not in preset paper2016 */
   int32_t padding;              /**< unused */
   double step_tolerance;        /**< part of its energy that the steps of a solid in contact may take while an elastic
-                                   wave passes it; 0: from the preset */
+                                   wave passes it, at least 0.001; 0: from the preset */
 } EfsiSimulationDef;
 
 /** Reports progress. Called after each step on the caller's thread. fraction: completed part of the requested duration,

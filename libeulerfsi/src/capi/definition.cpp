@@ -16,7 +16,9 @@ namespace {
 std::string describe(const Limits& limits) {
   std::ostringstream text;
   const bool below = std::isfinite(limits.min), above = std::isfinite(limits.max);
-  if (below && above && !limits.min_exclusive)
+  if (limits.least > 0.0)
+    text << "0, or between " << limits.least << " and " << limits.max;
+  else if (below && above && !limits.min_exclusive)
     text << "between " << limits.min << " and " << limits.max;
   else if (below)
     text << (limits.min_exclusive ? "> " : ">= ") << limits.min;
@@ -26,7 +28,8 @@ std::string describe(const Limits& limits) {
 
 void check_value(const std::string& field, double value, const Limits& limits) {
   const bool in = (limits.min_exclusive ? value > limits.min : value >= limits.min) && value <= limits.max;
-  if (in && std::isfinite(value)) return;
+  const bool too_little = value > 0.0 && value < limits.least;
+  if (in && !too_little && std::isfinite(value)) return;
   const std::string bounds = describe(limits);
   if (std::isfinite(value)) refuse(field, value, bounds);
   refuse(field, value, bounds.empty() ? "a finite number" : "a finite number, " + bounds);
@@ -93,7 +96,7 @@ void set_identity(double (&transform)[16]) {
   for (int a = 0; a < 4; ++a) transform[5 * a] = 1.0;
 }
 
-#define EFSI_DEFAULT(name, field, kind, initial, min, max, exclusive, unit) def.field = initial;
+#define EFSI_DEFAULT(name, field, kind, initial, min, max, exclusive, least, unit) def.field = initial;
 
 void set_defaults(EfsiSimulationDef& def) {
   EFSI_DOMAIN_PARAMETERS(EFSI_DEFAULT)
@@ -119,8 +122,8 @@ void set_defaults(EfsiVdbDef& def) {
 
 #undef EFSI_DEFAULT
 
-#define EFSI_CHECK(name, field, kind, initial, min, max, exclusive, unit) \
-  check((owner + "." #field).c_str(), def.field, Limits{min, max, (exclusive) != 0});
+#define EFSI_CHECK(name, field, kind, initial, min, max, exclusive, least, unit) \
+  check((owner + "." #field).c_str(), def.field, Limits{min, max, (exclusive) != 0, least});
 
 void check_values(const EfsiSimulationDef& def, const std::string& owner) {
   EFSI_DOMAIN_PARAMETERS(EFSI_CHECK)

@@ -15,11 +15,12 @@ namespace efsi::capi {
 
 inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// A finite value in [min, max], or in (min, max] with min_exclusive.
+// A finite value in [min, max], or in (min, max] with min_exclusive, without what is in (0, least).
 struct Limits {
   double min = -kInfinity;
   double max = kInfinity;
   bool min_exclusive = false;
+  double least = 0.0;
 };
 
 // Throw Error(kArgument) "EfsiSolidDef.density = -3: must be > 0".

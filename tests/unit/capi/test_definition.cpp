@@ -104,7 +104,9 @@ TEST_CASE("Values outside their limits are refused with field, value and limit")
       {[](auto& d) { d.cfl_solid = 5000.0; }, "EfsiSimulationDef.cfl_solid = 5000: must be > 0 and at most 1000"},
       {[](auto& d) { d.max_time_step = -0.1; }, "EfsiSimulationDef.max_time_step = -0.1: must be >= 0"},
       {[](auto& d) { d.pressure_tolerance = 0.6; }, "EfsiSimulationDef.pressure_tolerance = 0.6"},
-      {[](auto& d) { d.step_tolerance = -1.0; }, "EfsiSimulationDef.step_tolerance = -1: must be between 0 and 10"},
+      {[](auto& d) { d.step_tolerance = -1.0; }, "EfsiSimulationDef.step_tolerance = -1: must be 0, or between 0.001"},
+      {[](auto& d) { d.step_tolerance = 1e-9; },
+       "EfsiSimulationDef.step_tolerance = 1e-09: must be 0, or between 0.001 and 10"},
       {[](auto& d) { d.threads = -1; }, "EfsiSimulationDef.threads = -1"},
   };
   for (const auto& refusal : domain) {
