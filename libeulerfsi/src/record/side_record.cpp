@@ -39,11 +39,13 @@ std::optional<solid::DeepVertex> remember(const solid::DeepVertex* known, std::s
 }
 
 // A vertex of a solid has come out on another side.
-void count_vertex(std::size_t solid, const SeenVertex& seen, const solid::DeepVertex& deep, double h,
-                  ContactPair& pair) {
+void count_vertex(std::size_t solid, const SeenVertex& seen, const Vec3d& place, const solid::DeepVertex& deep,
+                  double h, ContactPair& pair) {
+  if (pair.exchanged_vertices == 0) pair.exchanged_place = place;
   ++pair.exchanged_vertices;
   pair.surface_overlap = std::max(pair.surface_overlap, -seen.rest_distance / h);
-  if (static_cast<double>(deep.deepest) > 0.5 * kResolved * h && !pair.passed) pair.passed = {solid, seen.vertex};
+  if (static_cast<double>(deep.deepest) > 0.5 * kResolved * h && !pair.passed)
+    pair.passed = PassedVertex{solid, seen.vertex, place};
 }
 
 }  // namespace
@@ -59,7 +61,8 @@ void record_sides(const Scene& scene, SolidStates& states, ContactPairs& pairs) 
         if (seen.rest_distance < -kDeep * h) {
           if (const auto now = remember(known, other, seen)) deep.push_back(*now);
         } else if (known && seen.rest_normal().cast<Real>().dot(Vec3(known->normal)) < 0) {
-          count_vertex(l, seen, *known, h, find_pair(pairs, std::min(l, other), std::max(l, other)));
+          count_vertex(l, seen, states[l].surface[seen.vertex], *known, h,
+                       find_pair(pairs, std::min(l, other), std::max(l, other)));
         }
       });
     }
