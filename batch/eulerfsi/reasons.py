@@ -9,6 +9,7 @@ from pxr import Tf
 
 from .errors import LibraryError
 
+NO_VOLUME = "it encloses no volume"
 _LONGEST = 200  # characters; parsers quote whole files
 # What assimp says, and the library -> what it means.
 _MESH_REASONS = (
@@ -26,8 +27,8 @@ _MESH_REASONS = (
         r"mesh: encloses no node .*, thinnest feature about (\S+) m.*",
         r"it is too thin for this voxel size: nowhere thicker than a cell, thinnest feature about \1 m",
     ),
-    (r"mesh: encloses no node .*: it must bound a volume", "it encloses no volume"),
-    (r"EfsiSolidDef\.mesh: encloses no volume", "it encloses no volume"),
+    (r"mesh: encloses no node .*: it must bound a volume", f"{NO_VOLUME}; give it a thickness"),
+    (r"EfsiSolidDef\.mesh: encloses no volume", f"{NO_VOLUME}; give it a thickness"),
     (r"EfsiSolidDef\.mesh: no cell of size \S+ m lies", "it is too thin for this voxel size: no cell lies"),
 )
 

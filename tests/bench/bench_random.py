@@ -2,9 +2,10 @@
 
 Scene 0, c0, e0, 1, c1, e1, ... of a seed, drawn from tests/bench/random_scenes/ranges.toml: one solid each, two or
 three with contact (c), and with everything (e) that they yield, are pinned, meet a collider or a jet; with --only thin
-straps, sheets, ropes, rings and chains of 3 to 6 cells (t0, t1, ...). Each runs in a process of its own with one
-thread, --jobs at a time, until the minutes are over. Every record is judged by laws that need no reference. A missed
-law prints the command that repeats its scene alone.
+straps, sheets, ropes, rings and chains of 3 to 6 cells (t0, t1, ...), with --only compact compressible bodies of 15 to
+30 cells that are thrown hard (b0, b1, ...). Each runs in a process of its own with one thread, --jobs at a time, until
+the minutes are over. Every record is judged by laws that need no reference. A missed law prints the command that
+repeats its scene alone.
 --seeds-file runs a fixed list of scenes; a law that the list says a scene misses, with the cause, is expected. Exit
 code 1 if an unexpected bar is missed, unless CI=true; with --seeds-file in any case.
 """
@@ -36,6 +37,7 @@ from loop.experiment import simulate  # noqa: E402
 from loop.laws import Line  # noqa: E402
 from loop.measure import Result, run_process  # noqa: E402
 from random_scenes import judge  # noqa: E402
+from random_scenes.compact import make_compact_scene  # noqa: E402
 from random_scenes.contact import make_contact_scene  # noqa: E402
 from random_scenes.everything import make_everything_scene  # noqa: E402
 from random_scenes.scenes import Scene, make_scene  # noqa: E402
@@ -43,7 +45,8 @@ from random_scenes.solids import Absent  # noqa: E402
 from random_scenes.thin import make_thin_scene  # noqa: E402
 
 ONE_SCENE = 600.0  # wall-clock seconds that a scene may take
-KINDS = {"single": "", "contact": "c", "everything": "e", "thin": "t"}  # and the letter of their numbers
+# And the letter of their numbers.
+KINDS = {"single": "", "contact": "c", "everything": "e", "thin": "t", "compact": "b"}
 USUAL = ("single", "contact", "everything")  # that are run where nothing is said
 LEAST = 1.0  # s: what a scene that starts as the minutes end may still take
 
@@ -100,10 +103,10 @@ def read_list(path: Path) -> list[Job]:
 
 def drawn(seed: int, number: int | str) -> Scene:
     """A scene of a seed: 0, 1, ... with one solid, "c0", ... with contact, "e0", ... with everything, "t0", ... of thin
-    bodies. Raises Absent."""
+    bodies, "b0", ... of compact ones. Raises Absent."""
     if not isinstance(number, str):
         return make_scene(seed, number)
-    make = {"c": make_contact_scene, "e": make_everything_scene, "t": make_thin_scene}
+    make = {"c": make_contact_scene, "e": make_everything_scene, "t": make_thin_scene, "b": make_compact_scene}
     return make[number[0]](seed, number)
 
 
@@ -243,7 +246,7 @@ def whole(text: str) -> int:
 
 def scene_name(text: str) -> int | str:
     """A scene of a seed: a number, or a letter and a number."""
-    letter = text[:1] if text[:1] in [*"cet"] else ""
+    letter = text[:1] if text[:1] in KINDS.values() else ""
     number = int(text.removeprefix(letter))
     return f"{letter}{number}" if letter else number
 
@@ -258,8 +261,8 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--seed", type=whole, default="today", metavar="N", help='default "today": 20261231 and so on')
     parser.add_argument("--minutes", type=float, metavar="M", help="no scene goes on after that (default 10)")
     parser.add_argument("--scene", type=scene_name, metavar="K", help="this scene of the seed alone, with all its laws")
-    parser.add_argument("--first", type=int, default=0, metavar="K", help="start with scenes K, cK, eK and tK")
-    parser.add_argument("--only", metavar="KIND,..", help=f"scenes of some of {', '.join(KINDS)}; default all but thin")
+    parser.add_argument("--first", type=int, default=0, metavar="K", help="start with scenes K, cK, eK, tK and bK")
+    parser.add_argument("--only", metavar="KIND,..", help=f"some of {', '.join(KINDS)}; default the first three")
     parser.add_argument("--count", type=int, metavar="N", help="at most so many scenes")
     parser.add_argument("--seeds-file", type=Path, metavar="FILE", help="the scenes of a list (fixed.toml)")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="scenes at a time")

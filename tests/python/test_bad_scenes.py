@@ -154,6 +154,25 @@ def single_face(stage: Usd.Stage) -> None:
     collider_mesh(stage, corners, [4], [0, 1, 2, 3])
 
 
+def face_of_a_box(stage: Usd.Stage) -> None:
+    """The top, whose other corners are still among the points."""
+    corners = [(x, y, z) for x in (-0.3, 0.3) for y in (-0.45, -0.35) for z in (-0.3, 0.3)]
+    collider_mesh(stage, corners, [4], [2, 3, 7, 6])
+
+
+def bent_face(stage: Usd.Stage) -> None:
+    """Of four corners that lie in no plane, both sides."""
+    corners = [(-0.3, -0.4, -0.3), (-0.3, -0.4, 0.3), (0.3, -0.4, 0.3), (0.3, -0.3, -0.3)]
+    collider_mesh(stage, corners, [3] * 4, [0, 1, 2, 0, 2, 3, 2, 1, 0, 3, 2, 0])
+
+
+def flat_solid(stage: Usd.Stage) -> None:
+    ball = UsdGeom.Mesh(stage.GetPrimAtPath("/World/Ball"))
+    points = np.array(ball.GetPointsAttr().Get())
+    points[:, 1] = 0.0
+    ball.GetPointsAttr().Set(points)
+
+
 def flat_and_closed(stage: Usd.Stage) -> None:
     """Two sides of a sheet that is askew to the axes."""
     sides = [(x, y) for x in (-0.3, 0.0, 0.3) for y in (-0.2, 0.0, 0.2)]
@@ -219,6 +238,9 @@ def turning_pin(stage: Usd.Stage) -> None:
 CASES = {
     backward_range: ["stage startTimeCode = 10: must be at most endTimeCode = 3", "exchange them"],
     single_face: ["/World/Floor.points = 4 points in one plane (1 face)", "a volume", "use a Plane"],
+    face_of_a_box: ["/World/Floor.points = 4 points in one plane (1 face)", "use a Plane", "give the mesh a thickness"],
+    bent_face: ["/World/Floor: it encloses no volume; use a Plane for a floor or a wall, or give the mesh a thickness"],
+    flat_solid: ["/World/Ball: it encloses no volume; give it a thickness"],
     flat_and_closed: ["/World/Floor.points = 9 points in one plane (8 faces)", "use a Plane"],
     open_terrain: ["/World/Floor: the mesh has 32 open edges: must be 0", "use a Plane"],
     half_turn: ["/World/Paddle.xformOpOrder = a turn by 180 degrees from frame 2 to 3", "time samples further apart"],

@@ -20,6 +20,7 @@ from loop.measure import Result  # noqa: E402
 from loop.overlap import deepest_in, deepest_vertex  # noqa: E402
 from loop.shapes import blocks, rigid_misfit  # noqa: E402
 from random_scenes import judge, solids  # noqa: E402
+from random_scenes.compact import make_compact_scene  # noqa: E402
 from random_scenes.company import Held, Jet  # noqa: E402
 from random_scenes.contact import Body, ContactScene, Plastic, make_contact_scene  # noqa: E402
 from random_scenes.draw import Draw, constant, ranges  # noqa: E402
@@ -126,7 +127,7 @@ def test_every_scene_is_accepted_by_the_library(library) -> None:
             assert report["closed"] == 1 and report["repaired"] == 0
 
 
-@pytest.mark.parametrize("kind", ["sphere", "box", "torus", "capsule", "superquadric"])
+@pytest.mark.parametrize("kind", ["sphere", "box", "torus", "capsule", "cylinder", "superquadric"])
 def test_shapes_are_closed_with_faces_outwards(library, kind: str) -> None:
     words, (points, triangles) = solids.MAKERS[kind](Draw(SEED, 0))
     mesh = solids.shapes.Mesh(points, np.full(len(triangles), 3), triangles.ravel())
@@ -141,6 +142,13 @@ def test_a_capsule_has_its_volume_and_its_centre() -> None:
     _, (points, triangles) = solids.capsule(draw)
     exact = np.pi * radius**2 * (1 - 2 * radius) + 4 / 3 * np.pi * radius**3
     assert solids.shapes.volume(points, triangles) == pytest.approx(exact, rel=0.02)
+    assert solids.center_of_volume(points + 3.0, triangles) == pytest.approx(np.full(3, 3.0), abs=1e-6)
+
+
+def test_a_cylinder_has_its_volume_and_its_centre() -> None:
+    draw = Draw(SEED, 1)
+    _, (points, triangles) = solids.cylinder(draw)
+    assert solids.shapes.volume(points, triangles) == pytest.approx(np.pi * draw.number("cylinder_radius") ** 2, 0.02)
     assert solids.center_of_volume(points + 3.0, triangles) == pytest.approx(np.full(3, 3.0), abs=1e-6)
 
 
@@ -173,6 +181,9 @@ def test_a_seeds_scenes_take_turns_and_those_with_one_solid_are_what_they_were()
     assert [job.command[-3:].strip() for job in bench_random.chosen(options)] == ["c0", "c1"]
     options = bench_random.parse(["--seed", str(SEED), "--count", "3", "--only", "thin,single"])
     assert [job.scene for job in bench_random.chosen(options)] == [0, "t0", 1]
+    options = bench_random.parse(["--seed", str(SEED), "--count", "2", "--only", "compact"])
+    assert [job.scene for job in bench_random.chosen(options)] == ["b0", "b1"]
+    assert bench_random.parse(["--scene", "b12"]).scene == "b12" and bench_random.parse(["--scene", "12"]).scene == 12
     with pytest.raises(SystemExit):
         bench_random.parse(["--only", "thin,thick"])
     scene = make_scene(7, 16)  # of the list of fixed scenes
@@ -220,6 +231,44 @@ def test_thin_scenes_are_accepted_by_the_library_and_no_body_touches_another(lib
             seen = scene.company(simulation).observe()
         assert min(features) > 2.5 * scene.spacing
         assert seen["passed_lines"] == seen["passed_vertices"] == 0
+
+
+# --- compact bodies --------------------------------------------------------------------------------------------------
+
+
+def test_compact_scenes_lie_within_their_ranges_and_are_accepted_by_the_library(library) -> None:
+    made = [make_compact_scene(SEED, f"b{number}") for number in range(40)]
+    assert made[3] == make_compact_scene(SEED, "b3") == bench_random.drawn(SEED, "b3")
+    assert {scene.target for scene in made} == {"wall", "floor", "collider", "body"}
+    assert {scene.density_ratio is None for scene in made} == {"open" in scene.faces for scene in made} == {True, False}
+    for scene in made:
+        assert [len(scene.parts), bool(scene.collider)] == [1 + (scene.target == "body"), scene.target == "collider"]
+        assert scene.target != "floor" or scene.pull[1] < 0
+        for body in scene.parts:
+            assert within("compact_poissons_ratio", body.poissons_ratio) and body.compressible
+            assert within("compact_across", body.size / scene.spacing)
+            assert 0 < body.impact_pressure <= ranges()["compact_pressure"]["high"]
+            assert (body.mesh().points > 0).all() and (body.mesh().points < scene.box).all()
+        points = scene.parts[0].mesh().points.astype(float)
+        if scene.target in ("wall", "floor"):
+            ahead = int(np.argmax(np.abs(scene.parts[0].velocity))) if scene.target == "wall" else 1
+            gaps = points[:, ahead].min(), scene.box[ahead] - points[:, ahead].max()
+            gap = gaps[int(scene.target == "wall" and scene.parts[0].velocity[ahead] > 0)]
+            assert ranges()["apart"]["low"] * 0.99 < gap / scene.spacing < ranges()["apart"]["high"] * 1.01
+        else:
+            other = scene.collider.region.surface[0] if scene.collider else scene.parts[1].mesh().points
+            assert (other.mean(axis=0) - points.mean(axis=0)) @ np.array(scene.parts[0].velocity) > 0
+        assert np.linalg.norm(scene.parts[0].velocity) * scene.duration > scene.size
+    for scene in made[:4]:
+        with Simulation(scene.simulation()) as simulation:
+            reports = [simulation.add_solid(mesh, **values)[1] for mesh, values in scene.bodies()]
+            seen = scene.company(simulation).observe()
+        assert all(report["closed"] and not report["repaired"] for report in reports)
+        assert min(report["thinnest_feature"] for report in reports) > 4 * scene.spacing
+        assert seen.get("collider_gap", 1.0) > 0
+
+
+# --- laws of thin bodies ---------------------------------------------------------------------------------------------
 
 
 def test_sides_and_friction_between_bodies_are_laws() -> None:

@@ -111,7 +111,7 @@ CASES = {
     ),
     "flat mesh file": (
         lambda d: surface(d, "m.obj", "v 0.1 0.0 0.0\nv 0.0 0.0 0.1\nv 0.0 0.0 0.0\nf 1 2 3\n"),
-        ["/World/Ball: ", "m.obj: it encloses no volume"],
+        ["/World/Ball: ", "m.obj: it encloses no volume; give it a thickness"],
     ),
 }
 

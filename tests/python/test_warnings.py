@@ -18,6 +18,7 @@ from eulerfsi.run.conditions import CONDITIONS
 from eulerfsi.run.measures import Watched
 from eulerfsi.run.simulate import Options, load_scene, simulate
 from eulerfsi.run.watch import Watch
+from eulerfsi.scene.space import SimulationSpace
 from eulerfsi.solver import binding
 from events import events
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics
@@ -39,6 +40,7 @@ def watched(**changes: Any) -> Watched:
     domain |= {f"wall[{face}]": binding.WALLS["slip"] for face in range(6)} | {"velocity_tolerance": 0.0, "preset": 0}
     domain |= {f"wall_velocity[{face}]": [0.0] * 3 for face in range(6)} | changes.pop("domain", {})
     facts = {"fill": {BALL: 1.0}, "pinned": set(), "drive": 0.0, "moving_walls": False, "noise": 0.0, "fall": 0.0}
+    facts["space"] = SimulationSpace(np.eye(3), np.array([5.0, 0.0, 0.0]), 0.01)
     return Watched(DOMAIN, domain, **(facts | changes))
 
 
@@ -59,7 +61,8 @@ def frame(contacts: tuple[dict[str, Any], ...] = (), fluid: float = 1.0, **chang
 
 
 def meeting(first: str, second: str, depth: float, exchanged: int = 0) -> tuple[dict[str, Any], ...]:
-    return ({"solids": [first, second], "surface_overlap": depth, "exchanged_vertices": exchanged},)
+    pair = {"solids": [first, second], "surface_overlap": depth, "exchanged_vertices": exchanged}
+    return (pair | ({"exchanged_place": [0.1, 0.2, -0.3]} if exchanged else {}),)
 
 
 def energy(kinetic: float, potential: float = 0.0) -> dict[str, Any]:
@@ -136,6 +139,16 @@ def looked_at(scene: Watched, lines: list[dict[str, Any]]) -> tuple[Watch, str]:
 def numbered(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
     frames = [sum(line["event"] == "frame" for line in lines[:k]) + 1 for k in range(len(lines))]
     return [{**line, "frame": number} for line, number in zip(lines, frames, strict=True)]
+
+
+def test_exchanged_sides_are_told_with_their_place_in_the_stage():
+    watch, said = looked_at(*CASES["exchanged_sides"][0][:2])
+    assert "have come out at (15, 20, -30) on another side than they went in" in said
+    assert watch.warnings[0]["place"] == [15.0, 20.0, -30.0]
+    lines = [*GOOD, step(), frame(meeting(BALL, "/World/Rock", 0.4, 3))]
+    del lines[-1]["contacts"]["pairs"][0]["exchanged_place"]
+    watch, said = looked_at(watched(), lines)  # of an older run
+    assert "3 vertices of it and /World/Rock have come out on another side" in said and "place" not in watch.warnings[0]
 
 
 def test_every_condition_has_a_case():
@@ -219,8 +232,14 @@ def test_a_ball_as_heavy_as_what_it_falls_on_is_stiff_goes_through_and_the_run_e
     stage.GetRootLayer().Save()
     done = cli("simulate", tmp_path / "heavy.usda", "-o", tmp_path / "cache")
     assert done.returncode == 4
-    through = r"solid \d \((.*)\) has passed through solid \d \((.*)\): its vertex \d+ has come out on another side"
-    assert set(re.search(through, done.stderr).groups()) == {BALL, "/World/Block"}
+    through = (
+        r"solid \d \((.*)\) has passed through solid \d \((.*)\): its vertex \d+ has come out at "
+        r"\((\S+), (\S+), (\S+)\), on another side than it went in"
+    )
+    *solids, x, y, z = re.search(through, done.stderr).groups()
+    assert set(solids) == {BALL, "/World/Block"}
+    place = np.array([float(x), float(y), float(z)])
+    assert (np.abs(place - (0, 0.1, 0)) < (0.2, 0.14, 0.2)).all(), "it is where the two are"
     manifest = json.loads((tmp_path / "cache/manifest.json").read_text())
     assert manifest["status"] == "failed" and 4 <= len(manifest["frames"]) < 12
 

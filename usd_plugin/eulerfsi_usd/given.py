@@ -17,6 +17,7 @@ from .transforms import first_change, frames_of, motions, moves, stretched, turn
 PINS, PIN_TO, PIN_PRIMVAR = "eulerfsi:pins", "eulerfsi:pinTo", "primvars:eulerfsi:pin"
 _FLAT = 1e-6  # of the extent of a mesh: its thickness where its points lie in one plane
 _HALF_TURN = 0.999 * math.pi
+THICKNESS_OR_PLANE = "use a Plane for a floor or a wall, or give the mesh a thickness"  # what a flat collider needs
 
 
 def targets(solid: Usd.Prim, name: str) -> list[Sdf.Path]:
@@ -35,15 +36,15 @@ def check_collider(prim: Usd.Prim) -> list[Issue]:
 
 
 def _check_flat(prim: Usd.Prim) -> list[Issue]:
-    """A collider's Mesh encloses a volume: its points do not all lie in one plane."""
-    points, counts, _ = mesh_arrays(prim)
+    """A collider's Mesh encloses a volume: the points of its faces do not all lie in one plane."""
+    points, counts, indices = mesh_arrays(prim)
+    points = points[np.unique(indices)]
     away = points - points.mean(axis=0)
     sizes = np.linalg.svd(away, compute_uv=False) if len(points) > 3 else np.zeros(3)
     if sizes[-1] > _FLAT * sizes[0]:
         return []
     value = f"{len(points)} points in one plane ({len(counts)} face{'s' if len(counts) > 1 else ''})"
-    hint = "use a Plane for a floor or a wall, or give the mesh a thickness"
-    return [make_issue(prim, "points", value, "a closed surface with a volume", "FlatCollider", hint)]
+    return [make_issue(prim, "points", value, "a closed surface with a volume", "FlatCollider", THICKNESS_OR_PLANE)]
 
 
 def _check_turns(prim: Usd.Prim) -> list[Issue]:

@@ -76,6 +76,7 @@ def build_simulation(scene: Scene, threads: int, memory_limit: int, log: Log) ->
 
     definition = {**scene.domain, "threads": threads, "memory_limit": memory_limit}
     simulation = Simulation(definition, forward)
+    simulation.point_to_world = scene.space.point_to_world
     made = Build(simulation, definition)
     try:
         kinds = {"solid": [*scene.solids, *scene.colliders], "pin": [*scene.pins, *scene.colliders]}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 
 @dataclasses.dataclass(frozen=True)
@@ -25,9 +26,10 @@ class Condition:
         """A value, or the limit, for people."""
         return f"{100 * value:.3g} %" if self.share else f"{value:.3g}"
 
-    def message(self, value: float, limit: float, other: str) -> str:
-        """The text with its numbers."""
-        return self.text.format(value=self.show(value), limit=self.show(limit), other=other)
+    def message(self, value: float, limit: float, other: str, place: Sequence[float] = ()) -> str:
+        """The text with its numbers. place: world position, or nothing."""
+        where = f" at ({', '.join(f'{x:.4g}' for x in place)})" if place else ""
+        return self.text.format(value=self.show(value), limit=self.show(limit), other=other, place=where)
 
 
 CONDITIONS = {
@@ -46,9 +48,9 @@ CONDITIONS = {
             "surfaces have exchanged sides: vertices have come out of another solid on another side than they went in",
             "any",
             1.0,
-            "{value} vertices of it and {other} have come out on another side than they went in (limit {limit}): the "
-            "two have passed through each other; thicker or stiffer parts, a smaller voxelSize or a smaller "
-            "maxTimeStep keep surfaces apart",
+            "{value} vertices of it and {other} have come out{place} on another side than they went in (limit "
+            "{limit}): the two have passed through each other; thicker or stiffer parts, a smaller voxelSize or a "
+            "smaller maxTimeStep keep surfaces apart",
         ),
         Condition(
             "repaired_cells",

@@ -25,6 +25,8 @@ class FrameContacts:
             if old is None:
                 self._pairs[key] = dict(pair)
                 continue
+            if not old["exchanged_vertices"]:
+                old["exchanged_place"] = pair["exchanged_place"]
             old |= {name: old[name] + pair[name] for name in _SUMS}
             old |= {name: max(old[name], pair[name]) for name in _LARGEST}
             old["impulse"] = [a + b for a, b in zip(old["impulse"], pair["impulse"], strict=True)]
@@ -41,7 +43,8 @@ class FrameContacts:
         for pair in self._in_order():
             share = pair["sticking_rows"] / max(pair["active_rows"], 1)
             solids = [names[identifier] for identifier in pair["solid"]]
-            rest = {name: value for name, value in pair.items() if name not in ("solid", "sticking_rows")}
+            without = {"solid", "sticking_rows"} | ({"exchanged_place"} if not pair["exchanged_vertices"] else set())
+            rest = {name: value for name, value in pair.items() if name not in without}
             pairs.append({"solids": solids, **rest, "sticking_share": share})
         return {"contacts": {"velocity_iterations": self.velocity_iterations, "pairs": pairs}}
 

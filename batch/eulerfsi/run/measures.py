@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..scene.parts import Scene, beyond_faces, face_name, open_faces
+from ..scene.space import SimulationSpace
 from ..solver import binding
 from ..solver.simulation import slab_axis
 from .conditions import CONDITIONS
@@ -21,13 +22,15 @@ _TOLERANCES = {number: 1e-3 if name == "paper2016" else 0.01 for name, number in
 
 @dataclasses.dataclass(frozen=True)
 class Finding:
-    """A value of one frame. other: the second solid, a collider or a wall; limit: where the scene has it."""
+    """A value of one frame. other: the second solid, a collider or a wall; limit: where the scene has it; place: world
+    position, where one is known."""
 
     code: str
     prim: str
     value: float
     other: str = ""
     limit: float | None = None
+    place: tuple[float, ...] = ()
 
 
 @dataclasses.dataclass
@@ -37,7 +40,7 @@ class Watched:
     fill: by path of every incompressible solid, its volume at the start over that at rest; pinned: paths of the pinned
     solids on which something acts; drive: largest speed of jets, wind, walls and sqrt(2 a H); moving_walls: they do
     work; noise: energies below it are rounding; fall: mass of the solids times gravity squared
-    [kg m²/s⁴].
+    [kg m²/s⁴]; space: the stage's, for places.
     """
 
     domain_path: str
@@ -48,6 +51,7 @@ class Watched:
     moving_walls: bool
     noise: float
     fall: float
+    space: SimulationSpace
 
     @classmethod
     def of(cls, scene: Scene) -> Watched:
@@ -60,7 +64,9 @@ class Watched:
         walls = any(any(domain[f"wall_velocity[{face}]"]) for face in range(6))
         mass = sum(s.values["density"] * s.report["solid_volume"] for s in scene.solids)
         fall = mass * float(np.dot(domain["gravity"], domain["gravity"]))
-        return cls(scene.domain_path, domain, fill, pinned, drive(scene), walls, _ROUNDING * stiffness, fall)
+        return cls(
+            scene.domain_path, domain, fill, pinned, drive(scene), walls, _ROUNDING * stiffness, fall, scene.space
+        )
 
 
 def drive(scene: Scene) -> float:
@@ -129,7 +135,9 @@ class Measures:
             first, second = pair["solids"]
             depth, exchanged = number(pair["surface_overlap"]), pair.get("exchanged_vertices", 0)
             yield Finding("folds", first, depth) if first == second else Finding("overlap", first, depth, second)
-            yield Finding("exchanged_sides", first, float(exchanged), second)
+            known = exchanged and "exchanged_place" in pair
+            place = self._scene.space.point_to_world(np.array(pair["exchanged_place"])) if known else ()
+            yield Finding("exchanged_sides", first, float(exchanged), second, place=tuple(map(float, place)))
 
     def _depths_in_walls(self, line: dict[str, Any]) -> Iterator[Finding]:
         walls = (binding.WALLS["slip"], binding.WALLS["noSlip"])

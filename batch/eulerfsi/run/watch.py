@@ -16,7 +16,8 @@ class Watch:
     """Looks at a run through the lines of its stats.jsonl, so that one that is resumed sees what the whole one saw.
 
     warnings: as manifest.json has them, in the order in which they came: "code", "prim", "other" (the second solid, a
-    collider or a wall, "" for none), "frame" and "value" when it came, "limit", "worst", "worst_frame".
+    collider or a wall, "" for none), "frame" and "value" when it came, "limit", "worst", "worst_frame", and "place" in
+    the world where one is known.
     """
 
     def __init__(self, watched: Watched, log: Log) -> None:
@@ -58,7 +59,8 @@ class Watch:
         if key not in self._known:
             facts = {"code": finding.code, "prim": finding.prim, "other": finding.other, "frame": frame}
             worst = {"worst": finding.value, "worst_frame": frame}
-            self._known[key] = {**facts, "value": finding.value, "limit": limit, **worst}
+            where = {"place": list(finding.place)} if finding.place else {}
+            self._known[key] = {**facts, "value": finding.value, "limit": limit, **worst, **where}
             if tell:
                 self._tell(first_text(self._known[key]), self._known[key], finding.value, frame)
         elif finding.value > self._known[key]["worst"]:
@@ -77,7 +79,7 @@ class Watch:
 def first_text(warning: dict[str, Any]) -> str:
     """What is told of an entry of `warnings` when it comes."""
     row = CONDITIONS[warning["code"]]
-    message = row.message(warning["value"], warning["limit"], warning["other"])
+    message = row.message(warning["value"], warning["limit"], warning["other"], warning.get("place", ()))
     return f"{warning['prim']}: frame {warning['frame']}: {message}"
 
 

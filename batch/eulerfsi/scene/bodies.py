@@ -17,7 +17,7 @@ from pxr import Usd, UsdGeom
 
 from ..errors import Cancelled, LibraryError, SceneError
 from ..progress import Progress, Waiting
-from ..reasons import mesh_reason
+from ..reasons import NO_VOLUME, mesh_reason
 from ..signals import Signals
 from ..solver import binding
 from ..solver import simulation as solver
@@ -215,7 +215,10 @@ def _surface_of(
             raise Cancelled(signals.number) from error
         source = getattr(solid, "surface_file", "")
         file = f"{source}: " if source else ""
-        raise SceneError(f"{solid.path}: {file}{mesh_reason(source, error)}") from error
+        reason = mesh_reason(source, error)
+        if isinstance(solid, Collider) and reason.startswith(NO_VOLUME):
+            reason = f"{NO_VOLUME}; {given.THICKNESS_OR_PLANE}"
+        raise SceneError(f"{solid.path}: {file}{reason}") from error
 
 
 def _stretched(solid: Solid, domain: dict[str, Any]) -> solver.Mesh:

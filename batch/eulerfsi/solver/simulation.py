@@ -194,7 +194,8 @@ class Simulation:
     "wall[2]". log(level, message): receives the library's messages.
 
     Attribute names: {"solid 1": the caller's name for it}, likewise "collider 1" and "pin 1"; messages of the library
-    append it to the number, and errors have the first that they name as their `prim`.
+    append it to the number, and errors have the first that they name as their `prim`. point_to_world: what makes the
+    caller's own coordinates of a place, "at (x, y, z) m", in a message; None: they stay.
 
     A method that fails raises LibraryError. Its status (`binding.ERROR_*`) is ERROR_ARGUMENT for an unknown id, a value
     outside its limits and a call at the wrong time, ERROR_MEMORY when memory runs out; docstrings name the others. A
@@ -205,6 +206,7 @@ class Simulation:
         self._lib = library()
         self._handle = c_void_p()
         self.names: dict[str, str] = {}
+        self.point_to_world: Callable[[np.ndarray], np.ndarray] | None = None
         self._surface_points: dict[int, int] = {}  # number of points by id
         self._passenger_points: dict[int, int] = {}
         self._log = (
@@ -244,6 +246,13 @@ class Simulation:
             found.append(self.names[match[0]])
             return f"{match[0]} ({found[-1]})"
 
+        def placed(match: re.Match[str]) -> str:
+            if not self.point_to_world:
+                return match[0]
+            place = self.point_to_world(np.array([float(number) for number in match[1].split(",")]))
+            return f"at ({', '.join(f'{number:.4g}' for number in place)})"
+
+        text = re.sub(r"\bat \((\S+, \S+, \S+)\) m\b", placed, text)
         return re.sub(r"\b(?:solid|collider|pin) \d+\b", with_name, text), found
 
     def add_solid(self, shape: Mesh | Surface, **values: Any) -> tuple[int, dict[str, Any]]:

@@ -116,6 +116,7 @@ typedef struct EfsiContactPair {
   EfsiVec3 impulse;            /**< of solid[0] on solid[1], friction included, summed over rows and steps [N s] */
   uint64_t exchanged_vertices; /**< vertices of either solid that came out of the other one on another side than that by
                                     which they went in: the solids have passed through each other */
+  EfsiVec3 exchanged_place;    /**< where the first of them came out [m]; 0 where there is none */
 } EfsiContactPair;
 
 /** Stages of a step in the energy ledger. */

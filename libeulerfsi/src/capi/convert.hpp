@@ -151,6 +151,7 @@ inline EfsiContactPair to_c(const sim::ContactPair& p) {
   c.normal_impulse = p.normal_impulse;
   c.impulse = to_c(p.impulse);
   c.exchanged_vertices = p.exchanged_vertices;
+  c.exchanged_place = to_c(p.exchanged_place);
   return c;
 }
 

@@ -68,6 +68,7 @@ void add_contacts(const ContactPairs& later, ContactPairs& sums) {
     pair.surface_overlap = std::max(pair.surface_overlap, more.surface_overlap);
     pair.normal_impulse += more.normal_impulse;
     pair.impulse += more.impulse;
+    if (pair.exchanged_vertices == 0) pair.exchanged_place = more.exchanged_place;
     pair.exchanged_vertices += more.exchanged_vertices;
     if (!pair.passed) pair.passed = more.passed;
   }

@@ -52,12 +52,13 @@ std::optional<solid::DeepVertex> remember(const solid::DeepVertex* known, std::s
 // A vertex of a solid has come out on another side.
 void count_vertex(std::size_t solid, const SeenVertex& seen, const solid::DeepVertex& deep, double h,
                   ContactPair& pair) {
+  if (pair.exchanged_vertices == 0) pair.exchanged_place = seen.x;
   ++pair.exchanged_vertices;
   pair.surface_overlap = std::max(pair.surface_overlap, -seen.rest_distance / h);
   if (pair.passed) return;
   const Vec3d in(static_cast<double>(deep.normal[0]), static_cast<double>(deep.normal[1]),
                  static_cast<double>(deep.normal[2]));
-  if (thickness(seen, in, h) > kThick) pair.passed = {solid, seen.vertex};
+  if (thickness(seen, in, h) > kThick) pair.passed = PassedVertex{solid, seen.vertex, seen.x};
 }
 
 }  // namespace

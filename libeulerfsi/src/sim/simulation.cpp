@@ -253,12 +253,14 @@ std::string Simulation::passed_through(const StepInfo& info) const {
   if (!params_.numerics.unilateral_walls) return {};
   for (const ContactPair& pair : info.contacts) {
     if (!pair.passed) continue;
-    const auto& [solid, vertex] = *pair.passed;
+    const auto& [solid, vertex, place] = *pair.passed;
     const std::size_t other = solid == pair.one ? pair.other : pair.one;
-    return "solid " + std::to_string(solid + 1) + " has passed through solid " + std::to_string(other + 1) +
-           ": its vertex " + std::to_string(vertex) +
-           " has come out on another side than it went in; stiffer or thicker parts, smaller voxels or a lower speed "
-           "may keep them apart";
+    std::ostringstream text;
+    text << "solid " << solid + 1 << " has passed through solid " << other + 1 << ": its vertex " << vertex
+         << " has come out at (" << place[0] << ", " << place[1] << ", " << place[2]
+         << ") m, on another side than it went in; stiffer or thicker parts, smaller voxels or a lower speed may keep "
+            "them apart";
+    return text.str();
   }
   return {};
 }

@@ -21,9 +21,9 @@ class Absent(Exception):
     """The scene needs a mesh file that is not here."""
 
 
-def make_solid(draw: Draw) -> tuple[str, Made]:
-    """The shape in words, points and triangles. Raises Absent."""
-    kind = draw.one_of("shape")
+def make_solid(draw: Draw, kinds: str = "shape") -> tuple[str, Made]:
+    """The shape in words, points and triangles. kinds: table of their weights. Raises Absent."""
+    kind = draw.one_of(kinds)
     words, (points, triangles) = MAKERS[kind](draw)
     points = points - (points.min(axis=0) + points.max(axis=0)) / 2
     return words, (points / np.ptp(points, axis=0).max(), triangles)
@@ -61,6 +61,15 @@ def capsule(draw: Draw) -> tuple[str, Made]:
     rings = np.concatenate([ring, np.full(len(middle), radius), ring[::-1]])
     heights = np.concatenate([height, middle, -height[::-1]])
     return f"capsule, radius {radius:.2f}", revolved(rings, heights, around)
+
+
+def cylinder(draw: Draw) -> tuple[str, Made]:
+    """About the y axis, of height 1."""
+    radius, rows, around = draw.number("cylinder_radius"), 7, 48
+    cap, height = radius * np.linspace(0, 1, rows)[1:], np.linspace(0.5, -0.5, 15)[1:-1]
+    rings = np.concatenate([cap, np.full(len(height), radius), cap[::-1]])
+    heights = np.concatenate([np.full(len(cap), 0.5), height, np.full(len(cap), -0.5)])
+    return f"cylinder, radius {radius:.2f} of its height", revolved(rings, heights, around)
 
 
 def revolved(rings: np.ndarray, heights: np.ndarray, around: int) -> Made:
@@ -105,7 +114,15 @@ def loaded(name: str) -> Made:
     return read.points.astype(float), read.triangles()
 
 
-MAKERS = {"sphere": sphere, "box": box, "torus": torus, "capsule": capsule, "superquadric": superquadric, "mesh": mesh}
+MAKERS = {
+    "sphere": sphere,
+    "box": box,
+    "torus": torus,
+    "capsule": capsule,
+    "cylinder": cylinder,
+    "superquadric": superquadric,
+    "mesh": mesh,
+}
 
 
 def center_of_volume(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:

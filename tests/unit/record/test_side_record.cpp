@@ -1,4 +1,5 @@
 // Purpose: vertices that come out of another solid on another side than that by which they went in.
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <vector>
 
@@ -36,7 +37,11 @@ std::uint64_t exchanged(TwoSolids& s, const std::vector<Vec3d>& places, bool thi
   if (pairs.empty()) return 0;
   CHECK((pairs[0].one == 0 && pairs[0].other == 1 && pairs[0].steps == 0));
   CHECK(pairs[0].passed.has_value() == thick);
-  if (thick) CHECK(pairs[0].passed == std::pair<std::size_t, std::size_t>(1, 0));
+  if (thick) CHECK((pairs[0].passed->solid == 1 && pairs[0].passed->vertex == 0));
+  const Vec3d out = pairs[0].exchanged_place;  // at the first place beyond the plate
+  CHECK(out ==
+        kMiddle + kSmall * *std::find_if(places.begin(), places.end(), [](const Vec3d& x) { return x[0] > 2.0; }));
+  if (thick) CHECK(pairs[0].passed->place == out);
   return pairs[0].exchanged_vertices;
 }
 
