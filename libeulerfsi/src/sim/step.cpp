@@ -82,10 +82,8 @@ void compute_materials(const StepContext& step, SolidWorks& solids, SolidStates&
 // Which cells of solid l carry stiffness and which touch a collider, for the next step's choice.
 void remember_elements(const StepContext& step, std::size_t l, const VelocityEquation& elasticity,
                        const solid::SolidWork& work, solid::SolidState& state) {
-  if (has_element_hysteresis(is_on_wall(elasticity.walls, l), work.max_speed * step.dt / step.scene.grid.h))
-    solid::remember_elements(work, state);
-  else
-    state.stiff.clear();
+  const double cells = work.max_speed * step.dt / step.scene.grid.h;
+  solid::remember_elements(work, has_element_hysteresis(is_on_wall(elasticity.walls, l), cells), state);
   for (const RowPlace& place : elasticity.contacts.places)
     if (place.room > 0.0 && (place.solids[0] == l || place.solids[1] == l))
       solid::remember_room(place.cell, place.room, state);
@@ -167,6 +165,7 @@ void settle(const StepContext& step, const std::vector<VolumeTarget>& targets, S
   work.masses_ready = numerics.repair_map || numerics.conserve_momentum;
   if (work.masses_ready) {
     compute_masses(step, states, solids);
+    settle_entering(step, states, solids);
     remove_departed(step, states, solids);
     restore_centers(step, work.momenta, states, solids);
     ledger.arrive();

@@ -30,9 +30,9 @@ struct Threshold {
   Real fraction = Real(0.6), lag = Real(0.1);
 };
 
-// What the choice of elements remembers of a cell (SolidState::stiff): whether it carried stiffness in the last step,
-// or that this does not count; beside a collider, times kRoomUnit, the part of the cell that the solid can fill.
-enum CellMemory : std::uint8_t { kCarried = 1, kNotRemembered = 2, kRoomUnit = 4 };
+// What the choice of elements remembers of a cell (SolidState::stiff): whether it carried stiffness in the last step;
+// that it has no lag; beside a collider, times kRoomUnit, the part of the cell that the solid can fill.
+enum CellMemory : std::uint8_t { kCarried = 1, kNoLag = 2, kRoomUnit = 4 };
 
 // What the caller says of a solid and the steps read as it is: a parameter becomes a member here and nowhere else.
 struct Properties {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "solid/element/entering.hpp"
 #include "solid/element/repair.hpp"
 
 namespace efsi::sim {
@@ -38,6 +39,12 @@ void inspect_maps(const std::vector<solid::SolidRest>& rest, const SolidWorks& w
     out.clamped += w.degenerate;
     out.rejected += w.rejected;
   }
+}
+
+void settle_entering(const StepContext& step, SolidStates& states, SolidWorks& solids) {
+  ScopedTimer timer(step.profile, Stage::kSolidMass);
+  for (std::size_t l = 0; l < step.scene.solids.size(); ++l)
+    solid::settle_entering(step.parallel, step.scene.solids[l], states[l], solids[l]);
 }
 
 void repair_maps(const StepContext& step, SolidStates& states, SolidWorks& solids) {

@@ -186,7 +186,7 @@ TEST_CASE("Solids of a checkpoint start another scene of the same box") {
   auto first = scene();
   for (int n = 0; n < 3; ++n) first->step(0.02);
   sim::State deep = first->state();
-  deep.solids[0].deep = {{0, 1, {0, 1, 0}, Real(0.1)}};  // in a solid that the other scene has not
+  deep.solids[0].deep = {{0, 1, {0, 1, 0}}};  // in a solid that the other scene has not
   first->set_state(std::move(deep));
   sim::save_checkpoint(*first, file.name());
   const auto alone = [](double density, double voxel, Vec3d center) {

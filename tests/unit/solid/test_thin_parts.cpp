@@ -112,7 +112,7 @@ TEST_CASE("Slivers of thin parts are elements; the solid's own cells are those t
     if (knows) s.rest.thin = solid::ThinParts(Parallel(2), s.rest.distance, kH);
     solid::compute_mass(Parallel(2), s.rest, s.state, s.work);
     if (remembers) {
-      solid::remember_elements(s.work, s.state);  // slivers are not remembered
+      solid::remember_elements(s.work, true, s.state);  // slivers are not remembered
       solid::compute_mass(Parallel(2), s.rest, s.state, s.work);
     }
     std::vector<bool> now;

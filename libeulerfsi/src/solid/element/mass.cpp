@@ -48,14 +48,14 @@ Real least_fraction(const SolidRest& rest, const SolidState& state, std::size_t 
   const auto [fraction, lag] = rest.element;
   if (state.stiff.empty()) return fraction;
   const std::uint8_t memory = state.stiff[c];
-  const bool carried = (memory & kCarried) != 0;
+  const bool lags = (memory & kNoLag) == 0, carried = lags && (memory & kCarried) != 0;
   if (memory >= kRoomUnit) {  // beside a collider
     const double room = static_cast<double>(memory / kRoomUnit) / kRoomUnits;
     const Real part = std::min(static_cast<Real>(kRoomPart * std::max(room, kLeastRoom)), fraction);
     if (carried) return part - lag;
     if (room > kLeastRoom) return part;
   }
-  if ((memory & kNotRemembered) != 0) return fraction;
+  if (!lags) return fraction;
   return carried ? fraction - lag : fraction + lag;
 }
 
@@ -373,9 +373,11 @@ double bulk_weight(const SolidRest& rest, const SolidWork& work, std::size_t e) 
   return work.element_weight * work.factor(e);
 }
 
-void remember_elements(const SolidWork& work, SolidState& state) {
+void remember_elements(const SolidWork& work, bool lag, SolidState& state) {
   state.stiff.resize(work.element.size());
-  for (std::size_t c = 0; c < work.element.size(); ++c) state.stiff[c] = work.owns(c) ? kCarried : 0;
+  const int all = lag ? 0 : kNoLag;
+  for (std::size_t c = 0; c < work.element.size(); ++c)
+    state.stiff[c] = static_cast<std::uint8_t>(all | (work.owns(c) ? kCarried : 0));
 }
 
 void remember_room(const Vec3i& cell, double room, SolidState& state) {
@@ -385,7 +387,7 @@ void remember_room(const Vec3i& cell, double room, SolidState& state) {
     local[a] = cell[a] - g.lo[a];
     if (local[a] < 0 || local[a] >= g.cells[a]) return;
   }
-  if (state.stiff.empty()) state.stiff.assign(g.cell_count(), kNotRemembered);
+  if (state.stiff.empty()) state.stiff.assign(g.cell_count(), kNoLag);
   std::uint8_t& memory = state.stiff[g.cell(local[0], local[1], local[2])];
   memory = static_cast<std::uint8_t>((memory & (kRoomUnit - 1)) | (kRoomUnit * std::lround(kRoomUnits * room)));
 }

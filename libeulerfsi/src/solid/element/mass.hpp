@@ -35,8 +35,8 @@ void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidSt
 // weight.
 double bulk_weight(const SolidRest& rest, const SolidWork& work, std::size_t e);
 
-// Keeps which cells carry stiffness for the next compute_mass: state.stiff.
-void remember_elements(const SolidWork& work, SolidState& state);
+// Keeps which cells carry stiffness for the next compute_mass, and whether its choice lags: state.stiff.
+void remember_elements(const SolidWork& work, bool lag, SolidState& state);
 // Likewise the room beside a collider in a cell of the box, 0 to 1; nothing outside the band.
 void remember_room(const Vec3i& cell, double room, SolidState& state);
 

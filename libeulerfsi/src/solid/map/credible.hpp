@@ -15,7 +15,8 @@ inline constexpr StretchBounds kElementStretch = {0.1, 10.0};   // of an element
 inline constexpr StretchBounds kPlausibleStretch = {0.2, 5.0};  // of what is extrapolated in part, or has a wrong det F
 inline constexpr StretchBounds kCutStretch = {0.25, 4.0};       // across the surface in a cell that it cuts
 inline constexpr StretchBounds kSurfaceStretch = {0.4, 2.5};    // from the surface outwards; of what is repaired
-inline constexpr StretchBounds kSliverStretch = {1.0 / 1.5, 1.5};  // of a sliver (docs/numerics/thin-parts.md)
+inline constexpr StretchBounds kSliverStretch = {1.0 / 1.5, 1.5};    // of a sliver (docs/numerics/thin-parts.md)
+inline constexpr StretchBounds kEnteringStretch = {1.0 / 1.5, 1.5};  // of a new element, against those beside it
 
 inline constexpr double kMostDetF = 10.0;  // of a cell, or the inverse; what is inverted has it
 

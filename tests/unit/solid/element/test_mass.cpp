@@ -92,7 +92,7 @@ TEST_CASE("Beside a collider a cell carries stiffness when half of what the soli
   const auto [fraction, lag] = solid::kElementPartInFluid;
   const double room = GENERATE(0.4, 0.75, 1.0);
   const bool lags = GENERATE(false, true);
-  if (lags) solid::remember_elements(s.work, s.state);
+  solid::remember_elements(s.work, lags, s.state);
   for (int k = 0; k < g.cells[2]; ++k)
     for (int j = 0; j < g.cells[1]; ++j)
       for (int i = 0; i < g.cells[0]; ++i) solid::remember_room({i + g.lo[0], j + g.lo[1], k + g.lo[2]}, room, s.state);
@@ -119,7 +119,7 @@ TEST_CASE("Cells take up stiffness later and drop it later than half full") {
     return marks;
   };
   const auto fresh = stiff();
-  solid::remember_elements(s.work, s.state);
+  solid::remember_elements(s.work, true, s.state);
   CHECK(s.state.stiff == fresh);
   CHECK(stiff() == fresh);  // a solid at rest keeps its elements
   for (const bool before : {false, true}) {
