@@ -9,6 +9,7 @@ import os
 import signal
 import subprocess
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from eulerfsi.solver.simulation import Surface  # noqa: E402
 from loop import energy_laws, given_laws, measure, shapes, survival, table, wall_laws  # noqa: E402
 from loop.experiment import Experiment  # noqa: E402
 from loop.laws import Line  # noqa: E402
+from loop.symmetry import mirror_gaps  # noqa: E402
 
 VOLUMES = {  # m^3
     "ball": 4 / 3 * math.pi * 0.1**3,
@@ -242,3 +244,30 @@ def test_an_interrupt_keeps_the_runs_that_are_finished(library, tmp_path) -> Non
     assert "were not made: interrupted" in answer
     rows = [line for line in table_file.read_text().splitlines() if line.startswith(("| jet |", "| channel |"))]
     assert "interrupted" in table_file.read_text() and rows
+
+
+class _Mirrored:
+    """A simulation of 4^3 cells whose solid, half of every cell and moving along y, is its mirror image but for what a
+    test changes."""
+
+    def __init__(self) -> None:
+        self.fraction = np.full((1, 4, 4, 4), 0.6)
+        self.solid, self.fluid = np.zeros((3, 5, 5, 5)), np.zeros((3, 5, 5, 5))
+        self.solid[1] = -1.0
+
+    def field(self, name: str, solid: int = 0) -> tuple[np.ndarray, dict[str, Any]]:
+        values = {"solid_fraction": self.fraction, "velocity": self.fluid, "solid_velocity": self.solid}[name]
+        return values.copy(), {"origin": (0.0, 0.0, 0.0), "spacing": 0.1}
+
+
+def test_a_cell_that_is_half_solid_on_one_side_alone_is_no_gap_of_velocities() -> None:
+    simulation: Any = _Mirrored()
+    assert all(mirror_gaps(simulation)[f"mirror_{field}"] == 0.0 for field in ("fraction", "solid", "fluid"))
+    simulation.fraction[0, 0] = (0.5 + 1e-6, 0.5 - 1e-6, 0.5 + 1e-6, 0.5 - 1e-6)
+    gaps = mirror_gaps(simulation)
+    assert gaps["mirror_solid"] == 0.0
+    assert gaps["mirror_fraction"] > 0.09
+    simulation.solid[1, 2, 2, 2] += 0.1  # in the middle
+    simulation.solid[1, 1, 2, 2] += 0.1
+    assert mirror_gaps(simulation)["mirror_solid"] == pytest.approx(0.1)
+    assert mirror_gaps(simulation)["mirror_speed"] == 1.0

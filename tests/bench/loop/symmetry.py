@@ -29,7 +29,8 @@ def corners_of(cells: np.ndarray) -> np.ndarray:
 
 def mirror_gaps(simulation: Simulation) -> dict[str, float]:
     """Largest gaps across the middle planes: of the volume fractions, of the velocity of solid 1 at the corners of
-    cells that are more than half solid and of the fluid's [m/s]; and the largest speed component there [m/s].
+    cells that are more than half solid, on both sides, and of the fluid's [m/s]; and the largest speed component there
+    [m/s].
     """
     fraction = simulation.field("solid_fraction")[0]
     fluid, grid = simulation.field("velocity")
@@ -37,10 +38,11 @@ def mirror_gaps(simulation: Simulation) -> dict[str, float]:
     lower = np.rint((np.array(band["origin"]) - np.array(grid["origin"])) / band["spacing"]).astype(int)
     solid = np.zeros_like(fluid)
     solid[(slice(None), *(slice(at, at + n) for at, n in zip(lower, own.shape[1:], strict=True)))] = own
-    solid *= corners_of(fraction[0] > 0.5)
+    inside = corners_of(fraction[0] > 0.5)
+    solid *= inside
     return {
         "mirror_fraction": max(gap(fraction, axis) for axis in MIRRORED),
-        "mirror_solid": max(gap(solid, axis) for axis in MIRRORED),
+        "mirror_solid": max(gap(solid * np.flip(inside, axis), axis) for axis in MIRRORED),
         "mirror_fluid": max(gap(fluid, axis) for axis in MIRRORED),
         "mirror_speed": float(max(np.abs(solid).max(), np.abs(fluid).max())),
     }
