@@ -1,11 +1,9 @@
 #include "solid/element/entering.hpp"
 
 #include <Eigen/Dense>
-#include <algorithm>
-#include <array>
-#include <cstdlib>
 #include <map>
 
+#include "solid/element/beside.hpp"
 #include "solid/element/mass.hpp"
 #include "solid/hexahedron.hpp"
 #include "solid/map/credible.hpp"
@@ -44,18 +42,14 @@ CellField field_of(const SolidState& state, const Vec3i& cell) {
 CellField extend_from(const SolidState& state, const SolidWork& work, const Vec3i& cell, int better_than, int axes) {
   const Grid& g = state.band.grid;
   CellField mean;
-  for (int k = std::max(cell[2] - 1, 0); k <= std::min(cell[2] + 1, g.cells[2] - 1); ++k)
-    for (int j = std::max(cell[1] - 1, 0); j <= std::min(cell[1] + 1, g.cells[1] - 1); ++j)
-      for (int i = std::max(cell[0] - 1, 0); i <= std::min(cell[0] + 1, g.cells[0] - 1); ++i) {
-        const Vec3i apart{cell[0] - i, cell[1] - j, cell[2] - k};
-        if (std::abs(apart[0]) + std::abs(apart[1]) + std::abs(apart[2]) != axes) continue;
-        if (work.element[g.cell(i, j, k)] < 0) continue;
-        const CellField field = field_of(state, {i, j, k});
-        if (field.known <= better_than) continue;
-        mean.middle += field.known * (field.middle + g.h * (field.gradient * Vec3d(apart[0], apart[1], apart[2])));
-        mean.gradient += field.known * field.gradient;
-        mean.known += field.known;
-      }
+  visit_beside(g, work, cell, axes, [&](std::size_t, const Vec3i& place) {
+    const CellField field = field_of(state, place);
+    if (field.known <= better_than) return;
+    const Vec3d apart(cell[0] - place[0], cell[1] - place[1], cell[2] - place[2]);
+    mean.middle += field.known * (field.middle + g.h * (field.gradient * apart));
+    mean.gradient += field.known * field.gradient;
+    mean.known += field.known;
+  });
   if (mean.known == 0) return mean;
   mean.middle /= mean.known;
   mean.gradient /= mean.known;
