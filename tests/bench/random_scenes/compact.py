@@ -8,12 +8,12 @@ import math
 import numpy as np
 
 from .company import Held
-from .contact import Body, find_place, lay, scene_values
+from .contact import Body, find_place, impact_pressures, lay, reach_of, scene_values, weigh
 from .draw import Draw, constant
 from .everything import NO_TRIANGLES, EverythingScene, collider_region
 from .regions import Path, Region
-from .scenes import ADDED_MASS, draw_gravity, draw_ratio, weight_ratio
-from .solids import Made, center_of_volume, make_solid
+from .scenes import draw_gravity, draw_ratio, weight_ratio
+from .solids import Made, make_solid
 
 FLOOR = 2  # the face -y
 
@@ -124,34 +124,30 @@ def compact_bodies(
     box: np.ndarray,
 ) -> tuple[tuple[Body, ...], float]:
     """The bodies, as soft as what the fastest impact may come to allows, and its speed [m/s]."""
-    fluid = 0.0 if ratio is None else 1000.0 / max(1.0, ratio)
-    first = 1000.0 * min(1.0, ratio or 1.0)
-    densities = [first * (d.number("other_density") if k else 1.0) for k, d in enumerate(draws)]
-    reaches = [float(np.linalg.norm(points - center_of_volume(points, t), axis=1).max()) for points, t in surfaces]
+    densities, fluid = weigh(draws, ratio)
+    reaches = [reach_of(surface) for surface in surfaces]
     thrown = float(np.linalg.norm(velocities[0]) + np.linalg.norm(spins[0]) * reaches[0])
     fall = max(abs(weight_ratio(None if ratio is None else density / fluid)) for density in densities) * np.abs(pull)
     fastest = min(thrown + float(np.linalg.norm(fall)) * duration, math.sqrt(thrown**2 + 2 * float(fall @ box)))
-    energy = (max(densities) + ADDED_MASS * fluid) * fastest**2 / 2
-    load = sum(abs(density - fluid) for density in densities) * float(np.linalg.norm(pull)) * max(sizes)
+    pressures = impact_pressures(draws, "compact_pressure", densities, fluid, fastest, pull, max(sizes))
     friction = 0.0 if draws[0].happens("frictionless") else draws[0].number("friction")
-    moduli = [max(energy / d.number("compact_pressure"), load / constant("sag")) for d in draws]
     parts = tuple(
         Body(
             shape=words[k],
             size=sizes[k],
             place=tuple(map(float, places[k])),
             density=densities[k],
-            youngs_modulus=moduli[k],
+            youngs_modulus=modulus,
             poissons_ratio=d.number("compact_poissons_ratio"),
             compressible=True,
             material="stableNeoHookean" if d.happens("neo_hookean") else "corotational",
             friction=friction,
             velocity=tuple(map(float, velocities[k])),
             spin=tuple(map(float, spins[k])),
-            impact_pressure=energy / moduli[k],
+            impact_pressure=pressure,
             reach=reaches[k],
             surface=surfaces[k],
         )
-        for k, d in enumerate(draws)
+        for k, (d, (modulus, pressure)) in enumerate(zip(draws, pressures, strict=True))
     )
     return parts, fastest

@@ -202,38 +202,64 @@ def make_bodies(
     others: Sequence[float] = (),
 ) -> tuple[tuple[Body, ...], float]:
     """The solids, as stiff as the fastest impact asks for, and its speed [m/s]. others: speeds of what is no solid."""
-    fluid = 0.0 if ratio is None else 1000.0 / max(1.0, ratio)
-    densities = [
-        1000.0 * min(1.0, ratio or 1.0) * (d.number("other_density") if k else 1.0) for k, d in enumerate(draws)
-    ]
+    densities, fluid = weigh(draws, ratio)
     ratios = [None if ratio is None else density / fluid for density in densities]
     fall = max(float(np.abs(weight_ratio(r) * pull) @ box) for r in ratios) * (constant("pile_fall") if pile else 1.0)
-    reaches = [float(np.linalg.norm(points - center_of_volume(points, t), axis=1).max()) for points, t in surfaces]
+    reaches = [reach_of(surface) for surface in surfaces]
     speeds = np.linalg.norm(velocities, axis=1) + np.linalg.norm(spins, axis=1) * reaches
     fastest = max(math.sqrt(max(speeds.max(), *others, 0.0) ** 2 + 2 * fall), constant("slowest") * sizes[0])
-    energy = (max(densities) + ADDED_MASS * fluid) * fastest**2 / 2
-    load = sum(abs(density - fluid) for density in densities) * float(np.linalg.norm(pull)) * max(sizes)
-    moduli = [max(energy / d.number("impact_pressure"), load / constant("sag")) for d in draws]
+    pressures = impact_pressures(draws, "impact_pressure", densities, fluid, fastest, pull, max(sizes))
     parts = tuple(
         Body(
             shape=words[k],
             size=sizes[k],
             place=tuple(map(float, places[k])),
             density=densities[k],
-            youngs_modulus=moduli[k],
+            youngs_modulus=modulus,
             poissons_ratio=draw_poisson(d),
             compressible=d.happens("compressible"),
             material="stableNeoHookean" if d.happens("neo_hookean") else "corotational",
             friction=0.0 if d.happens("frictionless") else d.number("friction"),
             velocity=tuple(map(float, velocities[k])),
             spin=tuple(map(float, spins[k])),
-            impact_pressure=energy / moduli[k],
+            impact_pressure=pressure,
             reach=reaches[k],
             surface=surfaces[k],
         )
-        for k, d in enumerate(draws)
+        for k, (d, (modulus, pressure)) in enumerate(zip(draws, pressures, strict=True))
     )
     return parts, fastest
+
+
+def weigh(draws: list[Draw], ratio: float | None, alike: bool = False) -> tuple[list[float], float]:
+    """Densities of the solids and of the fluid, 0 for none [kg/m^3]. ratio: of the first solid's to the fluid's; alike:
+    the others are as dense."""
+    first = 1000.0 * min(1.0, ratio or 1.0)
+    densities = [first * (d.number("other_density") if k and not alike else 1.0) for k, d in enumerate(draws)]
+    return densities, 0.0 if ratio is None else 1000.0 / max(1.0, ratio)
+
+
+def reach_of(surface: Made) -> float:
+    """How far a shape reaches from its centre of volume [m]."""
+    points, triangles = surface
+    return float(np.linalg.norm(points - center_of_volume(points, triangles), axis=1).max())
+
+
+def impact_pressures(
+    draws: list[Draw],
+    part: str,
+    densities: list[float],
+    fluid: float,
+    fastest: float,
+    pull: np.ndarray,
+    largest: float,
+) -> list[tuple[float, float]]:
+    """Young's modulus of each solid [Pa], and the part of it that the pressure of the fastest impact is: the number
+    `part` of its draw, or less where its weight would let it sag. largest: of their sizes [m]."""
+    energy = (max(densities) + ADDED_MASS * fluid) * fastest**2 / 2
+    load = sum(abs(density - fluid) for density in densities) * float(np.linalg.norm(pull)) * largest
+    moduli = [max(energy / d.number(part), load / constant("sag")) for d in draws]
+    return [(modulus, energy / modulus) for modulus in moduli]
 
 
 def lay(draw: Draw, size: float, made: Made) -> Made:

@@ -11,10 +11,9 @@ from loop import thin_shapes
 from loop.thin_shapes import Shape
 from loop.watch import Given, Thin, Watch
 
-from .contact import Body, ContactScene, scene_values
+from .contact import Body, ContactScene, reach_of, scene_values, weigh
 from .draw import Draw, constant
 from .scenes import ADDED_MASS, draw_poisson, draw_ratio
-from .solids import center_of_volume
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,11 +86,9 @@ def thin_bodies(
     draw: Draw, plan: Plan, shapes: tuple[Shape, ...], ratio: float | None, pull: np.ndarray, size: float
 ) -> tuple[tuple[Body, ...], float]:
     """The solids, as stiff as the fastest impact asks for, and its speed [m/s]."""
-    fluid = 0.0 if ratio is None else 1000.0 / max(1.0, ratio)
-    first = 1000.0 * min(1.0, ratio or 1.0)
     draws = [Draw(draw.seed, f"{draw.scene} solid {k}") for k in range(len(shapes))]
     alike = "link" in plan.names[0]
-    densities = [first * (draws[k].number("other_density") if k and not alike else 1.0) for k in range(len(shapes))]
+    densities, fluid = weigh(draws, ratio, alike)
     speeds = [float(np.linalg.norm(velocity)) for velocity in plan.velocities]
     moved = max([0.0, *(float(np.linalg.norm(given.velocity)) for given in plan.given)])
     fall = float(np.linalg.norm(pull)) * size * (constant("pile_fall") if plan.given else 1.0)
@@ -104,7 +101,6 @@ def thin_bodies(
         own = draw if alike else d
         modulus = max(energy / own.number("thin_pressure"), load / constant("thin_sag"))
         middle = (shape.points.min(axis=0) + shape.points.max(axis=0)) / 2
-        reach = np.linalg.norm(shape.points - center_of_volume(shape.points, shape.triangles), axis=1).max()
         bodies.append(
             Body(
                 shape=plan.names[k],
@@ -119,7 +115,7 @@ def thin_bodies(
                 velocity=tuple(map(float, plan.velocities[k])),
                 spin=(0.0, 0.0, 0.0),
                 impact_pressure=energy / modulus,
-                reach=float(reach),
+                reach=reach_of((shape.points, shape.triangles)),
                 surface=(shape.points - middle, shape.triangles),
             )
         )
