@@ -158,7 +158,7 @@ std::vector<FoundRow> find_folds(const StepContext& step, std::size_t l, const s
                                           rest.fold_points[static_cast<std::size_t>(other)], b),
                                   h);
     row.place = {{l, l}, {one, other, 0}, distance - skin, skin, false};
-    row.contact.least = least_velocity(row.place.gap, h, step.dt);
+    row.contact.least = least_velocity(row.place.gap, step);
     const auto add = [&](const Side& side, double along, double sign) {
       add_parts(state.band.grid, *side.element, common, middle + along * distance * row.contact.normal, sign,
                 row.contact.parts);

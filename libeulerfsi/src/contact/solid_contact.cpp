@@ -188,7 +188,7 @@ std::optional<FoundRow> find_row(const StepContext& step, const SolidStates& sta
   FoundRow row{{{pair.one, pair.other}, place_in_box, gap, kContactSkin * g.h, room, false}, {}};
   system::ContactRow& contact = row.contact;
   contact.normal = normal;
-  contact.least = least_velocity(gap, g.h, step.dt);
+  contact.least = least_velocity(gap, step);
   contact.friction = 0.5 * (step.scene.solids[pair.one].friction + step.scene.solids[pair.other].friction);
   const auto add = [&](std::size_t l, double along, double sign) {
     const Vec3d end = x + along * contact.normal;

@@ -152,13 +152,14 @@ LastPresses last_presses(const solid::SolidState& solid) {
 
 // Whether a row is active, and its friction. before: along `out`, at the start of the step; v: without the
 // solid's own forces; fast: the solid is not at rest.
-void decide(const solid::WallImpulse* last, double h, double dt, bool fast, double friction, Real before, const Vec3& v,
-            WallRow& row) {
+void decide(const StepContext& step, const solid::WallImpulse* last, bool fast, double friction, Real before,
+            const Vec3& v, WallRow& row) {
+  const double h = step.scene.grid.h;
   // Vertices a little deeper than the columns do not activate a row, and those of a solid at rest come and go at the
   // edge of a footprint.
   const double seen = row.vertex > 0.0 ? row.vertex : std::min(0.0, row.vertex + kBetween * h);
   if (fast || seen < 0.0) row.gap = std::min(row.gap, seen);
-  row.least = static_cast<Real>(least_velocity(row.gap, h, dt));
+  row.least = static_cast<Real>(least_velocity(row.gap, step));
   const bool was_active = last && last->force > 0;
   if (last && row.gap < kTouches * h) {
     row.holds = was_active;
@@ -167,7 +168,7 @@ void decide(const solid::WallImpulse* last, double h, double dt, bool fast, doub
     row.holds = before < row.least;
   }
   if (!row.holds || !was_active) return;
-  row.limit = static_cast<Real>(friction * static_cast<double>(last->force) * dt);
+  row.limit = static_cast<Real>(friction * static_cast<double>(last->force) * step.dt);
   if (!(row.limit > 0)) return;
   row.friction_state = last->slides ? FrictionState::kSlides : FrictionState::kSticks;
   if (row.friction_state == FrictionState::kSticks) return;
@@ -209,8 +210,8 @@ std::vector<WallRow> find_rows(const StepContext& step, const SolidStates& state
         const std::size_t node =
             band.node(row.place[0] - band.lo[0], row.place[1] - band.lo[1], row.place[2] - band.lo[2]);
         const auto held = last.find({row.place[0], row.place[1], row.place[2], row.axis});
-        decide(held == last.end() ? nullptr : held->second, step.scene.grid.h, step.dt, fast,
-               step.scene.solids[l].friction, row.out * own.c[static_cast<std::size_t>(row.axis)][node],
+        decide(step, held == last.end() ? nullptr : held->second, fast, step.scene.solids[l].friction,
+               row.out * own.c[static_cast<std::size_t>(row.axis)][node],
                velocity.slip.velocity_of(l, row.node, velocity.field), row);
         axes[{l, row.node}] |= bit(row.axis);
       }

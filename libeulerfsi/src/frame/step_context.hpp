@@ -12,7 +12,8 @@ namespace efsi::sim {
 struct StepContext {
   const Parallel& parallel;
   const Scene& scene;
-  double time, dt;  // at the start of the step, of the step [s]
+  double time, dt;    // at the start of the step, of the step [s]
+  double planned_dt;  // what the limits allow [s]; longer than dt where the step is repeated
   Profile& profile;
   StepInfo& info;
 };

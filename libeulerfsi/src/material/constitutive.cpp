@@ -20,6 +20,8 @@ double bulk_energy(double kappa, double J) { return 0.5 * kappa * (J - 1.0) * (J
 
 namespace {
 
+constexpr double kFlat = 0.1;  // principal stretch that no element falls below
+
 // psi = mu sum (s_i - 1)^2 + lambda/2 (sum s_i - 3)^2
 PrincipalResponse corotational(double mu, double lambda, const Vec3d& s) {
   PrincipalResponse r;
@@ -82,9 +84,7 @@ PrincipalResponse st_venant_kirchhoff(double mu, double lambda, const Vec3d& s) 
   return r;
 }
 
-}  // namespace
-
-PrincipalResponse principal_response(const Elastic& material, const Vec3d& stretch) {
+PrincipalResponse response_of(const Elastic& material, const Vec3d& stretch) {
   switch (material.law) {
     case Law::kStableNeoHookean:
       return stable_neo_hookean(material.mu, material.lambda, stretch);
@@ -94,6 +94,34 @@ PrincipalResponse principal_response(const Elastic& material, const Vec3d& stret
       break;
   }
   return corotational(material.mu, material.lambda, stretch);
+}
+
+// psi += mu sum (c / s_i - 1 + log(s_i / c)) of the s_i < c = kCrushed, continued below kFlat to second order.
+void harden(double mu, const Vec3d& s, PrincipalResponse& r) {
+  Vec3d stress = Vec3d::Zero(), slope = Vec3d::Zero();
+  for (int i = 0; i < 3; ++i) {
+    if (!(s[i] < kCrushed)) continue;
+    const double x = std::max(s[i], kFlat), below = s[i] - x, at = mu * (x - kCrushed) / (x * x);
+    slope[i] = mu * (2.0 * kCrushed - x) / (x * x * x);
+    stress[i] = at + slope[i] * below;
+    r.energy += mu * (kCrushed / x - 1.0 + std::log(x / kCrushed)) + (at + 0.5 * slope[i] * below) * below;
+  }
+  r.stress += stress;
+  r.hessian += Mat3d(slope.asDiagonal());
+  for (int p = 0; p < 3; ++p) {
+    const int i = (p + 1) % 3, j = (p + 2) % 3;
+    const double apart = s[i] - s[j];
+    r.symmetric[p] += std::abs(apart) > 1e-6 ? (stress[i] - stress[j]) / apart : slope[i];
+    r.skew[p] += (stress[i] + stress[j]) / std::max(s[i] + s[j], 1e-3);
+  }
+}
+
+}  // namespace
+
+PrincipalResponse principal_response(const Elastic& material, const Vec3d& stretch) {
+  PrincipalResponse response = response_of(material, stretch);
+  if (material.hardens && stretch.minCoeff() < kCrushed) harden(material.mu, stretch, response);
+  return response;
 }
 
 PrincipalResponse make_definite(PrincipalResponse response) {

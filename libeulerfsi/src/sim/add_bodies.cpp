@@ -89,6 +89,7 @@ solid::SolidRest rest_of(const SolidDesc& desc, const Params& params, bool colli
     const double lambda = rest.elastic.lambda;
     rest.elastic = material::beside_pressure(rest.elastic);
     if (desc.compressible) rest.bulk = lambda - rest.elastic.lambda;
+    rest.elastic.hardens = desc.compressible;
   }
   static_cast<solid::Properties&>(rest) = desc;
   rest.stiff_by_part = params.numerics.stiffness_by_part;

@@ -223,16 +223,13 @@ void finish(const StepContext& step, const Matter& matter, const SolidWorks& sol
 }
 
 // Line 1, with what is given in the step: its motion limits the step, as folds and emitters do.
-StepLimit choose_time_step(const Parallel& parallel, const Scene& scene, double remaining, double shrink, State& state,
+StepLimit choose_time_step(const Parallel& parallel, const Scene& scene, double remaining, State& state,
                            SolidWorks& solids) {
   begin_prescribed(parallel, scene, state.time, remaining, state.solids);
   for (std::size_t l = 0; l < scene.solids.size(); ++l)
     if (!solid::has_left(state.solids[l])) find_near_folds(parallel, scene.solids[l], state.solids[l], solids[l]);
   const double fluid_speed = std::max(state.fluid_speed, fastest_jet(scene, state.time, remaining));
-  StepLimit limit =
-      compute_time_step(parallel, scene, state.solids, fluid_speed, state.steps, remaining, solids);  // Alg. 1 line 1
-  if (shrink < 1.0) limit.lower(shrink * remaining, StepRule::kRepeated);
-  return limit;
+  return compute_time_step(parallel, scene, state.solids, fluid_speed, state.steps, remaining, solids);
 }
 
 // Lines 3 and 7, unless the last step has left them: masses, and which nodes are given.
@@ -337,10 +334,12 @@ void transport(const StepContext& step, State& state, Workspace& work, EnergyLed
 StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, double shrink, State& state,
               Workspace& work, Profile& profile) {
   StepInfo info;
-  const StepLimit limit = choose_time_step(parallel, scene, remaining, shrink, state, work.solids);
+  StepLimit limit = choose_time_step(parallel, scene, remaining, state, work.solids);  // Alg. 1 line 1
+  const double planned_dt = limit.dt;
+  if (shrink < 1.0) limit.lower(shrink * remaining, StepRule::kRepeated);
   info.dt = limit.dt;
   info.limit_rule = limit.rule, info.limiting_solid = limit.solid, info.limiting_other = limit.other;
-  const StepContext step{parallel, scene, state.time, info.dt, profile, info};
+  const StepContext step{parallel, scene, state.time, info.dt, planned_dt, profile, info};
 
   find_matter(step, state, work);
   EnergyLedger ledger(step, state.solids, work.solids, work.matter, state.fluid.velocity);

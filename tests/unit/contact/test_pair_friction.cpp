@@ -49,7 +49,7 @@ struct TwoRows {
   // coupling: along the normal of either row.
   void limit(double first, double second) {
     const sim::Scene scene{params, box, rests, emitters, forces, pins};
-    const sim::StepContext step{parallel, scene, 0.0, 0.01, profile, info};
+    const sim::StepContext step{parallel, scene, 0.0, 0.01, 0.01, profile, info};
     sim::ContactPair& record = info.contacts[0];
     record.normal_impulse = 4.0 + first + second;
     record.impulse = Vec3d(2.0, 4.0 + first + second, 0.0);

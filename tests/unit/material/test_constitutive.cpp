@@ -3,6 +3,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <random>
+#include <vector>
 
 #include "material/constitutive.hpp"
 
@@ -12,7 +13,7 @@ using namespace efsi::material;
 namespace {
 
 Vec3d random_stretch(std::mt19937& random) {
-  std::uniform_real_distribution<double> stretch(0.3, 2.5);
+  std::uniform_real_distribution<double> stretch(0.2, 2.5);
   return {stretch(random), stretch(random), stretch(random)};
 }
 
@@ -54,12 +55,22 @@ double free_lateral_stretch(const Elastic& material, double along) {
   return 0.5 * (low + high);
 }
 
+// Every law, alone and hardening.
+std::vector<Elastic> all_materials(double youngs_modulus, double poissons_ratio) {
+  std::vector<Elastic> all;
+  for (const Law law : kLaws)
+    for (const bool hardens : {false, true}) {
+      all.push_back(from_youngs_modulus(law, youngs_modulus, poissons_ratio));
+      all.back().hardens = hardens;
+    }
+  return all;
+}
+
 }  // namespace
 
 TEST_CASE("Stress is the derivative of the energy") {
   std::mt19937 random(1);
-  for (const Law law : kLaws) {
-    const Elastic material = from_youngs_modulus(law, 2e4, 0.3);
+  for (const Elastic& material : all_materials(2e4, 0.3)) {
     for (int trial = 0; trial < 200; ++trial) {
       const Vec3d s = random_stretch(random);
       const Vec3d stress = principal_response(material, s).stress;
@@ -78,8 +89,7 @@ TEST_CASE("Stress is the derivative of the energy") {
 
 TEST_CASE("The moduli are the derivative of the stress for every direction of the increment") {
   std::mt19937 random(2);
-  for (const Law law : kLaws) {
-    const Elastic material = from_youngs_modulus(law, 2e4, 0.3);
+  for (const Elastic& material : all_materials(2e4, 0.3)) {
     for (int trial = 0; trial < 100; ++trial) {
       Mat3d f = Mat3d::Identity() + random_matrix(random, 0.5);
       if (f.determinant() < 0.2) continue;
@@ -97,8 +107,7 @@ TEST_CASE("The moduli are the derivative of the stress for every direction of th
 
 TEST_CASE("Pair moduli are the difference quotients of the stress") {
   std::mt19937 random(3);
-  for (const Law law : kLaws) {
-    const Elastic material = from_youngs_modulus(law, 1.0, 0.4);
+  for (const Elastic& material : all_materials(1.0, 0.4)) {
     for (int trial = 0; trial < 100; ++trial) {
       const Vec3d s = random_stretch(random);
       const PrincipalResponse r = principal_response(material, s);
@@ -108,6 +117,23 @@ TEST_CASE("Pair moduli are the difference quotients of the stress") {
         CHECK(r.skew[p] * (s[i] + s[j]) == Approx(r.stress[i] + r.stress[j]).margin(1e-10));
       }
     }
+  }
+}
+
+TEST_CASE("A material that hardens resists any pressure, and is as it was where it is pressed less") {
+  for (const Law law : kLaws) {
+    const Elastic plain = from_youngs_modulus(law, 1.0, 0.3), hard = {law, plain.mu, plain.lambda, true};
+    const auto pressure = [](const Elastic& m, double s) { return -principal_response(m, {s, 1.0, 1.0}).stress[0]; };
+    CHECK(pressure(plain, 0.1) < 2.0 * plain.mu + plain.lambda);
+    CHECK(pressure(hard, 0.1) > 20.0 * plain.mu);
+    double last = 0.0;
+    for (double s = kCrushed; s > 0.1; s -= 0.01) {
+      CHECK(pressure(hard, s) > last);
+      last = pressure(hard, s);
+    }
+    const Vec3d less(1.001 * kCrushed, 1.3, 0.7);
+    CHECK(principal_response(hard, less).stress == principal_response(plain, less).stress);
+    CHECK(principal_response(hard, less).energy == principal_response(plain, less).energy);
   }
 }
 
@@ -186,8 +212,7 @@ TEST_CASE("Neo-Hookean bar pulled with free sides at finite strain: closed form"
 TEST_CASE("The definite linearisation has no negative modulus and keeps a definite one") {
   std::mt19937 random(4);
   int changed = 0;
-  for (const Law law : kLaws) {
-    const Elastic material = from_youngs_modulus(law, 1.0, 0.45);
+  for (const Elastic& material : all_materials(1.0, 0.45)) {
     for (int trial = 0; trial < 300; ++trial) {
       const PrincipalResponse r = principal_response(material, random_stretch(random)), d = make_definite(r);
       const double lowest = Eigen::SelfAdjointEigenSolver<Mat3d>(r.hessian).eigenvalues().minCoeff();
@@ -210,8 +235,7 @@ TEST_CASE("Inverted and degenerate F: stress and moduli are derivatives, and non
   const Vec3d stretches[] = {{-0.2, 0.9, 1.4}, {-0.9, 1.2, 1.2}, {0.2, 0.2, 5.0}, {5.0, 5.0, 5.0}, {0.2, 0.2, 0.2},
                              {-0.2, 5.0, 5.0}, {1.1, 1.1, 1.1},  {0.0, 1.0, 1.0}, {1.3, 0.0, 0.0}, {0.0, 0.0, 0.0}};
   const double step = 1e-5;
-  for (const Law law : kLaws) {
-    const Elastic material = from_youngs_modulus(law, 1.0, 0.3);
+  for (const Elastic& material : all_materials(1.0, 0.3)) {
     for (const Vec3d& s : stretches) {
       const PrincipalResponse r = principal_response(material, s);
       REQUIRE(std::isfinite(r.energy));

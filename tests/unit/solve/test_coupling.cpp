@@ -40,7 +40,7 @@ struct StagedScene {
     state.solids.push_back(s.state);
     work.solids.resize(rest.size());
   }
-  sim::StepContext context(double dt) { return {parallel, as_scene, 0.0, dt, profile, info}; }
+  sim::StepContext context(double dt) { return {parallel, as_scene, 0.0, dt, dt, profile, info}; }
   void make_masses() {
     const sim::StepContext step = context(0.0);
     sim::compute_masses(step, state.solids, work.solids);

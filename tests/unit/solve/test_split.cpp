@@ -72,7 +72,7 @@ Measured measure(double ratio, double pace, Split split) {
   work.solids.resize(1);
   sim::Profile profile;
   sim::StepInfo info;
-  const sim::StepContext step{parallel, scene, 0.0, kStep, profile, info};
+  const sim::StepContext step{parallel, scene, 0.0, kStep, kStep, profile, info};
   sim::SolidWorks& solids = work.solids;
   sim::Matter& matter = work.matter;
   sim::NodeVelocity& velocity = work.velocity;
