@@ -73,6 +73,8 @@ inline grid::VectorField carried_velocity(const grid::Grid& g, const grid::Vecto
   for_nodes([&](std::size_t n, const Vec3& x, const Vec3& from) {
     if (!free[n]) return;
     const Vec3 to = keep_inside(g, from + 2 * step * v.at(n));
+    const Vec3 taken = std::min(Real(1), step * v.at(n).norm()) * hourglass_part(g, first, x);
+    result.set(n, first.at(n) - taken);
     if (cut_by_wall(x, from) || cut_by_wall(x, to)) return;
     const Vec3 w = first.at(n) + Real(0.5) * (v.at(n) - sampler.vector(first, to));
     const grid::Trilinear source = sampler.stencil(from);
@@ -83,7 +85,7 @@ inline grid::VectorField carried_velocity(const grid::Grid& g, const grid::Vecto
     }
     const Vec3 inside = w.cwiseMax(low).cwiseMin(high);
     if (step * (inside - w).cwiseAbs().maxCoeff() <= Real(1e-4)) {  // cells
-      result.set(n, inside);
+      result.set(n, inside - taken);
       return;
     }
     for (std::size_t c = 0; c < 8; ++c) {  // all cells within 1e-4 cells of the place
@@ -94,13 +96,7 @@ inline grid::VectorField carried_velocity(const grid::Grid& g, const grid::Vecto
         high = high.cwiseMax(v.at(beside.base + offset));
       }
     }
-    result.set(n, w.cwiseMax(low).cwiseMin(high));
-  });
-  grid::VectorField part = result;
-  for_nodes([&](std::size_t n, const Vec3& x, const Vec3&) { part.set(n, hourglass_part(g, result, x)); });
-  for_nodes([&](std::size_t n, const Vec3& x, const Vec3&) {
-    const Real share = std::min(Real(1), step * v.at(n).norm());
-    if (free[n]) result.set(n, result.at(n) - share * hourglass_part(g, part, x));
+    result.set(n, w.cwiseMax(low).cwiseMin(high) - taken);
   });
   return result;
 }

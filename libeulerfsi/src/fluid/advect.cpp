@@ -153,9 +153,10 @@ EFSI_INLINE Quad limited(const Transport& t, const Quad& from, Quad v) {
   return v;
 }
 
-// Takes half the error of going there and back off what arrives at a node.
-EFSI_INLINE Quad corrected_node(const Transport& t, const Row& row, int i, const VectorField& first,
-                                const VectorField& back) {
+// Takes half the error of going there and back off what arrives at a node, and of its hourglass part as much as the
+// flow moves on in cells: nothing else resists it.
+EFSI_INLINE Quad corrected_node(const Transport& t, const Row& row, const Hourglass& hourglass, int i,
+                                const VectorField& first, const VectorField& back) {
   const auto& sampler = t.nodes.sampler;
   const std::size_t n = row.first + static_cast<std::size_t>(i);
   Quad w = node_value(first, n);
@@ -167,22 +168,24 @@ EFSI_INLINE Quad corrected_node(const Transport& t, const Row& row, int i, const
     w = w + Real(0.5) * (node_value(t.carried, n) - sampler.value(first, to));
     w = limited(t, from, w);  // no new extremes
   }
-  return w;
+  const Quad square = v * v;
+  return w - way(square[0] + square[1] + square[2], t.step) * hourglass.part(first, i);
 }
 
 // The same for some of the nodes from i on: few, and seldom.
-[[gnu::noinline]] void correct_some(const Transport& t, const Row& row, int i, const VectorField& first,
-                                    const VectorField& back, const grid::OctetMask& which, Octets& w) {
+[[gnu::noinline]] void correct_some(const Transport& t, const Row& row, const Hourglass& hourglass, int i,
+                                    const VectorField& first, const VectorField& back, const grid::OctetMask& which,
+                                    Octets& w) {
   for (int l = 0; l < kLanes; ++l) {
     if (!which[l]) continue;
-    const Quad one = corrected_node(t, row, i + l, first, back);
+    const Quad one = corrected_node(t, row, hourglass, i + l, first, back);
     for (int a = 0; a < 3; ++a) w.c[a][l] = one[a];
   }
 }
 
 // The same for the nodes from i on. False: they have to be done one by one.
-EFSI_INLINE bool corrected_nodes(const Transport& t, const Row& row, int i, const VectorField& first,
-                                 const VectorField& back, Octets& w) {
+EFSI_INLINE bool corrected_nodes(const Transport& t, const Row& row, const Hourglass& hourglass, int i,
+                                 const VectorField& first, const VectorField& back, Octets& w) {
   const std::size_t n = row.first + static_cast<std::size_t>(i);
   const auto& lanes = t.nodes.lanes;
   const Octet zero{}, least = grid::octet(kRestCells / t.step);
@@ -194,7 +197,9 @@ EFSI_INLINE bool corrected_nodes(const Transport& t, const Row& row, int i, cons
     to.c[a] = fluid ? opposite(from.c[a], v.c[a], t.step) : zero;
     from.c[a] = fluid ? from.c[a] : zero;
   }
+  // The limited correction, less hourglass modes.
   const auto correct = [&](const auto& ahead, const auto& behind) EFSI_INLINE_LAMBDA {
+    const Octet share = way(v, t.step);
     Octet cut{};  // what the limits take, largest component
 #pragma GCC unroll 3
     for (std::size_t a = 0; a < 3; ++a) {
@@ -203,12 +208,12 @@ EFSI_INLINE bool corrected_nodes(const Transport& t, const Row& row, int i, cons
       const Octet better = here + Real(0.5) * (whole.c[a] - lanes.value(arrived, ahead));
       const Octet limited = lanes.limit(t.carried.c[a].data() + n, behind, better);
       cut = grid::larger(cut, grid::larger(limited - better, better - limited));
-      w.c[a] = fluid ? limited : here;
+      w.c[a] = fluid ? limited - share * hourglass.part(first.c[a], i) : here;
     }
     const auto counts = fluid & (cut > least);
     if (!grid::any(counts)) return;
     const auto redo = counts & lanes.at_border(behind);
-    if (grid::any(redo)) correct_some(t, row, i, first, back, redo, w);
+    if (grid::any(redo)) correct_some(t, row, hourglass, i, first, back, redo, w);
   };
   const auto cuts = [&]() EFSI_INLINE_LAMBDA {
     const Room room(t.nodes.points, t.nodes.periodic, row, i);
@@ -237,55 +242,22 @@ EFSI_KERNEL void carry_row(const Transport& t, const Row& row, VectorField& firs
 }
 
 // result: in how far it is to where things come from.
-EFSI_KERNEL void correct_row(const Transport& t, const Row& row, const VectorField& first, VectorField& result) {
+EFSI_KERNEL void correct_row(const Grid& g, const Transport& t, const Row& row, const VectorField& first,
+                             VectorField& result) {
+  const Hourglass hourglass(g, row.j, row.k);
   const auto one = [&](int i) EFSI_INLINE_LAMBDA {
-    set_node(result, row.first + static_cast<std::size_t>(i), corrected_node(t, row, i, first, result));
+    set_node(result, row.first + static_cast<std::size_t>(i), corrected_node(t, row, hourglass, i, first, result));
   };
   for_lanes(row, t.nodes.points[0] - 1, one,
             [&](int i, int done) EFSI_INLINE_LAMBDA {  // the first `done` nodes come later
               Octets w;
-              if (corrected_nodes(t, row, i, first, result, w)) {
+              if (corrected_nodes(t, row, hourglass, i, first, result, w)) {
                 for (std::size_t a = 0; a < 3; ++a)
                   store_from(done, w.c[a], result.c[a].data() + row.first + static_cast<std::size_t>(i));
                 return;
               }
               for (int l = done; l < kLanes; ++l) one(i + l);
             });
-}
-
-// part := the hourglass part of a velocity.
-EFSI_KERNEL void find_hourglass_row(const Grid& g, const Row& row, const VectorField& velocity, VectorField& part) {
-  const Hourglass hourglass(g, row.j, row.k);
-  const auto one = [&](int i) EFSI_INLINE_LAMBDA {
-    set_node(part, row.first + static_cast<std::size_t>(i), hourglass.part(velocity, i));
-  };
-  for_lanes(row, g.nodes()[0] - 1, one, [&](int i, int) EFSI_INLINE_LAMBDA {
-    for (std::size_t a = 0; a < 3; ++a)
-      grid::store_octet(part.c[a].data() + row.first + static_cast<std::size_t>(i), hourglass.part(velocity.c[a], i));
-  });
-}
-
-// Takes the hourglass part of a hourglass part off a velocity, as much of it as the flow moves on in cells: nothing
-// else resists it, and twice it leaves what is smooth.
-EFSI_KERNEL void damp_hourglass_row(const Grid& g, const Transport& t, const Row& row, const VectorField& part,
-                                    VectorField& velocity) {
-  const Hourglass hourglass(g, row.j, row.k);
-  const auto one = [&](int i) EFSI_INLINE_LAMBDA {
-    const std::size_t n = row.first + static_cast<std::size_t>(i);
-    if (t.specific_volume[n] != t.fluid_volume) return;
-    const Quad v = node_value(t.flow, n), square = v * v;
-    const Real share = way(square[0] + square[1] + square[2], t.step);
-    set_node(velocity, n, node_value(velocity, n) - share * hourglass.part(part, i));
-  };
-  for_lanes(row, t.nodes.points[0] - 1, one, [&](int i, int done) EFSI_INLINE_LAMBDA {
-    const std::size_t n = row.first + static_cast<std::size_t>(i);
-    const Octet zero{}, share = way(grid::load_octets(t.flow, n), t.step);
-    const auto fluid = grid::load_octet(t.specific_volume + n) == grid::octet(t.fluid_volume);
-    for (std::size_t a = 0; a < 3; ++a) {
-      const Octet less = fluid ? share * hourglass.part(part.c[a], i) : zero;
-      store_from(done, grid::load_octet(velocity.c[a].data() + n) - less, velocity.c[a].data() + n);
-    }
-  });
 }
 
 // Largest component of a tile of the velocity.
@@ -311,11 +283,6 @@ void copy_row(const Row& row, const VectorField& from, VectorField& to) {
     const std::size_t n = row.first + static_cast<std::size_t>(row.begin);
     std::copy_n(from.c[a].data() + n, row.end - row.begin, to.c[a].data() + n);
   }
-}
-
-void clear_row(const Row& row, VectorField& field) {
-  for (std::vector<Real>& component : field.c)
-    std::fill_n(component.data() + row.first + static_cast<std::size_t>(row.begin), row.end - row.begin, Real(0));
 }
 
 }  // namespace
@@ -349,20 +316,9 @@ std::uint64_t advect_velocity(const Parallel& parallel, const Grid& g, bool corr
   tiles.for_runs(parallel, [&](int j, int k, int begin, int end, bool active) {
     const Row row = {j, k, begin, end, g.node(0, j, k)};
     if (active && corrected)
-      correct_row(t, row, first, result);
+      correct_row(g, t, row, first, result);
     else
       copy_row(row, first, result);
-  });
-  if (!corrected) return tiles.active_count();
-  tiles.for_runs(parallel, [&](int j, int k, int begin, int end, bool active) {
-    const Row row = {j, k, begin, end, g.node(0, j, k)};
-    if (active)
-      find_hourglass_row(g, row, result, first);
-    else
-      clear_row(row, first);
-  });
-  tiles.for_runs(parallel, [&](int j, int k, int begin, int end, bool active) {
-    if (active) damp_hourglass_row(g, t, {j, k, begin, end, g.node(0, j, k)}, first, result);
   });
   return tiles.active_count();
 }

@@ -123,37 +123,6 @@ TEST_CASE("A noisy flow in short steps does not gain energy from what the diverg
   CHECK(fluid.energy() < 1.05 * half);
 }
 
-TEST_CASE("What is smooth passes the transport, and what alternates does not", "[law]") {
-  const Grid g = box({16, 16, 16}, true);
-  const VectorField flow = sampled(g, [](const Vec3d&) { return Vec3d(0.06, 0.08, 0.0); });  // 0.1 cells per step
-  const std::vector<Real> specific_volume(g.node_count(), 1);
-  const auto kept = [&](const auto& wave) {
-    VectorField carried = sampled(g, [&](const Vec3d& x) { return Vec3d(0.0, 0.0, wave(x[0] / g.h, x[1] / g.h)); });
-    const auto energy = [&](const VectorField& v) {
-      double sum = 0.0;
-      for (int j = 0; j < g.cells[1]; ++j)
-        for (int i = 0; i < g.cells[0]; ++i) sum += std::pow(static_cast<double>(v.c[2][g.node(i, j, 3)]), 2);
-      return sum;
-    };
-    const double start = energy(carried);
-    for (int s = 0; s < 100; ++s) {  // 10 cells
-      FluidState state;
-      AdvectWorkspace work;
-      advect_velocity(Parallel(1), g, true, g.h, flow, carried, specific_volume, Real(1), state, work);
-      carried = state.velocity;
-    }
-    return energy(carried) / start;
-  };
-  const double smooth =
-      kept([](double i, double j) { return std::sin(2 * M_PI * i / 16) * std::sin(2 * M_PI * j / 16); });
-  const double alternating =
-      kept([](double i, double j) { return std::cos(M_PI * std::round(i)) * std::cos(M_PI * std::round(j)); });
-  INFO("kept: smooth " << smooth << ", alternating " << alternating);
-  CHECK(smooth > 0.9);
-  CHECK(smooth < 1.0);
-  CHECK(alternating < 1e-4);
-}
-
 TEST_CASE("A jet away from a no-slip wall takes in the fluid at rest there, however long the step", "[law]") {
   const Grid g = box({6, 12, 6});
   for (const double cells : {0.5, 1.5, 4.0}) {  // per step
