@@ -229,7 +229,8 @@ StepLimit choose_time_step(const Parallel& parallel, const Scene& scene, double 
   for (std::size_t l = 0; l < scene.solids.size(); ++l)
     if (!solid::has_left(state.solids[l])) find_near_folds(parallel, scene.solids[l], state.solids[l], solids[l]);
   const double fluid_speed = std::max(state.fluid_speed, fastest_jet(scene, state.time, remaining));
-  return compute_time_step(parallel, scene, state.solids, fluid_speed, state.steps, remaining, solids);
+  return compute_time_step(parallel, scene, state.solids, fluid_speed, state.steps, remaining,  // Alg. 1 line 1
+                           solids);
 }
 
 // Lines 3 and 7, unless the last step has left them: masses, and which nodes are given.
@@ -334,7 +335,7 @@ void transport(const StepContext& step, State& state, Workspace& work, EnergyLed
 StepInfo step(const Parallel& parallel, const Scene& scene, double remaining, double shrink, State& state,
               Workspace& work, Profile& profile) {
   StepInfo info;
-  StepLimit limit = choose_time_step(parallel, scene, remaining, state, work.solids);  // Alg. 1 line 1
+  StepLimit limit = choose_time_step(parallel, scene, remaining, state, work.solids);
   const double planned_dt = limit.dt;
   if (shrink < 1.0) limit.lower(shrink * remaining, StepRule::kRepeated);
   info.dt = limit.dt;
