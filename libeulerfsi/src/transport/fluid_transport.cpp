@@ -4,7 +4,6 @@
 #include "grid/boundary.hpp"
 #include "linalg/reduce.hpp"
 #include "solve/carried_pressure.hpp"
-#include "transport/fluid_behind.hpp"
 
 namespace efsi::sim {
 
@@ -64,14 +63,9 @@ void advect_fluid(const StepContext& step, const SolidStates& states, grid::Vect
     matter.specific_volume[n.node] = fluid_volume;
   {
     ScopedTimer timer(step.profile, Stage::kFluidAdvection);
-    const FluidBehind behind(step.parallel, g, slip, matter.specific_volume, fluid_volume);
-    const std::vector<Vec3> solid = behind.values(step.parallel, flow);
-    behind.extend(step.parallel, flow);
-    if (carries) behind.extend(step.parallel, work.carried);
     const std::uint64_t tiles =
         fluid::advect_velocity(step.parallel, g, corrected, step.dt, flow, carries ? work.carried : flow,
                                matter.specific_volume, fluid_volume, fluid, work);
-    behind.set(step.parallel, solid, fluid.velocity);
     timer.visited(512 * tiles, 12 * sizeof(Real));
     grid::fill_copies(g, fluid.velocity);  // which rounding has led to other places
   }

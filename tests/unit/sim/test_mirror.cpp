@@ -16,7 +16,6 @@ namespace {
 SimulationPtr symmetric_scene(double h, const Vec3i& cells, double lowest) {
   sim::Params p = box_params(h * Vec3d(cells[0], cells[1], cells[2]), h);
   p.domain_min = Vec3d(-0.5 * p.domain_size[0], 0.0, -0.5 * p.domain_size[2]);
-  p.numerics.velocity_tolerance = p.numerics.pressure_tolerance = 1e-3;  // what solves leave is not symmetric
   sim::SolidDesc d = ball_desc(Vec3d::Zero());
   d.surface = geometry::shapes::sphere(0.098, 12, {0, lowest + 0.098, 0});
   d.velocity = {0.0, -1.5, 0.0};
