@@ -132,11 +132,9 @@ double EnergyLedger::fluid_energy(const std::vector<Real>& mass, const grid::Vec
 
 double EnergyLedger::potential(std::size_t l, const Vec3d& center) const {
   const fluid::FluidParams& fluid = scene_.params.fluid;
-  const solid::SolidWork& work = solids_[l];
-  const solid::SolidRest& rest = scene_.solids[l];
-  const double volume = rest.compressible ? work.volume : work.total_mass / rest.density;
-  const double displaced = fluid.present ? fluid.density * volume : 0.0;
-  return -(work.total_mass - displaced) * scene_.params.gravity.dot(center);
+  const double mass = solids_[l].total_mass, volume_at_rest = mass / scene_.solids[l].density;
+  const double displaced = fluid.present ? fluid.density * volume_at_rest : 0.0;
+  return -(mass - displaced) * scene_.params.gravity.dot(center);
 }
 
 bool EnergyLedger::counts(std::size_t l) const { return !is_collider(scene_.pins, l); }

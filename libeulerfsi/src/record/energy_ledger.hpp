@@ -2,7 +2,7 @@
 // else: a run has the same bits with it and without. Full passes over the grid; off unless asked for.
 //   kinetic    1/2 sum m v^2 over the nodes, of the solids and of the fluid, each with its own mass
 //   elastic    of the elements (solid/element/energy.hpp)
-//   potential  -(M - rho_f V) g.x_c per solid: weight less the weight of the fluid that it displaces
+//   potential  -(M - rho_f V) g.x_c per solid: weight less that of the fluid that its volume at rest displaces
 #pragma once
 
 #include <span>

@@ -110,10 +110,10 @@ def told(result: Result) -> np.ndarray:
     energies["fluid_kinetic"] = result.with_start("fluid_energy") + result.with_start("fluid_carried")
     for number, (_, values) in enumerate(result.run.bodies(), 1):
         seen = lambda name, k=number: result.with_start(of(name, k))  # noqa: E731
-        volume = seen("volume_cells") if values.get("compressible") else seen("mass") / values["density"]
         energies["solid_kinetic"] += seen("kinetic_energy")
         energies["elastic"] += seen("elastic_energy")
-        energies["potential"] -= (seen("mass") - fluid * volume) * (seen("center") @ pull)
+        displaced = fluid * seen("mass") / values["density"]
+        energies["potential"] -= (seen("mass") - displaced) * (seen("center") @ pull)
     return np.stack([energies[form] for form in FORMS], axis=1)
 
 

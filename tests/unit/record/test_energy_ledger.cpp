@@ -3,6 +3,7 @@
 
 #include "record/energy_ledger.hpp"
 #include "record/step_record.hpp"
+#include "unit/sim/free_solid.hpp"
 #include "unit/sim/scene.hpp"
 #include "unit/solid/ball.hpp"
 
@@ -90,6 +91,30 @@ TEST_CASE("Ledger: what a falling body loses in potential energy it gains in kin
   CHECK(kinetic > 3.0);  // J: it does fall
   CHECK(std::abs(last - first) < 2e-3 * kinetic);
   CHECK(std::abs(gravity) < 2e-3 * kinetic);
+}
+
+TEST_CASE("Ledger: a body in fluid whose volume changes falls by the same energy, wherever the origin lies", "[law]") {
+  const auto fall = [](double up) {  // of the potential energy [J]; up: the box's lower corner [m]
+    sim::Params p = recorded({0.4, 0.8, 0.4});
+    p.fluid.present = true;
+    p.fluid.density = 500.0;
+    p.domain_min = {0.0, up, 0.0};
+    const Vec3d center(0.2, up + 0.6, 0.2);
+    auto d = ball_desc(center);
+    d.compressible = true;
+    auto s = make_simulation(p, {d});
+    const double volume = s->diagnose_solid(0).volume_cells, height = s->diagnose_solid(0).center[1];
+    stretch(*s, center, Vec3d::Constant(1.04));
+    s->step(0.005);
+    const double first = start_of(energy(*s)).potential;
+    for (int n = 0; n < 11; ++n) s->step(0.005);
+    const auto now = s->diagnose_solid(0);
+    CHECK(std::abs(now.volume_cells / volume - 1.0) > 0.01);
+    const double lost = first - energy(*s).at_end.potential;
+    CHECK(lost == Approx(0.5 * now.mass * kGravity * (height - now.center[1])).epsilon(0.01));
+    return lost;
+  };
+  CHECK(fall(10.0) == Approx(fall(0.0)).epsilon(1e-4));
 }
 
 TEST_CASE("Ledger: u and v of one time make an oscillation's energy steady", "[law]") {
