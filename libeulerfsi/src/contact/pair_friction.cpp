@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <tuple>
 #include <utility>
 
 #include "grid/interpolate.hpp"
@@ -61,6 +62,13 @@ void answer(const StepContext& step, const SolidStates& states, std::size_t l, c
     if (step.scene.pins[p].solid == l) step.info.pins[p].add(x, -impulse, velocity.cast<double>());
 }
 
+// Half of what the centre of the second of two bodies moves from that of the first in the step; the place at which they
+// touch moves with both. Nothing where one has no mass of its own.
+Vec3d half_parting(const StepContext& step, const solid::Momenta& first, const solid::Momenta& second) {
+  if (!(first.mass > 0.0 && second.mass > 0.0)) return Vec3d::Zero();
+  return 0.5 * step.dt * (second.linear / second.mass - first.linear / first.mass);
+}
+
 }  // namespace
 
 void limit_pair_friction(const StepContext& step, const SolidStates& states, const SolidContacts& contacts,
@@ -71,12 +79,14 @@ void limit_pair_friction(const StepContext& step, const SolidStates& states, con
     if (allowed == 1.0 && pair.tension == 0.0) continue;
     const Vec3d excess = (1.0 - allowed) * pair.friction + pair.pull, x = pair.first / pair.weight;
     impulses.resize(momenta.size());
-    const std::pair<std::size_t, Vec3d> sides[] = {{solids.first, excess}, {solids.second, -excess}};
-    for (const auto& [l, impulse] : sides) {
+    const auto [one, other] = solids;
+    const Vec3d parts = half_parting(step, momenta[one], momenta[other]);
+    const std::tuple<std::size_t, Vec3d, Vec3d> sides[] = {{one, excess, parts}, {other, -excess, -parts}};
+    for (const auto& [l, impulse, moved] : sides) {
       if (is_collider(step.scene.pins, l)) {
         answer(step, states, l, x, impulse);
       } else if (momenta[l].mass > 0.0) {
-        impulses[l].add(x - momenta[l].center, impulse);
+        impulses[l].add(x - momenta[l].center + moved, impulse);
       }
     }
     ContactPair& record = find_pair(step.info.contacts, solids.first, solids.second);

@@ -11,24 +11,18 @@ inline constexpr double kContactPace = 0.7;          // cells that a shear wave 
 inline constexpr double kContactShare = 1.0 / 24.0;  // this part of the solid, the cubic root of its volume, if more
 inline constexpr double kNormalTolerance = 0.15;     // the tolerance for which these two are meant
 
-// Shear waves in a solid: the time in which one passes it, and the longest step that resolves them [s].
-struct ShearWaves {
-  double pass, resolved;
-};
-ShearWaves shear_waves(const Scene& scene, const solid::SolidRest& rest);
-
-// v.K v of a solid [J/s^2]: its implicit stiffness takes up to dt^2 of it in a step of dt in which v strains its map.
-double v_k_v(const solid::CellMotion& motion);
-// Its kinetic energy and that of a fall that need not be kept [J].
-double moving_energy(const Scene& scene, const solid::SolidRest& rest, const solid::CellMotion& motion);
+// A step that resolves the shear waves of a solid in contact, of which nothing is asked [s].
+double resolved_step(const Scene& scene, const solid::SolidRest& rest);
+// The longest one by what the solid may lose in it, as the last one tells, or the velocity that it begins with [s].
+double longest_step(const Parallel& parallel, const Scene& scene, const solid::SolidRest& rest,
+                    const solid::SolidState& solid);
 
 // Line 13: the motion by which the step strains the maps of solids near what they may touch, SolidWork::straining.
 void measure_straining(const StepContext& step, const SolidStates& states, SolidWorks& solids);
 
-// After a step of dt: whether it does not resolve the shear waves of a solid and has taken more than twice
-// step_tolerance of that solid's energy: an impact that it did not resolve. Sets SolidState::by_loss, before the step
-// for its repetition and after it for the next one: by which it takes step_tolerance while a wave passes the solid.
-// solids: with their elements at the end of the step.
+// After a step of dt: whether it has taken too much of the energy of a solid, whose shear waves it does not resolve: an
+// impact. Sets SolidState::by_loss, before the step for its repetition and after it for the next one. solids: with
+// their elements at the end of the step.
 bool keep_energy(const Parallel& parallel, const Scene& scene, double dt, const SolidWorks& solids, SolidStates& before,
                  SolidStates& after);
 

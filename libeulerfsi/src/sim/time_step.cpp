@@ -18,7 +18,6 @@ namespace {
 
 constexpr double kContactReach = 2.0;     // cells
 constexpr double kContactDistance = 1.0;  // cells: 2 less what a step in contact moves
-constexpr double kContactStrain = 0.1;    // in a step, below which it loses little whatever moves
 constexpr double kPaperCfl = 0.6;         // cells per step of solids less than kContactReach apart (Sec. 5.2)
 constexpr double kPairReach = 6.0;        // cells between solids, from which on they do not limit each other
 constexpr double kMeetingDistance = 0.4;  // cells that they keep, where they come from farther away
@@ -82,45 +81,15 @@ double flight_cells(const Params& params, double density) {
   return std::max(params.cfl_solid, std::min(kFarthest, far));
 }
 
-// A step by what it loses: in contact the stiffness is implicit, which takes up to dt^2 v.K v of a solid's energy in a
-// step. Where shear waves pass a small part of the solid in it that is little of what an impact stores while nothing
-// moves fast. Beyond that it may be step_tolerance of moving_energy while a wave passes the solid; or what a step loses
-// in which no two neighbouring nodes are strained by kContactStrain. All by the velocity at the start of the step: what
-// it really loses is looked at after it (step_loss.hpp).
-class WaveLimits {
- public:
-  WaveLimits(const Parallel& parallel, const Scene& scene, const SolidStates& states, SolidWorks& solids)
-      : parallel_(parallel), scene_(scene), states_(states), solids_(solids), longer_(states.size(), -1.0) {
-    for (solid::SolidWork& solid : solids_) solid.keeps_energy = false;
-  }
-
-  void lower(std::size_t l, StepRule rule, StepLimit& limit) {
-    solids_[l].keeps_energy = scene_.params.numerics.resolve_impacts;
-    const solid::SolidRest& rest = scene_.solids[l];
-    const ShearWaves shear = shear_waves(scene_, rest);
-    if (limit.dt <= shear.resolved) return;
-    if (longer_[l] < 0.0) longer_[l] = measure(rest, states_[l], shear.pass);  // once, however much it touches
-    const double by_loss = states_[l].by_loss.holds() ? states_[l].by_loss.step : longer_[l];
-    limit.lower(std::max(shear.resolved, std::min(longer_[l], by_loss)), rule, l + 1);
-  }
-
- private:
-  // pass: time in which a wave passes the solid [s].
-  double measure(const solid::SolidRest& rest, const solid::SolidState& solid, double pass) const {
-    const double tolerance = scene_.params.numerics.step_tolerance;
-    const solid::CellMotion motion = solid::measure_motion(parallel_, rest, solid);
-    const double energy = moving_energy(scene_, rest, motion), loss = v_k_v(motion);
-    if (!(loss > 0.0)) return std::numeric_limits<double>::infinity();
-    const double rate = solid::largest_strain_rate(parallel_, solid, solid.valid);
-    return std::max(tolerance * energy / (pass * loss), tolerance / kNormalTolerance * kContactStrain / rate);
-  }
-
-  const Parallel& parallel_;
-  const Scene& scene_;
-  const SolidStates& states_;
-  SolidWorks& solids_;
-  std::vector<double> longer_;  // per solid, where its waves are not resolved [s]; below 0: not measured yet
-};
+// A step in contact resolves the shear waves of a solid, or is as long as its energy allows (step_loss.hpp).
+void limit_by_loss(const Parallel& parallel, const Scene& scene, std::size_t l, const solid::SolidState& solid,
+                   StepRule rule, solid::SolidWork& work, StepLimit& limit) {
+  const Numerics& numerics = scene.params.numerics;
+  if (!numerics.resolve_impacts || !std::isfinite(numerics.step_tolerance)) return;
+  work.keeps_energy = true;
+  if (limit.dt > resolved_step(scene, scene.solids[l]))
+    limit.lower(longest_step(parallel, scene, scene.solids[l], solid), rule, l + 1);
+}
 
 // What is between a solid and the faces that are walls: -x +x -y +y -z +z.
 struct Gaps {
@@ -153,8 +122,8 @@ Gaps measure_gaps(const Scene& scene, const solid::SolidState& solid) {
 
 // What walls near a solid allow: its surface may reach them, or move by contact_travel in contact (Sec. 5.2 uses 0.6
 // for solids less than 2 cells apart). Sliding along a wall is free.
-void limit_by_walls(const Scene& scene, std::size_t l, const solid::SolidState& solid, const Gaps& gaps,
-                    WaveLimits& waves, StepLimit& limit) {
+void limit_by_walls(const Parallel& parallel, const Scene& scene, std::size_t l, const solid::SolidState& solid,
+                    const Gaps& gaps, solid::SolidWork& work, StepLimit& limit) {
   const Params& params = scene.params;
   const Approach approach{params.numerics.contact_travel, kContactDistance};
   for (std::size_t face = 0; face < 6; ++face)
@@ -164,7 +133,7 @@ void limit_by_walls(const Scene& scene, std::size_t l, const solid::SolidState& 
                        pushed_at(solid, face) > 0.0 ? expected_acceleration(params, solid) : params.gravity.norm(),
                        approach.cells(gaps.cells[face]) * scene.grid.h),
           StepRule::kWall, l + 1);
-  if (params.numerics.resolve_impacts && gaps.least() < kContactReach) waves.lower(l, StepRule::kWallWave, limit);
+  if (gaps.least() < kContactReach) limit_by_loss(parallel, scene, l, solid, StepRule::kWallWave, work, limit);
 }
 
 // Empty, and far from all, for what has left the box.
@@ -181,8 +150,9 @@ std::vector<Box> surface_boxes(const SolidStates& states) {
 // What two solids near each other allow: as walls do, every vertex by its own gap, which rows of contact see. What is
 // between solids of which neither reaches the other's map is taken to be kUnseen, and to close at their largest
 // relative speed.
-void limit_by_pair(const Scene& scene, const SolidStates& states, const std::vector<Box>& boxes, std::size_t one,
-                   std::size_t other, WaveLimits& waves, StepLimit& limit) {
+void limit_by_pair(const Parallel& parallel, const Scene& scene, const SolidStates& states,
+                   const std::vector<Box>& boxes, std::size_t one, std::size_t other, SolidWorks& solids,
+                   StepLimit& limit) {
   const Params& params = scene.params;
   const double h = scene.grid.h, apart = boxes[one].exteriorDistance(boxes[other]) / h;
   if (apart > kPairReach) return;
@@ -209,14 +179,15 @@ void limit_by_pair(const Scene& scene, const SolidStates& states, const std::vec
   if (!std::isfinite(least))
     meeting = time_for(relative_speed(states, one, other), approach.cells(std::max(kUnseen, apart)));
   limit.lower(meeting, StepRule::kSolid, one + 1, other + 1);
-  if (params.numerics.resolve_impacts && least < kContactReach * h)
+  if (least < kContactReach * h)
     for (const std::size_t l : {one, other})
-      if (!is_collider(scene.pins, l)) waves.lower(l, StepRule::kSolidWave, limit);
+      if (!is_collider(scene.pins, l))
+        limit_by_loss(parallel, scene, l, states[l], StepRule::kSolidWave, solids[l], limit);
 }
 
 // What the folds of a solid allow: as two solids do. Not where the caller has taken the limit of its speed away.
-void limit_by_folds(const Scene& scene, std::size_t l, const solid::SolidState& solid, const solid::SolidWork& work,
-                    WaveLimits& waves, StepLimit& limit) {
+void limit_by_folds(const Parallel& parallel, const Scene& scene, std::size_t l, const solid::SolidState& solid,
+                    solid::SolidWork& work, StepLimit& limit) {
   if (scene.params.cfl_solid > kRetryTravel) return;
   const double h = scene.grid.h, travel = contact_travel(scene, l);
   double least = std::numeric_limits<double>::infinity();
@@ -224,7 +195,7 @@ void limit_by_folds(const Scene& scene, std::size_t l, const solid::SolidState& 
     least = std::min(least, gap);
     limit.lower(time_to_move(closing, 0.0, std::max(travel, gap / h - kContactDistance) * h), StepRule::kFold, l + 1);
   });
-  if (least < kContactReach * h) waves.lower(l, StepRule::kFoldWave, limit);
+  if (least < kContactReach * h) limit_by_loss(parallel, scene, l, solid, StepRule::kFoldWave, work, limit);
 }
 
 // How many cells a solid may move in a step: cfl_solid, or more in flight, away from walls and from other solids, which
@@ -272,19 +243,20 @@ StepLimit compute_time_step(const Parallel& parallel, const Scene& scene, const 
   StepLimit limit{remaining, StepRule::kEnd};
   if (params.max_time_step > 0.0) limit.lower(params.max_time_step, StepRule::kMaximum);
   const std::vector<Box> boxes = surface_boxes(states);
-  WaveLimits waves(parallel, scene, states, solids);
+  for (solid::SolidWork& solid : solids) solid.keeps_energy = false;
   for (std::size_t l = 0; l < scene.solids.size(); ++l) {
     if (solid::has_left(states[l])) continue;
     const bool given = is_collider(scene.pins, l);
     for (std::size_t other = 0; other < l; ++other)
-      if (!given || !is_collider(scene.pins, other)) limit_by_pair(scene, states, boxes, other, l, waves, limit);
+      if (!given || !is_collider(scene.pins, other))
+        limit_by_pair(parallel, scene, states, boxes, other, l, solids, limit);
     if (given) {  // walls do not stop it, nor does anything drive it
       limit.lower(time_to_move(states[l].speed, 0.0, params.cfl_solid * g.h), StepRule::kCollider, l + 1);
       continue;
     }
-    limit_by_folds(scene, l, states[l], solids[l], waves, limit);
+    limit_by_folds(parallel, scene, l, states[l], solids[l], limit);
     const Gaps gaps = measure_gaps(scene, states[l]);
-    limit_by_walls(scene, l, states[l], gaps, waves, limit);
+    limit_by_walls(parallel, scene, l, states[l], gaps, solids[l], limit);
     limit_by_speed(parallel, scene, l, states[l], free_cells(scene, boxes, l, gaps), limit);
     if (steps == 0 && params.numerics.resolve_impacts && is_dense(params.fluid, scene.solids[l].density))
       limit.lower(time_to_move(states[l].speed, 0.0, kStart * g.h), StepRule::kStart, l + 1);

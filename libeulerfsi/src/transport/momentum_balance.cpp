@@ -12,6 +12,9 @@ using grid::Grid;
 
 namespace {
 
+constexpr double kCentred = 1e-5;  // cells that a restored centre of mass may be off
+constexpr int kMostShifts = 3;     // to get there
+
 // 1 along periodic axes of a box from which nothing flows out.
 Vec3d conserved_axes(const Scene& scene) {
   const grid::Walls& walls = scene.params.walls;
@@ -98,9 +101,13 @@ void restore_centers(const StepContext& step, const TransportMomenta& momenta, S
   for (std::size_t l = 0; l < momenta.centers.size(); ++l) {
     solid::SolidState& state = states[l];
     if (!momenta.centers[l].allFinite()) continue;
-    const Vec3d center = solid::measure_momenta(step.parallel, state.band, solids[l], state.band.grid, state.v).center;
-    solid::shift_map(step.parallel, momenta.centers[l] - center, state);
-    solid::compute_mass(step.parallel, step.scene.solids[l], state, solids[l]);
+    for (int pass = 0; pass < kMostShifts; ++pass) {  // the masses of cells do not quite follow a shift
+      const auto now = solid::measure_momenta(step.parallel, state.band, solids[l], state.band.grid, state.v);
+      const Vec3d off = momenta.centers[l] - now.center;
+      if (off.norm() < kCentred * step.scene.grid.h) break;
+      solid::shift_map(step.parallel, off, state);
+      solid::compute_mass(step.parallel, step.scene.solids[l], state, solids[l]);
+    }
   }
 }
 
