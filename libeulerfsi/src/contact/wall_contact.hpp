@@ -1,7 +1,7 @@
 // Purpose: unilateral contact with walls and Coulomb friction: what a step prescribes at the nodes of
 // solids on walls. Along n out of the wall, for the gap g to the solid's surface, the wall's impulse p and its
 // tangential part r (docs/numerics/wall-contact.md):
-//   n.v >= tau,  tau = -g/dt (g > 0),  |g| / max(1/24 s, 4 dt) (g < 0),   p >= 0,   |r| <= mu p,  v_t = 0 if <
+//   n.v >= tau,  tau = least_velocity(g) (push_out.hpp),   p >= 0,   |r| <= mu p,   v_t = 0 if <
 // An active row prescribes n.v; an inactive one moves with the node above it. The active set follows from the wall
 // impulses of the last step, from where the solid would be after this one, and from the velocity solve.
 #pragma once

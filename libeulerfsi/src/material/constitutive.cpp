@@ -20,8 +20,6 @@ double bulk_energy(double kappa, double J) { return 0.5 * kappa * (J - 1.0) * (J
 
 namespace {
 
-constexpr double kFlat = 0.1;  // principal stretch that no element falls below
-
 // psi = mu sum (s_i - 1)^2 + lambda/2 (sum s_i - 3)^2
 PrincipalResponse corotational(double mu, double lambda, const Vec3d& s) {
   PrincipalResponse r;

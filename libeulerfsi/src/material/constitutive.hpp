@@ -21,6 +21,7 @@ struct Elastic {
 // Pressed below this principal stretch a material that hardens resists more and more. The laws themselves give way to a
 // pressure of 2 mu + lambda, or less, however far they are pressed, and an impact at the speed of sound is more.
 inline constexpr double kCrushed = 0.4;
+inline constexpr double kFlat = 0.1;  // the least that is asked for: that of an element (solid/map/credible.hpp)
 
 // mu = E / (2 (1 + nu)), lambda = E nu / ((1 + nu)(1 - 2 nu)).
 Elastic from_youngs_modulus(Law law, double youngs_modulus, double poissons_ratio);

@@ -12,14 +12,12 @@
 #include "sim/simulation.hpp"
 #include "solid/element/mass.hpp"
 #include "solid/element/material_lattice.hpp"
+#include "solid/map/credible.hpp"
 #include "solid/surface/fold_points.hpp"
 #include "solid/surface/surface_clusters.hpp"
 
 namespace efsi::sim {
 namespace {
-
-// Of a solid where it starts: along an axis, and of its volume. Further away det F is not told apart.
-constexpr double kLeastStretch = 0.2, kMostStretch = 5.0, kLeastGrowth = 0.1, kMostGrowth = 10.0;
 
 void validate(const SolidDesc& d) {
   const auto positive = [](const char* field, double value) {
@@ -44,10 +42,10 @@ void validate(const SolidDesc& d) {
   for (int a = 0; a < 3; ++a) {
     if (!std::isfinite(d.velocity[a])) refuse("EfsiSolidDef.velocity", d.velocity[a], "finite");
     if (!std::isfinite(d.angular_velocity[a])) refuse("EfsiSolidDef.angular_velocity", d.angular_velocity[a], "finite");
-    if (!(d.stretch[a] >= kLeastStretch && d.stretch[a] <= kMostStretch))
+    if (!(d.stretch[a] >= solid::kPlausibleStretch.least && d.stretch[a] <= solid::kPlausibleStretch.most))
       refuse("EfsiSolidDef.stretch", d.stretch[a], "between 0.2 and 5");
   }
-  if (!(d.stretch.prod() >= kLeastGrowth && d.stretch.prod() <= kMostGrowth))
+  if (!(d.stretch.prod() * solid::kMostDetF >= 1.0 && d.stretch.prod() <= solid::kMostDetF))
     refuse("EfsiSolidDef.stretch: product", d.stretch.prod(), "between 0.1 and 10");
 }
 

@@ -14,7 +14,7 @@ namespace efsi::sim {
 namespace {
 
 // Of a dilatation in a step: beyond it the step, linear in the divergence, is further off (growth² / 2) than det F.
-constexpr double kMostGrowth = 0.25;
+constexpr double kMostDilation = 0.25;
 
 // Calls body(solid, its band cell, padded cell) for the cells that solids with a bulk stiffness own.
 template <class Body>
@@ -74,7 +74,7 @@ void carry_dilatation(const StepContext& step, std::size_t l, const Matter& matt
         growth -= step.dt * return_rate(step.dt, work, c) * static_cast<double>(work.fraction[c]);
     }
     const double grown = std::clamp(ratio * (1.0 + growth), 1.0 / solid::kMostDetF, solid::kMostDetF);
-    next[e] = std::abs(growth) > kMostGrowth ? solid::kForgotten : grown;
+    next[e] = std::abs(growth) > kMostDilation ? solid::kForgotten : grown;
   });
   solid::carry_dilatation(step.parallel, step.scene.solids[l], work, next, state);
 }

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "solid/map/credible.hpp"
+
 namespace efsi::system {
 namespace {
 
@@ -9,7 +11,7 @@ constexpr double kAlpha = 0.05, kWallAlpha = 1.0 / 3.0;  // of HHT-alpha
 constexpr double kUndampedPace = 1.25, kUndampedStrain = 0.1, kUndampedGrowth = 1.25,
                  kUndampedLoad = 0.4;  // from here to twice as much it fades
 constexpr double kDampedImplicit = 0.6, kImplicitOfPace = 0.4;
-constexpr double kSpoiledGrowth = 1.4, kSpoiledClay = 1.1, kFromSpoiledToCrushed = 0.1, kCrushedViscosity = 30.0;
+constexpr double kFromSpoiledToCrushed = 0.1, kCrushedViscosity = 30.0;
 
 // 1 up to `from`, 0 from twice as much on.
 double fade(double value, double from) { return std::clamp(2.0 - value / from, 0.0, 1.0); }
@@ -36,7 +38,7 @@ StiffnessShares stiffness_shares_on_walls(double pace, double growth, double loa
 }
 
 double crushed_viscosity(double volume, bool yields) {
-  const double growth = std::max(volume, 1.0 / volume), spoiled = yields ? kSpoiledClay : kSpoiledGrowth;
+  const double growth = std::max(volume, 1.0 / volume), spoiled = yields ? solid::kSpoiledClay : solid::kSpoiledGrowth;
   return kCrushedViscosity * std::clamp((growth - spoiled) / kFromSpoiledToCrushed, 0.0, 1.0);
 }
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "grid/interpolate.hpp"
+#include "solid/map/credible.hpp"
 #include "solid/map/inverse_map.hpp"
 #include "solid/surface/surface_mend.hpp"
 

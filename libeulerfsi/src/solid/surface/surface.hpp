@@ -23,7 +23,6 @@ double volume_ratio(const SolidRest& rest, const SolidState& state);
 void measure_leak(const SolidRest& rest, const SolidWork& work, SolidState& state);
 // Edges of the surface's triangles, each once, that are longer than kFalseStretch times their length at rest times the
 // solid's largest stretch: their ends do not travel with the material that lies between them.
-inline constexpr double kFalseStretch = 4.0;
 std::uint64_t count_false_edges(const SolidRest& rest, const SolidState& state, double max_stretch);
 // Whether the surface bounds the solid; a sheet or parts that overlap do not.
 bool encloses(const SolidRest& rest);
