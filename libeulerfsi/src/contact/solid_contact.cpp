@@ -88,12 +88,13 @@ Sight look(const Parallel& parallel, const solid::SolidRest& rest, const solid::
         if (state.valid[n] == solid::kNoData) continue;
         const double distance = from.sample(g.node_position(at[0], at[1], at[2]) - state.u.at(n).cast<double>());
         if (std::abs(distance) > solid::kSurfaceStretch.most * kFar * g.h) continue;
-        const Vec3d gradient = seen_gradient(rest, state, at);
-        const double length = gradient.norm();
-        if (!(length > 0.0)) continue;
-        sight.length[nodes.node(i, j, k)] = solid::kSurfaceStretch.clamp(length);
-        sight.distance[nodes.node(i, j, k)] = distance / sight.length[nodes.node(i, j, k)];
-        sight.outwards[nodes.node(i, j, k)] = gradient / length;
+        const solid::SeenBoundary seen =
+            solid::see_boundary(distance, seen_gradient(rest, state, at), solid::kSurfaceStretch);
+        if (seen.outwards.isZero()) continue;
+        const std::size_t node = nodes.node(i, j, k);
+        sight.length[node] = seen.length;
+        sight.distance[node] = seen.distance;
+        sight.outwards[node] = seen.outwards;
       }
   });
   return sight;
@@ -338,15 +339,15 @@ SeenVertex::Gap SeenVertex::gap() const {
   Mat3d gradient;
   solid::sample_displacement(state, grid::corner_offsets(g), x, u, gradient);
   const Vec3d at_rest = solid::distance_of(rest, state).gradient(material);
-  const Vec3d seen = at_rest - gradient.transpose() * at_rest, outwards = seen.normalized();
-  const double length = solid::kSurfaceStretch.clamp(seen.norm());
+  const solid::SeenBoundary seen =
+      solid::see_boundary(rest_distance, at_rest - gradient.transpose() * at_rest, solid::kSurfaceStretch);
   const bool near = std::abs(rest_distance) < kSought * g.h;
-  const double distance = near ? solid::boundary_distance(rest, state, x, outwards, length) : rest_distance / length;
+  const double distance = near ? solid::boundary_distance(rest, state, x, seen.outwards, seen.length) : seen.distance;
   const auto velocity = [&](const solid::SolidState& of) {
     const Grid& band = of.band.grid;
     return Vec3d(grid::NodeSampler(band).vector(of.v, ((x - band.origin) / band.h).cast<Real>()).cast<double>());
   };
-  return {distance - kContactSkin * g.h, outwards.dot(velocity(state) - velocity(own))};
+  return {distance - kContactSkin * g.h, seen.outwards.dot(velocity(state) - velocity(own))};
 }
 
 void visit_vertices(const Scene& scene, const SolidStates& states, std::size_t l, std::size_t other,

@@ -10,6 +10,7 @@
 #include "solid/element/aggregation.hpp"
 #include "solid/element/plasticity.hpp"
 #include "solid/hexahedron.hpp"
+#include "solid/map/boundary_distance.hpp"
 #include "solid/map/copies.hpp"
 #include "solid/map/credible.hpp"
 #include "solid/map/displacement.hpp"
@@ -34,9 +35,8 @@ struct Plane {
   Vec3d normal;
 };
 Plane plane_of(const geometry::SignedDistance& distance, const Vec3d& material, double phi, const Mat3d& inverse_f) {
-  const Vec3d normal = inverse_f.transpose() * distance.gradient(material);
-  const double length = normal.norm();
-  return {phi / kCutStretch.clamp(length), length > 1e-12 ? Vec3d(normal / length) : Vec3d(0, 1, 0)};
+  const SeenBoundary seen = see_boundary(phi, inverse_f.transpose() * distance.gradient(material), kCutStretch);
+  return {seen.distance, seen.outwards.isZero() ? Vec3d(0, 1, 0) : seen.outwards};
 }
 
 constexpr std::size_t kSplinter = 3;  // elements

@@ -53,3 +53,13 @@ TEST_CASE("Where the map at the end of the estimate is not known the estimate is
         if (g.node_position(i, j, k)[0] > kFace + 0.5 * kH) s.state.valid[g.node(i, j, k)] = solid::kNoData;
   CHECK(distance_at(s, 4.0, 1.5) == Approx(-12.0 / 1.5).margin(0.01));
 }
+
+TEST_CASE("The boundary is seen where a uniform stretch has it, as far as that is believed", "[law]") {
+  const Vec3d normal = Vec3d(1.0, 2.0, -2.0) / 3.0;
+  for (const double stretch : {0.5, 1.0, 2.0, 8.0}) {
+    const auto seen = solid::see_boundary(0.3, normal / stretch, solid::kCutStretch);  // F = stretch I
+    CHECK(seen.distance == Approx(0.3 * std::min(stretch, 1.0 / solid::kCutStretch.least)));
+    CHECK((seen.outwards - normal).norm() < 1e-12);
+  }
+  CHECK(solid::see_boundary(0.3, Vec3d::Zero(), solid::kCutStretch).outwards.isZero());
+}
