@@ -10,10 +10,10 @@ namespace efsi::sim {
 namespace {
 
 constexpr double kContactFall = 3.0;  // cells: the energy of a fall that need not be kept
-constexpr double kAim = 1.25;         // times step_tolerance: of a solid's energy, while a wave passes it
+constexpr double kAim = 1.15;         // times step_tolerance: of a solid's energy, while a wave passes it
 constexpr double kErrs = 1.6;         // times that, in one step: it is repeated
 constexpr double kGrowth = 2.0;       // of one step after another
-constexpr double kCreep = 0.02;       // cells: what moves less in a step does not err
+constexpr double kCreep = 0.01;       // cells: what moves less in a step does not err
 
 // v.K v of a solid [J/s^2]: its implicit stiffness takes up to dt^2 of it in a step of dt in which v strains its map.
 double v_k_v(const solid::CellMotion& motion) {
