@@ -86,6 +86,7 @@ void limit_by_loss(const Parallel& parallel, const Scene& scene, std::size_t l, 
                    StepRule rule, solid::SolidWork& work, StepLimit& limit) {
   const Numerics& numerics = scene.params.numerics;
   if (!numerics.resolve_impacts || !std::isfinite(numerics.step_tolerance)) return;
+  if (work.keeps_energy) return;  // its limit is known, whatever else it touches
   work.keeps_energy = true;
   if (limit.dt > resolved_step(scene, scene.solids[l]))
     limit.lower(longest_step(parallel, scene, scene.solids[l], solid), rule, l + 1);
