@@ -92,7 +92,9 @@ solid::SolidRest rest_of(const SolidDesc& desc, const Params& params, bool colli
   static_cast<solid::Properties&>(rest) = desc;
   rest.stiff_by_part = params.numerics.stiffness_by_part;
   rest.wet = params.fluid.present;
-  rest.element = rest.stiff_by_part && !collider && !rest.wet ? solid::kElementPart : solid::kElementPartInFluid;
+  const bool by_part = rest.stiff_by_part && !collider;
+  rest.element = by_part && !rest.wet ? solid::kElementPart : solid::kElementPartInFluid;
+  if (by_part && rest.wet && !(rest.bulk > 0.0)) rest.sliver = solid::kElementPart.fraction;
   rest.definition = definition_hash(desc);
   return rest;
 }

@@ -129,6 +129,31 @@ TEST_CASE("Slivers of thin parts are elements; the solid's own cells are those t
   CHECK(slivers > 50);
 }
 
+TEST_CASE("In a fluid what is less full than a cell of the solid, but as full as an element in vacuum, is a sliver",
+          "[law]") {
+  TestSolid s = make_ball(cube_grid(18, 0.02), {}, Vec3d(0.183, 0.176, 0.181), 0.1);
+  s.rest.element = solid::kElementPartInFluid;
+  s.rest.stiff_by_part = true;
+  solid::compute_mass(Parallel(2), s.rest, s.state, s.work);
+  const double mass = s.work.total_mass;
+  std::vector<bool> own;
+  for (std::size_t c = 0; c < s.work.element.size(); ++c) own.push_back(s.work.owns(c));
+  CHECK(s.work.element_cell.size() == s.work.owned_cells());
+  s.rest.sliver = solid::kElementPart.fraction;
+  solid::compute_mass(Parallel(2), s.rest, s.state, s.work);
+  std::size_t slivers = 0;
+  for (std::size_t c = 0; c < s.work.element.size(); ++c) {
+    CHECK(s.work.owns(c) == own[c]);
+    CHECK((s.work.element[c] >= 0) == (s.work.fraction[c] > solid::kElementPart.fraction));
+    if (s.work.element[c] < 0 || s.work.owns(c)) continue;
+    ++slivers;
+    CHECK(solid::bulk_weight(s.rest, s.work, static_cast<std::size_t>(s.work.element[c])) == 0.0);
+  }
+  CHECK(slivers > 30);
+  CHECK(s.work.total_mass == Approx(mass).epsilon(1e-6));
+  CHECK(s.work.element_weight == Approx(1.0).epsilon(0.01));
+}
+
 TEST_CASE("The outer corners of a sliver keep nearly half of its mass", "[law]") {
   const double f = GENERATE(0.06, 0.2, 0.55);
   const double half = 0.5 * (1.0 + f) * kH;  // of a sheet that fills one layer of cells, and f of the next

@@ -82,8 +82,8 @@ struct CellMap {
 enum CellUse : std::uint8_t { kNoElement, kSliver, kOwned };
 CellUse use_of(const SolidRest& rest, const SolidState& state, std::size_t c, Real fraction, const CellMap& map) {
   if (fraction > least_fraction(rest, state, c)) return kOwned;
-  const bool sliver = fraction > kSliverPart && rest.thin.contains(map.material) && map.is_within(kSliverStretch);
-  return sliver ? kSliver : kNoElement;
+  const bool enough = fraction > rest.sliver || (fraction > kSliverPart && rest.thin.contains(map.material));
+  return enough && map.is_within(kSliverStretch) ? kSliver : kNoElement;
 }
 
 // Whether a cell's map is valid: not where it is extrapolated, and where it is partly so only if it is plausible.
@@ -369,6 +369,7 @@ void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidSt
 }
 
 double bulk_weight(const SolidRest& rest, const SolidWork& work, std::size_t e) {
+  if (work.sliver[e]) return 0.0;
   if (rest.wet && rest.stiff_by_part) return work.whole_weight;
   return work.element_weight * work.factor(e);
 }

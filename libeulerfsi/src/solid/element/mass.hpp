@@ -13,11 +13,12 @@ namespace efsi::solid {
 // A cell carries stiffness when more than a part of it is solid: little, so that what enters is little and what is thin
 // holds together.
 inline constexpr Threshold kElementPart = {Real(0.3), Real(0.1)};
-// The corners of these cells are what a fluid sees of the solid; at 0.5 its added mass is that of a ball larger
-// by a quarter of a cell (docs/lab/stiffness-support.md).
+// The corners of the solid's cells are what a fluid sees of it; at 0.5 its added mass is that of a ball larger by a
+// quarter of a cell (docs/lab/stiffness-support.md). In a fluid cells from kElementPart up to here are slivers:
+// elements whose cell is not the solid's. Not where a pressure answers to their volume, which slivers have not.
 inline constexpr Threshold kElementPartInFluid = {Real(0.6), Real(0.1)};
-// Of what is thin at rest so little makes a sliver: an element whose cell is not the solid's. One that drops out would
-// tie its neighbours no more, and return strained as they have come apart.
+// Of what is thin at rest so little makes one, too. One that drops out would tie its neighbours no more, and return
+// strained as they have come apart.
 inline constexpr Real kSliverPart = Real(0.05);
 
 // Beside a collider the rest of a cell is the contact's skin, which the solid never fills. Where it has more than
@@ -32,7 +33,7 @@ void compute_mass(const Parallel& parallel, const SolidRest& rest, const SolidSt
 
 // Of the stiffness against change of volume that the pressure has in an element, over the material's. In vacuum the
 // empty part of a cut cell offers no resistance; in a fluid it does, and all elements represent the body with one
-// weight.
+// weight. 0 in slivers.
 double bulk_weight(const SolidRest& rest, const SolidWork& work, std::size_t e);
 
 // Keeps which cells carry stiffness for the next compute_mass, and whether its choice lags: state.stiff.
