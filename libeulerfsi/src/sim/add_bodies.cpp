@@ -94,7 +94,8 @@ solid::SolidRest rest_of(const SolidDesc& desc, const Params& params, bool colli
   rest.wet = params.fluid.present;
   const bool by_part = rest.stiff_by_part && !collider;
   rest.element = by_part && !rest.wet ? solid::kElementPart : solid::kElementPartInFluid;
-  if (by_part && rest.wet && !(rest.bulk > 0.0)) rest.sliver = solid::kElementPart.fraction;
+  const bool light = rest.wet && params.fluid.density < solid::kLightFluid * desc.density;
+  if (by_part && light && !(rest.bulk > 0.0)) rest.sliver = solid::kElementPart.fraction;
   rest.definition = definition_hash(desc);
   return rest;
 }

@@ -114,7 +114,7 @@ TEST_CASE("Ledger: a body in fluid whose volume changes falls by the same energy
     CHECK(lost == Approx(0.5 * now.mass * kGravity * (height - now.center[1])).epsilon(0.01));
     return lost;
   };
-  CHECK(fall(10.0) == Approx(fall(0.0)).epsilon(3e-4));
+  CHECK(fall(10.0) == Approx(fall(0.0)).epsilon(1e-4));
 }
 
 TEST_CASE("Ledger: u and v of one time make an oscillation's energy steady", "[law]") {
