@@ -129,7 +129,7 @@ TEST_CASE("Slivers of thin parts are elements; the solid's own cells are those t
   CHECK(slivers > 50);
 }
 
-TEST_CASE("In a fluid what is less full than a cell of the solid, but as full as an element in vacuum, is a sliver",
+TEST_CASE("Where slivers are asked for, what is as full as an element in vacuum and no cell of the solid is one",
           "[law]") {
   TestSolid s = make_ball(cube_grid(18, 0.02), {}, Vec3d(0.183, 0.176, 0.181), 0.1);
   s.rest.element = solid::kElementPartInFluid;
