@@ -38,7 +38,7 @@ def test_every_row_has_a_small_picture() -> None:
     assert max(file.stat().st_size for file in files) < 100_000
 
 
-@pytest.mark.parametrize("name, least", [("youngs_modulus", 0.03), ("density", 0.08), ("temperature_buoyancy", 0.01)])
+@pytest.mark.parametrize("name, least", [("youngs_modulus", 0.02), ("density", 0.08), ("temperature_buoyancy", 0.01)])
 def test_what_is_said_is_seen(library, tmp_path, name, least) -> None:
     """Stiffer blocks are squeezed less, denser ones lie lower, hotter smoke is higher; and there is a picture of it."""
     effect = EFFECTS[name]
