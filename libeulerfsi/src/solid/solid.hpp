@@ -57,8 +57,8 @@ struct SolidRest : Properties {
   SurfaceClusters clusters;            // of its points; none: no vertex is mended
   std::vector<FoldPoint> fold_points;  // of it; empty: its folds do not see each other
   Threshold element;                   // parts of cells that carry its stiffness
-  Real sliver = 1;                     // solid fraction from which on cells with less carry it as slivers; 1: none
-  ThinParts thin;                      // where slivers do from a lower fraction on; none: nowhere
+  Real sliver = 1;                     // solid fraction above which all other cells carry it as slivers; 1: none
+  ThinParts thin;                      // where they do from a lower one on; none: nowhere
   bool wet = false;                    // a fluid fills its cut cells
   bool stiff_by_part = false;          // an element is as stiff as it is solid
   double volume = 0.0;                 // of the closed rest shape [m^3]

@@ -18,8 +18,8 @@ inline constexpr Threshold kElementPart = {Real(0.3), Real(0.1)};
 // elements whose cell is not the solid's. Not where a pressure answers to their volume, which slivers have not.
 inline constexpr Threshold kElementPartInFluid = {Real(0.6), Real(0.1)};
 inline constexpr double kLightFluid = 1.0 / 3.0;  // of the solid's density: its pressure misses little on slivers
-// Of what is thin at rest so little makes one, too. One that drops out would tie its neighbours no more, and return
-// strained as they have come apart.
+// Of what is thin at rest so little makes a sliver, too. One that drops out would tie its neighbours no more, and
+// return strained as they have come apart.
 inline constexpr Real kSliverPart = Real(0.05);
 
 // Beside a collider the rest of a cell is the contact's skin, which the solid never fills. Where it has more than
