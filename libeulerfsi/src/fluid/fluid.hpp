@@ -12,6 +12,8 @@ using grid::Grid;
 using grid::VectorField;
 using grid::Walls;
 
+inline constexpr double kThinFluid = 0.01;  // of a solid's density: one that adds next to nothing to its inertia
+
 struct FluidParams {
   bool present = true;
   double density = 1.0;    // rho_f [kg/m^3]
@@ -20,6 +22,7 @@ struct FluidParams {
   double smoke_buoyancy = 0.0;        // [m/s^2]
   double temperature_buoyancy = 0.0;  // [m/s^2/K]
 
+  bool is_thin_beside(double solid_density) const { return !present || density <= kThinFluid * solid_density; }
   bool is_viscous() const { return present && viscosity > 0.0; }
 };
 

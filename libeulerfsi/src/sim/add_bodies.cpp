@@ -93,9 +93,10 @@ solid::SolidRest rest_of(const SolidDesc& desc, const Params& params, bool colli
   rest.stiff_by_part = params.numerics.stiffness_by_part;
   rest.wet = params.fluid.present;
   const bool by_part = rest.stiff_by_part && !collider;
-  rest.element = by_part && !rest.wet ? solid::kElementPart : solid::kElementPartInFluid;
-  const bool light = rest.wet && params.fluid.density < solid::kLightFluid * desc.density;
-  if (by_part && light && !(rest.bulk > 0.0)) rest.sliver = solid::kElementPart.fraction;
+  const bool owns = by_part && params.fluid.is_thin_beside(desc.density) && (!rest.wet || rest.bulk > 0.0);
+  rest.element = owns ? solid::kElementPart : solid::kElementPartInFluid;
+  const bool light = params.fluid.density < solid::kLightFluid * desc.density;
+  if (by_part && light && rest.wet && !(rest.bulk > 0.0)) rest.sliver = solid::kElementPart.fraction;
   rest.definition = definition_hash(desc);
   return rest;
 }

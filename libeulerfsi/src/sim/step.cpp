@@ -229,7 +229,7 @@ StepLimit choose_time_step(const Parallel& parallel, const Scene& scene, double 
   for (std::size_t l = 0; l < scene.solids.size(); ++l)
     if (!solid::has_left(state.solids[l])) find_near_folds(parallel, scene.solids[l], state.solids[l], solids[l]);
   const double fluid_speed = std::max(state.fluid_speed, fastest_jet(scene, state.time, remaining));
-  return compute_time_step(parallel, scene, state.solids, fluid_speed, state.steps, remaining,  // Alg. 1 line 1
+  return compute_time_step(parallel, scene, state.solids, fluid_speed, state.time, remaining,  // Alg. 1 line 1
                            solids);
 }
 

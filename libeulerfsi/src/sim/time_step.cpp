@@ -26,8 +26,8 @@ constexpr double kUnseen = 3.0;           // cells between solids neither of whi
 constexpr double kTravelOfSize = 1.0 / 32.0;     // of the cubic root of a solid's volume
 constexpr double kTravelOfThinnest = 1.0 / 8.0;  // of its thinnest feature
 // Cells per step in flight over those elsewhere: through vacuum (4 where these are 1.8) and through a fluid of at most
-// kThin of a solid's density. The pressure of the fluid grows with what a solid moves in a step, and presses it.
-constexpr double kVacuumReach = 20.0 / 9.0, kFluidReach = 1.5, kThin = 0.01;
+// kThinFluid of a solid's density. The pressure of the fluid grows with what a solid moves in a step, and presses it.
+constexpr double kVacuumReach = 20.0 / 9.0, kFluidReach = 1.5;
 constexpr double kMoreAcceleration = 8.0;  // of that in the last step
 constexpr double kStart = 0.1;             // cells in the first step, in which a dense fluid adapts to solids that move
 constexpr double kFarthest = 3.95;         // cells per step: one of more than four is repeated
@@ -70,13 +70,9 @@ bool push_each_other(const SolidStates& states, std::size_t one, std::size_t oth
                      [&](const solid::ContactImpulse& c) { return c.other == static_cast<std::int32_t>(other); });
 }
 
-bool is_dense(const fluid::FluidParams& fluid, double solid_density) {
-  return fluid.present && fluid.density > kThin * solid_density;
-}
-
 // Cells that a solid may move in a step where nothing is near it.
 double flight_cells(const Params& params, double density) {
-  if (!params.numerics.conserve_momentum || is_dense(params.fluid, density)) return params.cfl_solid;
+  if (!params.numerics.conserve_momentum || !params.fluid.is_thin_beside(density)) return params.cfl_solid;
   const double far = (params.fluid.present ? kFluidReach : kVacuumReach) * params.cfl_solid;
   return std::max(params.cfl_solid, std::min(kFarthest, far));
 }
@@ -238,7 +234,7 @@ StepLimits step_limits(const Params& params, double lightest_density) {
 }
 
 StepLimit compute_time_step(const Parallel& parallel, const Scene& scene, const SolidStates& states, double fluid_speed,
-                            std::uint64_t steps, double remaining, SolidWorks& solids) {
+                            double time, double remaining, SolidWorks& solids) {
   const Params& params = scene.params;
   const grid::Grid& g = scene.grid;
   StepLimit limit{remaining, StepRule::kEnd};
@@ -259,8 +255,9 @@ StepLimit compute_time_step(const Parallel& parallel, const Scene& scene, const 
     const Gaps gaps = measure_gaps(scene, states[l]);
     limit_by_walls(parallel, scene, l, states[l], gaps, solids[l], limit);
     limit_by_speed(parallel, scene, l, states[l], free_cells(scene, boxes, l, gaps), limit);
-    if (steps == 0 && params.numerics.resolve_impacts && is_dense(params.fluid, scene.solids[l].density))
-      limit.lower(time_to_move(states[l].speed, 0.0, kStart * g.h), StepRule::kStart, l + 1);
+    if (params.numerics.resolve_impacts &&
+        !params.fluid.is_thin_beside(scene.solids[l].density))  // then twice as long each
+      limit.lower(time + time_to_move(states[l].speed, 0.0, kStart * g.h), StepRule::kStart, l + 1);
   }
   for (const Vec3d& v : params.walls.velocity) fluid_speed = std::max(fluid_speed, v.cwiseAbs().maxCoeff());
   if (params.fluid.present) limit.lower(time_to_move(fluid_speed, 0.0, params.cfl_fluid * g.h), StepRule::kFluid);
