@@ -35,12 +35,18 @@ void open_films(const Parallel& parallel, const grid::Grid& g, const SlipNodes& 
   const Real heavy = kHeavy * static_cast<Real>(lightest);
   const auto count = static_cast<std::int64_t>(slip.nodes().size());
   std::vector<Real> more(slip.nodes().size());
-  parallel.for_each(count, [&](std::int64_t i) {
-    const auto t = static_cast<std::size_t>(i);
-    const bool opens = slip.leads(t) && touches_film(g, slip.nodes()[t], heavy, specific_volume);
-    more[t] = opens ? std::max(Real(0), slip.slipping_volume(t)) : Real(0);
-  });
-  for (std::size_t t = 0; t < more.size(); ++t) specific_volume[slip.nodes()[t].node] += more[t];
+  const auto open = [&](const auto& opens) {
+    parallel.for_each(count, [&](std::int64_t i) {
+      const auto t = static_cast<std::size_t>(i);
+      more[t] = opens(t) ? std::max(Real(0), slip.slipping_volume(t)) : Real(0);
+    });
+    for (std::size_t t = 0; t < more.size(); ++t) specific_volume[slip.nodes()[t].node] += more[t];
+  };
+  open([&](std::size_t t) { return slip.nodes()[t].is_free(); });
+  if (slip.between_solids())
+    open([&](std::size_t t) {
+      return !slip.nodes()[t].is_free() && slip.leads(t) && touches_film(g, slip.nodes()[t], heavy, specific_volume);
+    });
 }
 
 }  // namespace efsi::system

@@ -158,7 +158,7 @@ void PressureMultigrid::build_coarse(const Parallel& parallel, const std::vector
   for (Grid g = finest_.grid; can_coarsen(g, slab); g = coarsen(g)) ++count;
   coarse_.resize(count);
   std::vector<Real> with_films;
-  if (slip_ && slip_->between_solids()) {
+  if (slip_ && (slip_->between_solids() || slip_->any_free())) {
     with_films = specific_volume;
     open_films(parallel, finest_.grid, *slip_, with_films);
   }

@@ -45,6 +45,8 @@ struct SlipNode {
   Real mass = 0;                 // of all matter [kg]
 
   bool shared() const { return solids > 1; }
+  // The fluid passes as if no solid were there: no cell at the node is the solid's.
+  bool is_free() const { return !shared() && solid_cells == 0; }
 };
 
 // +-1 per component: on which side of a cell's center its corner lies.
@@ -100,7 +102,7 @@ class SlipNodes {
   }
   // Calls body(padded cell, value) for the terms that, added to the diagonal of A_1, make a D with D^-1 A <= 8/3, as it
   // is elsewhere. With the diagonal of A itself a node with two velocities reaches 4 (two solid cells that share an
-  // edge), so that its share is taken one and a half times.
+  // edge), so that its share is taken one and a half times. The pressure sees one velocity of a free node alone.
   template <class Body>
   void for_smoother_terms(const Parallel& parallel, const Body& body) const {
     for_cells(parallel, [&](std::size_t t, std::size_t corner, std::size_t cell) {
@@ -111,7 +113,7 @@ class SlipNodes {
       }
       const Real one = 1 / (n.solid_mass + n.fluid_mass), own = 1 / (in_solid(n, corner) ? n.solid_mass : n.fluid_mass);
       const Real excess = (own - one) * across(n.normal, side(corner)).squaredNorm();
-      body(cell, area() * area() * (Real(1.5) * excess + Real(0.5) * moving_.sum() * one));
+      body(cell, area() * area() * (n.is_free() ? excess : Real(1.5) * excess + Real(0.5) * moving_.sum() * one));
     });
   }
   // After v_f -= g / (m_s + m_f): what is left to do for both velocities.
@@ -123,6 +125,10 @@ class SlipNodes {
   // What its velocities add to the 1/density of node t, the first entry of it: the mean over the cells around it and
   // the axes [m^3/kg].
   Real slipping_volume(std::size_t t) const;
+  // Whether any node is free.
+  bool any_free() const {
+    return std::any_of(nodes_.begin(), nodes_.end(), [](const SlipNode& n) { return n.is_free(); });
+  }
   // Whether entry t is the first one of its node.
   bool leads(std::size_t t) const { return t == 0 || nodes_[t - 1].node != nodes_[t].node; }
   // Whether these are nodes of more than one solid.

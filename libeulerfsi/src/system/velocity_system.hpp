@@ -23,6 +23,8 @@ namespace efsi::system {
 using grid::Grid;
 using grid::VectorField;
 
+constexpr std::uint8_t kAllAxes = 7;           // bits of the axes along which something holds a solid
+constexpr std::size_t kBehind = 1;             // values behind the last vector of three, which is loaded as four
 constexpr std::size_t kUnknownsPerSum = 1024;  // sums have parts of so many, whatever the number of threads
 
 // One solid as the system sees it.

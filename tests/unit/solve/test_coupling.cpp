@@ -7,6 +7,7 @@
 #include "solid/element/material_force.hpp"
 #include "solve/pressure.hpp"
 #include "solve/velocity_solve.hpp"
+#include "system/films.hpp"
 #include "unit/sim/scene.hpp"
 #include "unit/solid/ball.hpp"
 
@@ -251,6 +252,16 @@ TEST_CASE("At corners of slivers alone the pressure moves the fluid, not the sol
     apart += n.solid_cells == 0;
   }
   CHECK(apart > 50);
+  // Coarse levels of the pressure see the fluid there, and nothing new where a cell is the solid's.
+  const std::vector<Real>& mixed = scene.work.matter.specific_volume;
+  std::vector<Real> coarse = mixed;
+  system::open_films(Parallel(2), scene.g, slip, coarse);
+  for (const system::SlipNode& n : slip.nodes()) {
+    CHECK(n.is_free() == (n.solid_cells == 0));
+    CHECK(coarse[n.node] ==
+          Approx(n.is_free() ? static_cast<Real>(h * h * h) / n.fluid_mass : mixed[n.node]).epsilon(1e-4));
+    if (n.is_free()) CHECK(coarse[n.node] > 10 * mixed[n.node]);
+  }
   // What the projection takes is the fluid's alone.
   scene.work.velocity.field.assign(scene.g.node_count());
   const std::vector<Vec3> before = slip.solid_velocity();
