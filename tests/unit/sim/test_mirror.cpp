@@ -74,8 +74,8 @@ TEST_CASE("The volume fractions of a mesh that is its own mirror image are that,
 
 TEST_CASE("A ball that falls straight and bounces stays its own mirror image, and so does the fluid", "[law]") {
   // In the first box a sliver of fluid in one cell of four that are mirror images counts by rounding: 4e-4 of the
-  // speed. From 0.12 m two cells of eight begin to carry stiffness by rounding, at a solid fraction of 0.3: they move at
-  // another speed in that step.
+  // speed. From 0.12 m two cells of eight begin to carry stiffness by rounding, at a solid fraction of 0.3: they move
+  // at another speed in that step.
   using Box = std::pair<Vec3i, double>;
   const auto [cells, bar] = GENERATE(Box{{20, 20, 20}, 1e-3}, Box{{21, 20, 18}, 2e-5});
   auto s = symmetric_scene(0.02, cells, 0.121);
