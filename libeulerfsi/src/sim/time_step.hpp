@@ -23,8 +23,9 @@ struct StepLimits {
 };
 StepLimits step_limits(const Params& params, double lightest_density);
 
-// time: since the start of the run. The largest step that the limits allow, at most `remaining`, and what allows no more; the rest up
-// to `remaining` is divided into equal steps. solids: after find_near_folds; learn whether they keep energy.
+// time: since the start of the run. The largest step that the limits allow, at most `remaining`, and what allows no
+// more; the rest up to `remaining` is divided into equal steps. solids: after find_near_folds; learn whether they keep
+// energy.
 StepLimit compute_time_step(const Parallel& parallel, const Scene& scene, const SolidStates& states, double fluid_speed,
                             double time, double remaining, SolidWorks& solids);
 

@@ -12,9 +12,9 @@
 
 namespace efsi::system {
 
-// Raises 1/density [m^3/kg] of free slip nodes to that of their fluid, then, where the scene has two solids, that of the
-// slip nodes around the enclosed cells of fluid, which have nothing but heavy matter at their corners, to the mean over
-// the cells and axes of the node.
+// Raises 1/density [m^3/kg] of free slip nodes to that of their fluid, then, where the scene has two solids, that of
+// the slip nodes around the enclosed cells of fluid, which have nothing but heavy matter at their corners, to the mean
+// over the cells and axes of the node.
 void open_films(const Parallel& parallel, const grid::Grid& g, const SlipNodes& slip,
                 std::vector<Real>& specific_volume);
 
