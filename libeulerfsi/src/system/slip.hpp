@@ -102,7 +102,7 @@ class SlipNodes {
   }
   // Calls body(padded cell, value) for the terms that, added to the diagonal of A_1, make a D with D^-1 A <= 8/3, as it
   // is elsewhere. With the diagonal of A itself a node with two velocities reaches 4 (two solid cells that share an
-  // edge), so that its share is taken one and a half times. The pressure sees one velocity of a free node alone.
+  // edge), so that its share is taken one and a half times.
   template <class Body>
   void for_smoother_terms(const Parallel& parallel, const Body& body) const {
     for_cells(parallel, [&](std::size_t t, std::size_t corner, std::size_t cell) {
@@ -113,7 +113,7 @@ class SlipNodes {
       }
       const Real one = 1 / (n.solid_mass + n.fluid_mass), own = 1 / (in_solid(n, corner) ? n.solid_mass : n.fluid_mass);
       const Real excess = (own - one) * across(n.normal, side(corner)).squaredNorm();
-      body(cell, area() * area() * (n.is_free() ? excess : Real(1.5) * excess + Real(0.5) * moving_.sum() * one));
+      body(cell, area() * area() * (Real(1.5) * excess + Real(0.5) * moving_.sum() * one));
     });
   }
   // After v_f -= g / (m_s + m_f): what is left to do for both velocities.
