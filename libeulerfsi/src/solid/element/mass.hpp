@@ -14,9 +14,9 @@ namespace efsi::solid {
 // holds together.
 inline constexpr Threshold kElementPart = {Real(0.3), Real(0.1)};
 // The corners of the solid's cells are what a fluid sees of it; at 0.5 its added mass is that of a ball larger by a
-// quarter of a cell (docs/lab/stiffness-support.md). So in a fluid a solid has those from
-// kElementPart on only where the fluid is thin beside it and its bulk stiffness is the pressure's. Else these are
-// slivers where the fluid is light: elements whose cell is not the solid's.
+// quarter of a cell (docs/lab/stiffness-support.md). So in a fluid the cells from
+// kElementPart up to here are a solid's only where the fluid is thin beside it and its bulk stiffness is the
+// pressure's; else, where the fluid is light, they are slivers: elements whose cell is not the solid's.
 inline constexpr Threshold kElementPartInFluid = {Real(0.6), Real(0.1)};
 inline constexpr double kLightFluid = 1.0 / 3.0;  // of the solid's density: its pressure misses little on slivers
 // Of what is thin at rest so little makes a sliver, too. One that drops out would tie its neighbours no more, and
