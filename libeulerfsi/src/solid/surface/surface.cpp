@@ -2,6 +2,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <limits>
 
 #include "grid/interpolate.hpp"
 #include "solid/map/credible.hpp"
@@ -11,6 +12,7 @@
 namespace efsi::solid {
 namespace {
 
+constexpr double kInWall = 1.0;         // cells: deeper in a wall the map says nothing; bound of the overlap in contact
 constexpr double kTrustedVolume = 0.2;  // relative difference between the surface's volume and the solid's
 
 Vec3 to_grid(const Grid& g, const Vec3d& x) { return ((x - g.origin) / g.h).cast<Real>(); }
@@ -72,13 +74,27 @@ void place_surface(const Parallel& parallel, const SolidRest& rest, SolidState& 
   });
 }
 
-void correct_surface(const Parallel& parallel, const SolidRest& rest, double max_stretch, SolidState& state) {
+Eigen::AlignedBox3d map_reach(const Grid& global, const grid::Walls& walls) {
+  const Vec3d top = global.node_position(global.cells[0], global.cells[1], global.cells[2]);
+  const double everywhere = std::numeric_limits<double>::infinity();
+  Eigen::AlignedBox3d reach(Vec3d::Constant(-everywhere), Vec3d::Constant(everywhere));
+  for (int a = 0; a < 3; ++a) {
+    if (a == grid::slab_axis(global, walls)) continue;
+    if (grid::Walls::blocks(walls.lower(a))) reach.min()[a] = global.origin[a] - kInWall * global.h;
+    if (grid::Walls::blocks(walls.upper(a))) reach.max()[a] = top[a] + kInWall * global.h;
+  }
+  return reach;
+}
+
+void correct_surface(const Parallel& parallel, const Eigen::AlignedBox3d& reach, const SolidRest& rest,
+                     double max_stretch, SolidState& state) {
   const auto corner = grid::corner_offsets(state.band.grid);
   const double h = state.band.grid.h;
   std::vector<std::uint8_t> lost(state.surface.size(), 0), extrapolated(state.surface.size(), 0);
   parallel.for_each(static_cast<std::int64_t>(state.surface.size()), [&](std::int64_t i) {
     const auto s = static_cast<std::size_t>(i);
-    lost[s] = !(correct_point(state, corner, rest.surface.points[s], state.surface[s]) < kHeldResidual * h);
+    const double residual = correct_point(state, corner, rest.surface.points[s], state.surface[s]);
+    lost[s] = !(residual < kHeldResidual * h && reach.contains(state.surface[s]));
     extrapolated[s] = is_made_up(state, corner, state.surface[s]);
   });
   repair_surface(parallel, rest, max_stretch, extrapolated, lost, state);

@@ -3,6 +3,8 @@
 //   a vertex with rest position X lies where x - u(x) = X: predicted by the velocity, corrected by Newton's method
 #pragma once
 
+#include <Eigen/Geometry>
+
 #include "base/parallel.hpp"
 #include "grid/boundary.hpp"
 #include "solid/solid.hpp"
@@ -11,9 +13,13 @@ namespace efsi::solid {
 
 // Places the vertices by the map, from where they are: Newton's method. A vertex outside the data stays.
 void place_surface(const Parallel& parallel, const SolidRest& rest, SolidState& state);
-// The same for what predict_surface says, with the new u. Vertices that the map does not hold travel with their
-// neighbours (solid/surface/surface_mend.hpp).
-void correct_surface(const Parallel& parallel, const SolidRest& rest, double max_stretch, SolidState& state);
+// Where a map says something: in the box and, as surfaces overlap walls, a cell deep in each wall. No limit at open and
+// periodic faces and across a slab.
+Eigen::AlignedBox3d map_reach(const Grid& global, const grid::Walls& walls);
+// The same for what predict_surface says, with the new u. Vertices that the map does not hold within its reach travel
+// with their neighbours (solid/surface/surface_mend.hpp).
+void correct_surface(const Parallel& parallel, const Eigen::AlignedBox3d& reach, const SolidRest& rest,
+                     double max_stretch, SolidState& state);
 // Velocities at the surface vertices [m/s].
 void sample_surface_velocity(const Parallel& parallel, const SolidState& state, std::vector<Vec3d>& velocity);
 

@@ -43,7 +43,7 @@ void move(TestSolid& s, const std::function<Vec3d(const Vec3d&)>& velocity, doub
   step.flow = flow;
   solid::advect(parallel, scheme, dt, step, s.work, s.state, packed);
   solid::predict_surface(parallel, dt, step, packed, s.state);
-  solid::correct_surface(parallel, s.rest, 1.0, s.state);
+  solid::correct_surface(parallel, solid::map_reach(g, {}), s.rest, 1.0, s.state);
   solid::follow_solid(g, s.rest, s.state);
 }
 

@@ -45,6 +45,7 @@ double largest_error(const TestSolid& s) {
 }
 
 constexpr double kStretch = 1.7;  // of the bend
+const Eigen::AlignedBox3d kEverywhere(Vec3d::Constant(-1.0), Vec3d::Constant(2.0));
 
 }  // namespace
 
@@ -56,7 +57,7 @@ TEST_CASE("A sheet that the map has lost stays with its part of the solid", "[la
     CHECK(solid::count_false_edges(alone.rest, alone.state, 1.0) > 0);  // the map leads to where it was at rest
     CHECK(largest_error(alone) > 4.0);
   }
-  solid::correct_surface(Parallel(1), s.rest, kStretch, s.state);
+  solid::correct_surface(Parallel(1), kEverywhere, s.rest, kStretch, s.state);
   CHECK(solid::count_false_edges(s.rest, s.state, kStretch) == 0);
   CHECK(largest_error(s) < 0.05);
 }
@@ -71,8 +72,31 @@ TEST_CASE("Points that have left the data follow", "[law]") {
   // No velocity has carried them along.
   for (Vec3d& x : s.state.surface)
     if (x[2] > kLost) x[0] += 0.5 * g.h;
-  solid::correct_surface(Parallel(1), s.rest, kStretch, s.state);
+  solid::correct_surface(Parallel(1), kEverywhere, s.rest, kStretch, s.state);
   CHECK(largest_error(s) < 0.05);
+}
+
+TEST_CASE("Points that the map leads deep into a wall follow what lies beside them", "[law]") {
+  const double h = kHairpin.size, floor = h * kHairpin.low[2];
+  TestSolid s = kHairpin.make();
+  // Between the legs the map has lost the lowest three quarters of a cell and goes on below the floor twice as slowly.
+  set_displacement(s, [&](const Vec3d& x) -> Vec3d {
+    const bool crushed = std::abs(x[0] - kMiddle) < 2.5 * h && x[2] < floor + 2.0 * h;
+    return crushed ? Vec3d(0.0, 0.0, -0.6 * (floor + 2.0 * h - x[2])) : Vec3d::Zero();
+  });
+  grid::Walls open;
+  open.face[4] = grid::Wall::kOpen;
+  for (const bool wall : {false, true}) {
+    TestSolid mended = s;
+    grid::Grid box = s.global;
+    box.origin[2] = floor;
+    const auto reach = solid::map_reach(box, wall ? grid::Walls{} : open);
+    solid::correct_surface(Parallel(1), reach, mended.rest, kStretch, mended.state);
+    double deepest = 0.0;
+    for (const Vec3d& x : mended.state.surface) deepest = std::max(deepest, (floor - x[2]) / h);
+    CAPTURE(wall, deepest);
+    CHECK((wall ? deepest < 1.5 : deepest > 2.0));
+  }
 }
 
 // Beside the first corner of every triangle another one, 0.005 cells away: many of them in another cluster.
@@ -109,7 +133,7 @@ TEST_CASE("Where the map holds everything the surface is where it says, to the l
   TestSolid mended = make_leaning(1.0);
   for (Vec3d& x : mended.state.surface) x += Vec3d(0.003, -0.002, 0.004);
   TestSolid placed = mended;
-  solid::correct_surface(Parallel(1), mended.rest, kStretch, mended.state);
+  solid::correct_surface(Parallel(1), kEverywhere, mended.rest, kStretch, mended.state);
   solid::place_surface(Parallel(1), placed.rest, placed.state);
   CHECK(mended.state.surface == placed.state.surface);
 }
@@ -117,7 +141,7 @@ TEST_CASE("Where the map holds everything the surface is where it says, to the l
 TEST_CASE("A mended surface has the same bits for 1, 2, 3 and 8 threads", "[determinism]") {
   const auto run = [](int threads) {
     TestSolid s = make_leaning(kLost);
-    solid::correct_surface(Parallel(threads), s.rest, kStretch, s.state);
+    solid::correct_surface(Parallel(threads), kEverywhere, s.rest, kStretch, s.state);
     return s.state.surface;
   };
   const auto one = run(1);
@@ -128,10 +152,10 @@ TEST_CASE("Where nothing of the surface is known it stays where it is expected")
   TestSolid s = make_leaning(kLost);
   std::fill(s.state.valid.begin(), s.state.valid.end(), solid::kNoData);
   const auto before = s.state.surface;
-  solid::correct_surface(Parallel(1), s.rest, kStretch, s.state);
+  solid::correct_surface(Parallel(1), kEverywhere, s.rest, kStretch, s.state);
   CHECK(s.state.surface == before);
   s.state.surface[0] += Vec3d(0.5, 0.0, 0.0);  // a torn edge changes nothing in that
   const auto torn = s.state.surface;
-  solid::correct_surface(Parallel(1), s.rest, kStretch, s.state);
+  solid::correct_surface(Parallel(1), kEverywhere, s.rest, kStretch, s.state);
   CHECK(s.state.surface == torn);
 }
