@@ -39,7 +39,15 @@ def watched(**changes: Any) -> Watched:
     domain = {"domain_min": [0.0] * 3, "domain_size": [1.0] * 3, "voxel_size": 0.1, "energy_ledger": True}
     domain |= {f"wall[{face}]": binding.WALLS["slip"] for face in range(6)} | {"velocity_tolerance": 0.0, "preset": 0}
     domain |= {f"wall_velocity[{face}]": [0.0] * 3 for face in range(6)} | changes.pop("domain", {})
-    facts = {"fill": {BALL: 1.0}, "pinned": set(), "drive": 0.0, "moving_walls": False, "noise": 0.0, "fall": 0.0}
+    facts = {
+        "fill": {BALL: 1.0},
+        "pinned": set(),
+        "drive": 0.0,
+        "slow": 2.0,
+        "moving_walls": False,
+        "noise": 0.0,
+        "fall": 0.0,
+    }
     facts["space"] = SimulationSpace(np.eye(3), np.array([5.0, 0.0, 0.0]), 0.01)
     return Watched(DOMAIN, domain, **(facts | changes))
 
@@ -121,6 +129,12 @@ CASES = {
         (watched(drive=2.0), [*GOOD, step(), frame(fluid=12.0), step(), frame(fluid=10.0)]),
     ),
 }
+
+
+def test_what_crosses_less_than_a_voxel_in_a_frame_is_not_fast() -> None:
+    lines = [*GOOD, *[step(), frame(fluid=12.0)] * 2]
+    assert [w["code"] for w in looked_at(watched(slow=11.9), lines)[0].warnings] == ["fast_fluid"]
+    assert looked_at(watched(slow=12.1), lines)[0].warnings == []
 
 
 def looked_at(scene: Watched, lines: list[dict[str, Any]]) -> tuple[Watch, str]:

@@ -25,6 +25,7 @@ _FINEST = 8.0  # times as many voxels across: an error that they do not halve is
 _STEEPEST = 2.0  # order that is believed beyond the coarsest run
 _SLAB = 2.0  # voxels: an edge of the domain that is no longer is no length of a body
 _AS_LIGHT = 3.0  # times its density: a fluid lighter than that takes no part in a swing
+_RESOLVED_PACE = 1.25  # voxels that waves cross in a step: longer steps damp what vibrates in flight
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,18 +64,32 @@ def curves() -> Mapping[str, Curve]:
 def no_rebound(domain: Mapping[str, Any]) -> str:
     """Why the curve of rebounds, which is that of production, says nothing of a scene; "" where it does. domain: fields
     of EfsiSimulationDef."""
-    if domain["preset"] == binding.PRESETS["fast"]:
+    if domain["preset"] == binding.PRESETS["fast"] and not domain["step_tolerance"]:
         return "no rebound is promised: in air, 6 voxels across, fast keeps 0.28 of the speed, production 0.52"
-    normal = table()["domain"]["stepTolerance"].names["normal"]
-    if domain["step_tolerance"] > normal:
-        return f"no rebound is promised: stepTolerance is above normal, {normal:g}"
+    if domain["step_tolerance"] > _normal():
+        return f"no rebound is promised: stepTolerance is above normal, {_normal():g}"
     return ""
 
 
-def of_solid(values: Mapping[str, Any], across: float, fluid: float, rebounds: bool = True) -> dict[str, float]:
+def _normal() -> float:
+    return table()["domain"]["stepTolerance"].names["normal"]
+
+
+def pace(values: Mapping[str, Any], voxel: float, step: float) -> float:
+    """Voxels that the elastic waves of a solid cross in a step. values: fields of EfsiSolidDef; in m and s."""
+    modulus, ratio = values["youngs_modulus"], values["poissons_ratio"]
+    mu = modulus / (2 * (1 + ratio))
+    bulk = modulus * ratio / ((1 + ratio) * (1 - 2 * ratio)) if values["compressible"] else 0.0
+    return step * float(np.sqrt(max(mu, bulk) / values["density"])) / voxel
+
+
+def of_solid(
+    values: Mapping[str, Any], across: float, fluid: float, rebounds: bool = True, swings: bool = True
+) -> dict[str, float]:
     """Errors by name of its curve. values: fields of EfsiSolidDef; fluid: its density, 0 for none [kg/m^3]."""
     names = (["rebound"] if rebounds else []) + ([] if values["compressible"] else ["volume"])
-    names.append("swing in fluid" if fluid * _AS_LIGHT > values["density"] else "swing")
+    if swings:
+        names.append("swing in fluid" if fluid * _AS_LIGHT > values["density"] else "swing")
     names += ["sliding"] if values["friction"] > 0 else []
     return {name: curves()[name].at(across) for name in names}
 
@@ -92,16 +107,23 @@ _WORDS = {
 def describe(scene: Scene) -> list[str]:
     """A line for each solid and one for the fluid."""
     domain = scene.domain
+    if domain["preset"] == binding.PRESETS["paper2016"]:
+        return [f"{scene.domain_path}: the preset paper2016 promises no errors; docs/accuracy.md compares it"]
     voxel, density = domain["voxel_size"], domain["fluid_density"] if domain["ambient_fluid"] else 0.0
+    step = min(1 / scene.fps, domain["max_time_step"] or np.inf)
     deep = np.array(domain["domain_size"], float) > _SLAB * voxel
     lines, sizes, without = [], [], no_rebound(domain)
     for solid in scene.solids:
         report = (solid.start or solid.surface).report
         size = smallest(np.subtract(report["extent_max"], report["extent_min"]), deep)
         sizes.append(size)
-        errors = of_solid(solid.values, size / voxel, density, not without)
-        text = line(solid.path, size, voxel, errors, next(iter(errors)))
-        lines.append(f"{text}; {without}" if without else text)
+        swings = pace(solid.values, voxel, step) <= _RESOLVED_PACE
+        errors = of_solid(solid.values, size / voxel, density, not without, swings)
+        texts = [line(solid.path, size, voxel, errors, next(iter(errors)))] if errors else []
+        if not swings and not 0 < domain["step_tolerance"] < _normal():
+            texts.append(f"steps of {step:.2g} s damp its vibrations in flight: stepTolerance fine keeps them")
+        texts += [without] if without else []
+        lines.append("; ".join(texts) if errors else f"{solid.path}: {'; '.join(texts)}")
     if density:
         sizes += [smallest(np.subtract(*reversed(emitter.extent())), deep) for emitter in scene.emitters]
         size = min([*sizes, smallest(np.array(domain["domain_size"]) / 4, deep)])

@@ -49,8 +49,8 @@ CONDITIONS = {
             "any",
             1.0,
             "{value} vertices of it and {other} have come out{place} on another side than they went in (limit "
-            "{limit}): the two have passed through each other; thicker or stiffer parts, a smaller voxelSize or a "
-            "smaller maxTimeStep keep surfaces apart",
+            "{limit}): parts of the two have passed through each other; thicker or stiffer parts, a smaller voxelSize "
+            "or a smaller maxTimeStep keep surfaces apart",
         ),
         Condition(
             "repaired_cells",
@@ -66,7 +66,8 @@ CONDITIONS = {
             "volume of an incompressible solid off",
             "3 %, two frames in a row",
             0.03,
-            "its volume is off by {value} (limit {limit}): a smaller voxelSize or a smaller maxTimeStep keeps it",
+            "its volume is off by {value} (limit {limit}): a smaller voxelSize, a smaller maxTimeStep or a mesh of "
+            "shorter edges keeps it",
             frames=2,
             share=True,
         ),

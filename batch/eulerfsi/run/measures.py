@@ -38,9 +38,9 @@ class Watched:
     """What the conditions need of a scene. SI, simulation space.
 
     fill: by path of every incompressible solid, its volume at the start over that at rest; pinned: paths of the pinned
-    solids on which something acts; drive: largest speed of jets, wind, walls and sqrt(2 a H); moving_walls: they do
-    work; noise: energies below it are rounding; fall: mass of the solids times gravity squared
-    [kg m²/s⁴]; space: the stage's, for places.
+    solids on which something acts; drive: largest speed of jets, wind, walls and sqrt(2 a H); slow: what is slower
+    crosses no voxel in a frame; moving_walls: they do work; noise: energies below it are rounding; fall: mass of the
+    solids times gravity squared [kg m²/s⁴]; space: the stage's, for places.
     """
 
     domain_path: str
@@ -48,6 +48,7 @@ class Watched:
     fill: dict[str, float]
     pinned: set[str]
     drive: float
+    slow: float
     moving_walls: bool
     noise: float
     fall: float
@@ -65,7 +66,16 @@ class Watched:
         mass = sum(s.values["density"] * s.report["solid_volume"] for s in scene.solids)
         fall = mass * float(np.dot(domain["gravity"], domain["gravity"]))
         return cls(
-            scene.domain_path, domain, fill, pinned, drive(scene), walls, _ROUNDING * stiffness, fall, scene.space
+            scene.domain_path,
+            domain,
+            fill,
+            pinned,
+            drive(scene),
+            domain["voxel_size"] * scene.fps,
+            walls,
+            _ROUNDING * stiffness,
+            fall,
+            scene.space,
         )
 
 
@@ -194,8 +204,9 @@ class Measures:
 
     def _fluid(self, line: dict[str, Any]) -> Iterator[Finding]:
         self._speed = max([self._speed, *(number(step["max_speed_solid"]) for step in self._steps)])
-        if self._speed > 0:
-            yield Finding("fast_fluid", self._scene.domain_path, number(line["fluid"]["max_speed"]) / self._speed)
+        fluid = number(line["fluid"]["max_speed"])
+        if self._speed > 0 and not fluid < self._scene.slow:
+            yield Finding("fast_fluid", self._scene.domain_path, fluid / self._speed)
 
 
 class _Energy:

@@ -70,10 +70,12 @@ def raise_errors(issues: Iterable[Issue]) -> list[Issue]:
 
 def notes(scene: Scene) -> list[str]:
     """What a user should know of a scene in which nothing is wrong."""
-    if scene.domain["preset"] != binding.PRESETS["fast"]:
-        return []
-    text = "the preset fast is for layout: its long steps damp solids, above all where they meet something"
-    return [f"{scene.domain_path}: {text}"]
+    preset, tolerance, texts = scene.domain["preset"], scene.domain["step_tolerance"], []
+    if preset == binding.PRESETS["fast"] and not tolerance:
+        texts.append("the preset fast is for layout: its long steps damp solids, above all where they meet something")
+    if preset == binding.PRESETS["paper2016"] and tolerance:
+        texts.append("eulerfsi:stepTolerance has no effect with the preset paper2016")
+    return [f"{scene.domain_path}: {text}" for text in texts]
 
 
 def check_scene(scene: Scene) -> list[Issue]:
@@ -90,6 +92,7 @@ def check_scene(scene: Scene) -> list[Issue]:
         issues += _check_apart(scene, first, second)
     for collider in scene.colliders:
         issues += _check_closed(collider)
+        issues += _check_thick(scene, collider, collider.path, "points")
         issues += _check_periodic(scene, collider)
         for solid in scene.solids:
             issues += _check_apart(scene, collider, solid)
@@ -181,15 +184,22 @@ def _check_mesh(scene: Scene, solid: Solid) -> list[Issue]:
             "of the material, which is corrupted where they move relative to each other"
         )
         issues.append(Issue(solid.path, field, value, limit, message, "warning", "SeparatePieces"))
-    voxel, thinnest = scene.domain["voxel_size"], solid.start.report["thinnest_feature"]
-    if 0 < thinnest < 2 * voxel:
-        fitting = thinnest / 2 / unit
-        value, limit = f"{thinnest / unit:.4g}", f"at least two voxels of {voxel / unit:.4g}"
-        affordable = memory.cells(scene.domain, thinnest / 2) <= memory.MOST_CELLS
-        advice = f"eulerfsi:voxelSize = {fitting:.3g} resolves it" if affordable else "too thin for a domain this large"
-        message = f"{where}: the thinnest feature is {value}: must be {limit}; {advice}"
-        issues.append(Issue(solid.path, field, value, limit, message, "warning", "ThinFeature"))
-    return issues
+    return issues + _check_thick(scene, solid, where, field)
+
+
+def _check_thick(scene: Scene, body: Solid | Collider, where: str, field: str) -> list[Issue]:
+    """Two voxels carry what touches a body."""
+    voxel, thinnest = scene.domain["voxel_size"], _at_start(body).report["thinnest_feature"]
+    unit, collides = scene.units.meters_per_unit, isinstance(body, Collider)
+    if not 0 < thinnest < (2 - _TOLERANCE if collides else 2) * voxel:
+        return []
+    fitting = thinnest / 2 / unit
+    value, limit = f"{thinnest / unit:.4g}", f"at least two voxels of {voxel / unit:.4g}"
+    affordable = memory.cells(scene.domain, thinnest / 2) <= memory.MOST_CELLS
+    advice = f"eulerfsi:voxelSize = {fitting:.3g} resolves it" if affordable else "too thin for a domain this large"
+    advice += "; solids may fall through it" if collides else ""
+    message = f"{where}: the thinnest feature is {value}: must be {limit}; {advice}"
+    return [Issue(body.path, field, value, limit, message, "warning", "ThinFeature")]
 
 
 def _check_inside(scene: Scene, solid: Solid) -> list[Issue]:
@@ -279,7 +289,7 @@ def _check_apart(scene: Scene, first: Solid | Collider, second: Solid) -> list[I
         return []
     value, limit = f"{depth / unit:.4g}", f"at most half a voxel, {most / unit:.4g}"
     message = (
-        f"{first.path} and {second.path}: the solids overlap by {value} (a volume of {volume / unit**3:.4g}): "
+        f"{first.path} and {second.path}: they overlap by {value} (a volume of {volume / unit**3:.4g}): "
         f"must be {limit}; {_apart(scene, first, second)}"
     )
     return [Issue(second.path, "points", value, limit, message, "error", "Overlap")]

@@ -13,20 +13,21 @@ struct EfsiSim;
 
 /** What limits a step. */
 typedef enum EfsiStepRule {
-  EFSI_STEP_RULE_END = 0,        /**< the end of the duration, in one step */
-  EFSI_STEP_RULE_MAXIMUM = 1,    /**< EfsiSimulationDef.max_time_step */
-  EFSI_STEP_RULE_SPEED = 2,      /**< the speed of a solid */
-  EFSI_STEP_RULE_STRAIN = 3,     /**< the strain or rotation of a solid in flight */
-  EFSI_STEP_RULE_WALL = 4,       /**< a solid approaches a wall */
-  EFSI_STEP_RULE_WALL_WAVE = 5,  /**< shear waves in a solid at a wall */
-  EFSI_STEP_RULE_SOLID = 6,      /**< two bodies approach each other */
-  EFSI_STEP_RULE_SOLID_WAVE = 7, /**< shear waves in a solid at another body */
-  EFSI_STEP_RULE_FOLD = 8,       /**< folds of a solid approach each other */
-  EFSI_STEP_RULE_FOLD_WAVE = 9,  /**< shear waves in a solid whose folds touch */
-  EFSI_STEP_RULE_START = 10,     /**< the first step of a solid in a dense fluid */
-  EFSI_STEP_RULE_COLLIDER = 11,  /**< the speed of a collider */
-  EFSI_STEP_RULE_FLUID = 12,     /**< the speed of the fluid, a wall or a jet */
-  EFSI_STEP_RULE_REPEATED = 13,  /**< a step that was rolled back */
+  EFSI_STEP_RULE_END = 0,          /**< the end of the duration, in one step */
+  EFSI_STEP_RULE_MAXIMUM = 1,      /**< EfsiSimulationDef.max_time_step */
+  EFSI_STEP_RULE_SPEED = 2,        /**< the speed of a solid */
+  EFSI_STEP_RULE_STRAIN = 3,       /**< the strain or rotation of a solid in flight */
+  EFSI_STEP_RULE_WALL = 4,         /**< a solid approaches a wall */
+  EFSI_STEP_RULE_WALL_WAVE = 5,    /**< what a solid at a wall may lose of its energy, or shear waves in it */
+  EFSI_STEP_RULE_SOLID = 6,        /**< two bodies approach each other */
+  EFSI_STEP_RULE_SOLID_WAVE = 7,   /**< the same at another body */
+  EFSI_STEP_RULE_FOLD = 8,         /**< folds of a solid approach each other */
+  EFSI_STEP_RULE_FOLD_WAVE = 9,    /**< the same where its folds touch */
+  EFSI_STEP_RULE_START = 10,       /**< the first step of a solid in a dense fluid */
+  EFSI_STEP_RULE_COLLIDER = 11,    /**< the speed of a collider */
+  EFSI_STEP_RULE_FLUID = 12,       /**< the speed of the fluid, a wall or a jet */
+  EFSI_STEP_RULE_REPEATED = 13,    /**< a step that was rolled back */
+  EFSI_STEP_RULE_FLIGHT_WAVE = 14, /**< the same in flight */
 } EfsiStepRule;
 
 /** Counters and extrema of the steps of one call. */
@@ -47,7 +48,7 @@ typedef struct EfsiStepInfo {
   double min_det_f;               /**< over the elements of all solids; 1 without elements */
   double max_det_f;               /**< likewise */
   uint64_t degenerate_cells;      /**< cells whose F was clamped, or whose map was rejected or rebuilt */
-  uint64_t retries;               /**< steps that were rolled back and repeated at half the size */
+  uint64_t retries;               /**< steps that were rolled back and repeated shorter */
   uint64_t unconverged;           /**< solves that stopped at their iteration limit */
   int32_t limit_rule;             /**< EfsiStepRule: what limited the last step */
   uint32_t limiting_solid;        /**< id of the solid, or collider, that it looked at; 0: none */

@@ -21,8 +21,8 @@ double v_k_v(const solid::CellMotion& motion) {
 }
 
 // Its kinetic energy and that of a fall that need not be kept [J].
-double moving_energy(const Scene& scene, const solid::SolidRest& rest, const solid::CellMotion& motion) {
-  const double fall = kContactFall * scene.params.gravity.norm() * scene.grid.h;
+double moving_energy(const Scene& scene, const solid::SolidRest& rest, const solid::CellMotion& motion, bool touches) {
+  const double fall = touches ? kContactFall * scene.params.gravity.norm() * scene.grid.h : 0.0;
   return rest.density * (motion.half_square + fall * motion.volume);
 }
 
@@ -42,11 +42,11 @@ double resolved_step(const Scene& scene, const solid::SolidRest& rest) {
 }
 
 double longest_step(const Parallel& parallel, const Scene& scene, const solid::SolidRest& rest,
-                    const solid::SolidState& solid) {
+                    const solid::SolidState& solid, bool touches) {
   const double resolved = resolved_step(scene, rest);
   if (solid.by_loss.holds()) return std::max(resolved, solid.by_loss.step);
   const solid::CellMotion motion = solid::measure_motion(parallel, rest, solid);
-  const double energy = moving_energy(scene, rest, motion), rate = v_k_v(motion);
+  const double energy = moving_energy(scene, rest, motion, touches), rate = v_k_v(motion);
   if (!(rate > 0.0)) return std::numeric_limits<double>::infinity();
   const double expected = kAim * scene.params.numerics.step_tolerance * energy / (wave_pass(rest) * rate);
   return std::max({resolved, creeping_step(scene, solid.speed), expected});
@@ -73,7 +73,8 @@ bool keep_energy(const Parallel& parallel, const Scene& scene, double dt, const 
     const solid::SolidRest& rest = scene.solids[l];
     const double pass = wave_pass(rest), resolved = resolved_step(scene, rest);
     const double calm = std::max(resolved, creeping_step(scene, std::max(before[l].speed, after[l].speed)));
-    double energy = moving_energy(scene, rest, solids[l].straining) + loss;  // that at the start of the step
+    double energy =
+        moving_energy(scene, rest, solids[l].straining, solids[l].touches) + loss;  // that at the start of the step
     const auto errs = [&] { return dt > calm && loss > kErrs * aim * energy; };
     const auto longest = [&] { return std::max(resolved, aim * std::min(1.0, dt / pass) * energy / loss * dt); };
     const double growth = kGrowth * std::max(dt, calm);

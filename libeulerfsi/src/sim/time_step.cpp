@@ -77,15 +77,16 @@ double flight_cells(const Params& params, double density) {
   return std::max(params.cfl_solid, std::min(kFarthest, far));
 }
 
-// A step in contact resolves the shear waves of a solid, or is as long as its energy allows (step_loss.hpp).
+// A step resolves the shear waves of a solid, or is as long as its energy allows (step_loss.hpp).
 void limit_by_loss(const Parallel& parallel, const Scene& scene, std::size_t l, const solid::SolidState& solid,
                    StepRule rule, solid::SolidWork& work, StepLimit& limit) {
   const Numerics& numerics = scene.params.numerics;
   if (!numerics.resolve_impacts || !std::isfinite(numerics.step_tolerance)) return;
   if (work.keeps_energy) return;  // its limit is known, whatever else it touches
   work.keeps_energy = true;
+  work.touches = rule != StepRule::kFlightWave;
   if (limit.dt > resolved_step(scene, scene.solids[l]))
-    limit.lower(longest_step(parallel, scene, scene.solids[l], solid), rule, l + 1);
+    limit.lower(longest_step(parallel, scene, scene.solids[l], solid, work.touches), rule, l + 1);
 }
 
 // What is between a solid and the faces that are walls: -x +x -y +y -z +z.
@@ -255,6 +256,8 @@ StepLimit compute_time_step(const Parallel& parallel, const Scene& scene, const 
     const Gaps gaps = measure_gaps(scene, states[l]);
     limit_by_walls(parallel, scene, l, states[l], gaps, solids[l], limit);
     limit_by_speed(parallel, scene, l, states[l], free_cells(scene, boxes, l, gaps), limit);
+    if (params.numerics.step_tolerance < kNormalTolerance)  // else vibrations in flight may be damped
+      limit_by_loss(parallel, scene, l, states[l], StepRule::kFlightWave, solids[l], limit);
     if (params.numerics.resolve_impacts &&
         !params.fluid.is_thin_beside(scene.solids[l].density))  // then twice as long each
       limit.lower(time + time_to_move(states[l].speed, 0.0, kStart * g.h), StepRule::kStart, l + 1);

@@ -254,8 +254,9 @@ struct SolidWork {
   double whole_weight = 1.0;    // over that of as many whole cells
   double elastic_energy = 0.0;  // [J]
   double max_speed = 0.0;
-  bool keeps_energy = false;  // it is near what it may touch, and the size of the step resolves its impacts
-  CellMotion straining;       // where it is: by what the step strains its map; without volume: not measured
+  bool keeps_energy = false;  // what a step may take of its energy limits the step
+  bool touches = false;       // and it is near something in its way
+  CellMotion straining;       // where it does: by what the step strains its map; without volume: not measured
 
   // Whether the pressure of a band cell acts on this solid.
   bool owns(std::size_t c) const { return element[c] >= 0 && !sliver[static_cast<std::size_t>(element[c])]; }

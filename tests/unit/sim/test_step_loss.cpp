@@ -1,4 +1,6 @@
 // Purpose: a step that takes more of a solid's energy than its tolerance allows is repeated shorter.
+#include "sim/step_loss.hpp"
+#include "unit/sim/free_solid.hpp"
 #include "unit/sim/scene.hpp"
 
 using namespace efsi;
@@ -63,7 +65,38 @@ double restitution(double dt, bool compressible) {
   return up / 2.0;
 }
 
+// Steps and energy left of that at the start when a ball that is let go stretched has swung once or twice in vacuum.
+struct Swing {
+  std::uint64_t steps = 0;
+  double energy = 0.0;
+};
+
+Swing swing(double tolerance) {
+  constexpr double kStretch = 1.05;
+  sim::Params p = still_vacuum({0.4, 0.4, 0.4}, 0.025);
+  p.numerics.step_tolerance = tolerance;
+  auto s = make_simulation(p, {ball_desc({0.2, 0.2, 0.2}, 0.1)});
+  stretch(*s, Vec3d::Constant(0.2), {kStretch, 1.0 / std::sqrt(kStretch), 1.0 / std::sqrt(kStretch)});
+  const double start = s->diagnose_solid(0).elastic_energy;
+  Swing swing;
+  while (s->state().time < 0.2) swing.steps += s->step(kFrame).steps;
+  const auto now = s->diagnose_solid(0);
+  swing.energy = (now.kinetic_energy + now.elastic_energy) / start;
+  return swing;
+}
+
 }  // namespace
+
+TEST_CASE("A tolerance below the normal one holds in flight too", "[law]") {
+  const Swing normal = swing(sim::kNormalTolerance), fine = swing(0.05), finer = swing(0.02);
+  INFO(normal.steps << " steps, " << fine.steps << ", " << finer.steps << "; energy left " << normal.energy << ", "
+                    << fine.energy << ", " << finer.energy);
+  CHECK(normal.steps == 5);
+  CHECK(normal.energy < 0.3);
+  CHECK(fine.energy > 0.7);
+  CHECK(finer.energy > fine.energy);
+  CHECK(fine.steps < 150);
+}
 
 TEST_CASE("A ball rebounds in its own steps nearly as in short ones", "[law]") {
   const bool compressible = GENERATE(false, true);
