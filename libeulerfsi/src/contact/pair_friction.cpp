@@ -19,6 +19,7 @@ struct PairContact {
   Vec3d push = Vec3d::Zero();      // the first as a vector
   Vec3d pull = Vec3d::Zero();      // the second
   Vec3d friction = Vec3d::Zero();  // impulse across the normals
+  Vec3d couple = Vec3d::Zero();    // of it, which acts at a point of each surface [kg m^2/s]
   double weight = 0.0;             // of the means below: the normal impulses before the pressure
   Vec3d first = Vec3d::Zero();     // of the places
 
@@ -46,7 +47,9 @@ Pairs sum_rows(const grid::Grid& box, const SolidContacts& contacts, const std::
     const double normal = row.normal_impulse + added;
     (normal > 0.0 ? pair.normal : pair.tension) += std::abs(normal);
     (normal > 0.0 ? pair.push : pair.pull) += normal * row.normal;
-    pair.friction += row.friction_impulse + coupling[r] - added * row.normal;
+    const Vec3d friction = row.friction_impulse + coupling[r] - added * row.normal;
+    pair.friction += friction;
+    pair.couple += (place.gap + place.skin) * row.normal.cross(friction);
     pair.weight += row.normal_impulse;
     const Vec3d corner = box.node_position(place.cell[0], place.cell[1], place.cell[2]);
     pair.first += row.normal_impulse * (corner + Vec3d::Constant(0.5 * box.h));
@@ -75,11 +78,15 @@ void limit_pair_friction(const StepContext& step, const SolidStates& states, con
                          const std::vector<Vec3d>& coupling, const std::vector<solid::Momenta>& momenta,
                          std::vector<RigidImpulse>& impulses) {
   for (const auto& [solids, pair] : sum_rows(step.scene.grid, contacts, coupling)) {
+    const auto [one, other] = solids;
+    if (!pair.couple.isZero(0) && momenta[one].mass > 0.0 && momenta[other].mass > 0.0) {
+      impulses.resize(momenta.size());
+      for (const std::size_t l : {one, other}) impulses[l].angular -= 0.5 * pair.couple;
+    }
     const double allowed = pair.allowed();
     if (allowed == 1.0 && pair.tension == 0.0) continue;
     const Vec3d excess = (1.0 - allowed) * pair.friction + pair.pull, x = pair.first / pair.weight;
     impulses.resize(momenta.size());
-    const auto [one, other] = solids;
     const Vec3d parts = half_parting(step, momenta[one], momenta[other]);
     const std::tuple<std::size_t, Vec3d, Vec3d> sides[] = {{one, excess, parts}, {other, -excess, -parts}};
     for (const auto& [l, impulse, moved] : sides) {

@@ -207,7 +207,9 @@ TEST_CASE("Balls that meet off their centres, of another density, or three at on
 
 TEST_CASE("Balls that meet off their centres in vacuum keep their angular momentum", "[law][slow]") {
   const bool compressible = GENERATE(true, false);
+  const double friction = GENERATE(0.0, 0.4);
   std::vector<sim::SolidDesc> balls = two_balls(0.08, 1.0, compressible);
+  for (sim::SolidDesc& ball : balls) ball.friction = friction;
   auto s = scene(space(0.0), balls);
   const auto whole = [&] {  // about the middle of the box, where the centre of mass of both is
     Vec3d sum = Vec3d::Zero();
@@ -229,8 +231,8 @@ TEST_CASE("Balls that meet off their centres in vacuum keep their angular moment
     changed += whole() - before;
     worst = std::max(worst, changed.norm() / first);
   }
-  INFO((compressible ? "compressible: " : "")
-       << "angular momentum changes by " << worst << " in " << touching << " steps");
+  INFO((compressible ? "compressible, " : "")
+       << "friction " << friction << ": angular momentum changes by " << worst << " in " << touching << " steps");
   CHECK(touching > 5);
   CHECK(worst < 1e-4);
 }

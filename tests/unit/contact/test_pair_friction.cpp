@@ -76,6 +76,17 @@ TEST_CASE("Friction that the pressure has left within Coulomb's cone is not touc
   CHECK(pressed.info.contacts[0].impulse == Vec3d(2.0, 6.0, 0.0));
 }
 
+TEST_CASE("What friction at a point of each surface turns two bodies by is given back", "[law]") {
+  TwoRows s;
+  for (sim::RowPlace& place : s.contacts.places) place.gap = -0.01, place.skin = 0.03;
+  s.limit(0.0, 0.0);
+  REQUIRE(s.impulses.size() == 2);
+  for (const sim::RigidImpulse& impulse : s.impulses) {  // half of 0.02 n x R, R = (2, 0, 0)
+    CHECK(impulse.linear.isZero(0));
+    CHECK(impulse.angular.isApprox(Vec3d(0.0, 0.0, 0.02), 1e-12));
+  }
+}
+
 TEST_CASE("Where the pressure unloads a contact its friction falls with it, and momentum is kept", "[law]") {
   TwoRows s;
   s.limit(-1.0, -1.0);  // 2 of 4 are left: friction 1 of 2
