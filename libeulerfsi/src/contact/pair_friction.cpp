@@ -72,14 +72,20 @@ Vec3d half_parting(const StepContext& step, const solid::Momenta& first, const s
   return 0.5 * step.dt * (second.linear / second.mass - first.linear / first.mass);
 }
 
+// Whether nothing but each other and what moves with them turns two bodies.
+bool keep_spin(const StepContext& step, const Holds& holds, const std::pair<std::size_t, std::size_t>& solids) {
+  const auto pinned = [&](std::size_t l) { return is_pinned(step.scene.pins, l); };
+  return holds.clusters[holds.cluster_of[solids.first]].floats() && !pinned(solids.first) && !pinned(solids.second);
+}
+
 }  // namespace
 
-void limit_pair_friction(const StepContext& step, const SolidStates& states, const SolidContacts& contacts,
-                         const std::vector<Vec3d>& coupling, const std::vector<solid::Momenta>& momenta,
-                         std::vector<RigidImpulse>& impulses) {
+void limit_pair_friction(const StepContext& step, const SolidStates& states, const Holds& holds,
+                         const SolidContacts& contacts, const std::vector<Vec3d>& coupling,
+                         const std::vector<solid::Momenta>& momenta, std::vector<RigidImpulse>& impulses) {
   for (const auto& [solids, pair] : sum_rows(step.scene.grid, contacts, coupling)) {
     const auto [one, other] = solids;
-    if (!pair.couple.isZero(0) && momenta[one].mass > 0.0 && momenta[other].mass > 0.0) {
+    if (!pair.couple.isZero(0) && keep_spin(step, holds, solids)) {
       impulses.resize(momenta.size());
       for (const std::size_t l : {one, other}) impulses[l].angular -= 0.5 * pair.couple;
     }

@@ -299,7 +299,7 @@ void remember_contact(const StepContext& step, SolidStates& states, Workspace& w
   measure_momenta(step, states, work.solids, work.matter, work.velocity, momenta);
   momenta.friction =
       missing_friction(step.scene, elasticity.walls, work.velocity, work.matter.common.grid, momenta.solids);
-  limit_pair_friction(step, states, elasticity.contacts, coupling, momenta.solids, momenta.friction);
+  limit_pair_friction(step, states, elasticity.holds, elasticity.contacts, coupling, momenta.solids, momenta.friction);
 }
 
 // Lines 12 to 22.

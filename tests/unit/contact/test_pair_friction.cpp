@@ -22,6 +22,7 @@ struct TwoRows {
   Parallel parallel{1};
   sim::Profile profile;
   sim::StepInfo info;
+  sim::Holds holds{{{{0, 1}, {7}, 0}}, {0, 0}};  // they touch nothing but each other
   sim::SolidContacts contacts;
   std::vector<solid::Momenta> momenta = std::vector<solid::Momenta>(2);
   std::vector<sim::RigidImpulse> impulses;
@@ -53,7 +54,7 @@ struct TwoRows {
     sim::ContactPair& record = info.contacts[0];
     record.normal_impulse = 4.0 + first + second;
     record.impulse = Vec3d(2.0, 4.0 + first + second, 0.0);
-    sim::limit_pair_friction(step, states, contacts, {first * Vec3d::UnitY(), second * Vec3d::UnitY()}, momenta,
+    sim::limit_pair_friction(step, states, holds, contacts, {first * Vec3d::UnitY(), second * Vec3d::UnitY()}, momenta,
                              impulses);
   }
   // What both get, about the origin.
@@ -85,6 +86,11 @@ TEST_CASE("What friction at a point of each surface turns two bodies by is given
     CHECK(impulse.linear.isZero(0));
     CHECK(impulse.angular.isApprox(Vec3d(0.0, 0.0, 0.02), 1e-12));
   }
+  TwoRows on_wall;
+  for (sim::RowPlace& place : on_wall.contacts.places) place.skin = 0.02;
+  on_wall.holds.clusters[0].walls = 2;
+  on_wall.limit(0.0, 0.0);
+  CHECK(on_wall.impulses.empty());
 }
 
 TEST_CASE("Where the pressure unloads a contact its friction falls with it, and momentum is kept", "[law]") {
