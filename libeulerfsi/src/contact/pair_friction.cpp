@@ -72,10 +72,11 @@ Vec3d half_parting(const StepContext& step, const solid::Momenta& first, const s
   return 0.5 * step.dt * (second.linear / second.mass - first.linear / first.mass);
 }
 
-// Whether nothing but each other and what moves with them turns two bodies.
+// Whether nothing but each other and what moves with them turns two bodies; in a fluid, that does too.
 bool keep_spin(const StepContext& step, const Holds& holds, const std::pair<std::size_t, std::size_t>& solids) {
   const auto pinned = [&](std::size_t l) { return is_pinned(step.scene.pins, l); };
-  return holds.clusters[holds.cluster_of[solids.first]].floats() && !pinned(solids.first) && !pinned(solids.second);
+  return !step.scene.params.fluid.present && holds.clusters[holds.cluster_of[solids.first]].floats() &&
+         !pinned(solids.first) && !pinned(solids.second);
 }
 
 }  // namespace
