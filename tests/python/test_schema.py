@@ -129,6 +129,27 @@ def test_message_names_prim_field_value_and_limit() -> None:
     assert parts == ("/Solid", "eulerfsi:youngsModulus", "-5", "> 0", "error")
 
 
+def test_a_word_where_a_number_belongs_is_quoted_and_told_what_names_stand_for() -> None:
+    stage = small_scene()
+    author(stage, "/Domain", "eulerfsi:stepTolerance", "0.05")
+    (issue,) = checks.check_stage(stage)
+    names = "(loose: 0.5, normal: 0.15, fine: 0.05)"
+    assert issue.message == f'/Domain.eulerfsi:stepTolerance = "0.05": must be a number {names}'
+
+
+def test_a_value_of_another_layer_names_its_file(tmp_path) -> None:
+    base = small_scene()
+    author(base, "/Solid", "eulerfsi:youngsModulus", -5.0)
+    base.GetRootLayer().Export(str(tmp_path / "assets.usda"))
+    shot = Usd.Stage.CreateNew(str(tmp_path / "shot.usda"))
+    shot.GetRootLayer().subLayerPaths.append("assets.usda")
+    told = lambda: [issue.message for issue in checks.check_stage(shot) if issue.field == modulus.GetName()]  # noqa: E731
+    modulus = shot.GetPrimAtPath("/Solid").GetAttribute("eulerfsi:youngsModulus")
+    assert told() == ["/Solid.eulerfsi:youngsModulus = -5: must be > 0 (in assets.usda)"]
+    modulus.Set(-4.0)
+    assert told() == ["/Solid.eulerfsi:youngsModulus = -4: must be > 0"]
+
+
 @pytest.mark.parametrize(
     ("path", "name", "value", "code"),
     [

@@ -236,13 +236,22 @@ def check_values(prim: Usd.Prim, scope: str) -> list[Issue]:
             fault = value_fault(row, attribute.Get(time))
             if fault:
                 limit, code = fault
-                issues.append(make_issue(prim, name, attribute.Get(time), limit, code))
+                value = attribute.Get(time)
+                if code == "WrongType" and isinstance(value, str):
+                    issues.append(make_issue(prim, name, f'"{value}"', limit, code, _names_of(row)))
+                else:
+                    issues.append(make_issue(prim, name, value, limit, code))
                 break
         if attribute.GetNumTimeSamples() > 1 and not counts:
             hint = "only the value at the first time code is used"
             number = f"{attribute.GetNumTimeSamples()} time samples"
             issues.append(make_issue(prim, name, number, "constant", "Animated", hint, severity="warning"))
     return issues
+
+
+def _names_of(row: Parameter) -> str:
+    """What a parameter's names stand for: a stage has the numbers, `--set` takes both."""
+    return ", ".join(f"{name}: {value:g}" for name, value in row.names.items())
 
 
 def samples_count(prim: Usd.Prim, row: Parameter) -> bool:

@@ -34,12 +34,22 @@ class Issue:
 def make_issue(
     prim: Usd.Prim | None, field: str, value: object, limit: str, code: str, hint: str = "", severity: str = "error"
 ) -> Issue:
-    """Issue with the message "<prim>.<field> = <value>: must be <limit>[ (<hint>)]"."""
+    """Issue with the message "<prim>.<field> = <value>: must be <limit>[ (<hint>; in <file other than the scene>)]"."""
     path = str(prim.GetPath()) if prim else "/"
     text = format_value(value)
     where = f"{path}.{field}" if prim else f"stage {field}"
-    message = f"{where} = {text}: must be {limit}" + (f" ({hint})" if hint else "")
+    notes = [note for note in (hint, _written_in(prim, field) if prim else "") if note]
+    message = f"{where} = {text}: must be {limit}" + (f" ({'; '.join(notes)})" if notes else "")
     return Issue(path, field, text, limit, message, severity, code)
+
+
+def _written_in(prim: Usd.Prim, field: str) -> str:
+    """The layer that an attribute has its value from, where that is another than the scene's own; else ""."""
+    attribute = prim.GetAttribute(field)
+    stack = attribute.GetPropertyStack(Usd.TimeCode.Default()) if attribute else []
+    if not stack or stack[0].layer.anonymous or stack[0].layer == prim.GetStage().GetRootLayer():
+        return ""
+    return f"in {stack[0].layer.GetDisplayName()}"
 
 
 def format_value(value: object) -> str:
