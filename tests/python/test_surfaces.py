@@ -118,7 +118,7 @@ def test_overlapping_solids_are_an_error_that_names_both(cli, tmp_path, command)
     done = cli(command, path, *options)
     err = done.stderr
     assert done.returncode == 3
-    assert "/World/Ball and /World/Other: they overlap by 0." in err
+    assert "/World/Ball and /World/Other: the solids overlap by 0." in err
     volume = float(err.split("a volume of ")[1].split(")")[0])
     assert volume == pytest.approx(
         np.pi * 0.2**2 * (0.1 + 4 * 0.15) / 12, rel=0.1

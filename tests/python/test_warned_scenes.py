@@ -74,7 +74,7 @@ def pinned_vertices_out_of_the_box(stage: Usd.Stage) -> None:
 def physics_colliders(stage: Usd.Stage) -> None:
     for number in range(5):
         part = UsdGeom.Cube.Define(stage, f"/World/Part{number}")
-        part.CreateSizeAttr(0.05)
+        part.CreateSizeAttr(0.08)
         part.AddTranslateOp().Set((-0.2 + 0.1 * number, -0.4, 0.2))
         UsdPhysics.CollisionAPI.Apply(part.GetPrim())
         UsdPhysics.RigidBodyAPI.Apply(part.GetPrim())
@@ -98,7 +98,23 @@ def material_x(stage: Usd.Stage) -> None:
     prim.referenceList.Prepend(Sdf.Reference("./skin.mtlx", "/MaterialX"))
 
 
+def thin_colliders(stage: Usd.Stage) -> None:
+    for number in range(2):
+        box(
+            stage,
+            f"/World/Shelf{number}",
+            (0.0, -0.3, -0.2 + 0.4 * number),
+            (0.3, 0.06, 0.1),
+            1.0,
+            "EulerFsiColliderAPI",
+        )
+
+
 CASES = {
+    thin_colliders: [
+        "/World/Shelf0, /World/Shelf1: the thinnest feature is 0.0",
+        "must be at least 1.5 voxels of 0.05, or solids may fall through",
+    ],
     emitter_in_a_collider: ["/World/Jet: the whole region of the emitter lies inside /World/Block", "move it"],
     emitter_as_large_as_a_collider: ["/World/Jet: the whole region of the emitter lies inside /World/Block"],
     emitter_half_outside_the_box: ["/World/Jet: the whole region of the emitter lies inside /World/Block"],

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from eulerfsi_usd.checks import check_stage
-from eulerfsi_usd.issues import Issue
+from eulerfsi_usd.issues import Issue, listed
 from pxr import Usd
 
 from ..command import command_line
@@ -30,6 +30,8 @@ __all__ = ["Issue", "check_output", "check_scene", "check_stage", "notes", "rais
 _TOLERANCE = 1e-6
 # Voxels by which solids may overlap where they start; the library refuses more.
 _MOST_OVERLAP = 0.5
+# Voxels that a collider is thick at least: less lies between the cells that carry contact.
+_LEAST_COLLIDER = 1.5
 # Of the volume of a solid where it starts; the library refuses others.
 _GROWTH = (0.1, 10.0)
 
@@ -80,7 +82,7 @@ def notes(scene: Scene) -> list[str]:
 
 def check_scene(scene: Scene) -> list[Issue]:
     """Issues that need the library's view of the meshes: repairs, thin features, size."""
-    issues = _check_walls(scene) + _check_numbers(scene)
+    issues = _check_walls(scene) + _check_numbers(scene) + _check_colliders(scene)
     for solid in scene.solids:
         issues += _check_flat(scene, solid)
         issues += _check_mesh(scene, solid)
@@ -92,7 +94,6 @@ def check_scene(scene: Scene) -> list[Issue]:
         issues += _check_apart(scene, first, second)
     for collider in scene.colliders:
         issues += _check_closed(collider)
-        issues += _check_thick(scene, collider, collider.path, "points")
         issues += _check_periodic(scene, collider)
         for solid in scene.solids:
             issues += _check_apart(scene, collider, solid)
@@ -184,22 +185,35 @@ def _check_mesh(scene: Scene, solid: Solid) -> list[Issue]:
             "of the material, which is corrupted where they move relative to each other"
         )
         issues.append(Issue(solid.path, field, value, limit, message, "warning", "SeparatePieces"))
-    return issues + _check_thick(scene, solid, where, field)
+    thinnest, limit = solid.start.report["thinnest_feature"], f"at least two voxels of {_length(scene, 1):.4g}"
+    if 0 < thinnest < 2 * scene.domain["voxel_size"]:
+        issues.append(_thin(scene, where, solid.path, field, thinnest, limit))
+    return issues
 
 
-def _check_thick(scene: Scene, body: Solid | Collider, where: str, field: str) -> list[Issue]:
-    """Two voxels carry what touches a body."""
-    voxel, thinnest = scene.domain["voxel_size"], _at_start(body).report["thinnest_feature"]
-    unit, collides = scene.units.meters_per_unit, isinstance(body, Collider)
-    if not 0 < thinnest < (2 - _TOLERANCE if collides else 2) * voxel:
+def _check_colliders(scene: Scene) -> list[Issue]:
+    """What is thinner may lie between the cells that carry contact. One warning for all."""
+    least = _LEAST_COLLIDER * scene.domain["voxel_size"]
+    thin = [c for c in scene.colliders if 0 < c.report["thinnest_feature"] < least]
+    if not thin:
         return []
-    fitting = thinnest / 2 / unit
-    value, limit = f"{thinnest / unit:.4g}", f"at least two voxels of {voxel / unit:.4g}"
+    thin.sort(key=lambda collider: collider.report["thinnest_feature"])
+    limit = f"at least {_LEAST_COLLIDER:g} voxels of {_length(scene, 1):.4g}, or solids may fall through"
+    names = listed([collider.path for collider in thin])
+    return [_thin(scene, names, thin[0].path, "points", thin[0].report["thinnest_feature"], limit)]
+
+
+def _length(scene: Scene, voxels: float) -> float:
+    """In units of the stage."""
+    return voxels * scene.domain["voxel_size"] / scene.units.meters_per_unit
+
+
+def _thin(scene: Scene, where: str, path: str, field: str, thinnest: float, limit: str) -> Issue:
+    value, fitting = f"{thinnest / scene.units.meters_per_unit:.4g}", thinnest / 2 / scene.units.meters_per_unit
     affordable = memory.cells(scene.domain, thinnest / 2) <= memory.MOST_CELLS
     advice = f"eulerfsi:voxelSize = {fitting:.3g} resolves it" if affordable else "too thin for a domain this large"
-    advice += "; solids may fall through it" if collides else ""
     message = f"{where}: the thinnest feature is {value}: must be {limit}; {advice}"
-    return [Issue(body.path, field, value, limit, message, "warning", "ThinFeature")]
+    return Issue(path, field, value, limit, message, "warning", "ThinFeature")
 
 
 def _check_inside(scene: Scene, solid: Solid) -> list[Issue]:
@@ -288,8 +302,9 @@ def _check_apart(scene: Scene, first: Solid | Collider, second: Solid) -> list[I
     if depth <= most:
         return []
     value, limit = f"{depth / unit:.4g}", f"at most half a voxel, {most / unit:.4g}"
+    kinds = "solids" if isinstance(first, Solid) else "two"
     message = (
-        f"{first.path} and {second.path}: they overlap by {value} (a volume of {volume / unit**3:.4g}): "
+        f"{first.path} and {second.path}: the {kinds} overlap by {value} (a volume of {volume / unit**3:.4g}): "
         f"must be {limit}; {_apart(scene, first, second)}"
     )
     return [Issue(second.path, "points", value, limit, message, "error", "Overlap")]
