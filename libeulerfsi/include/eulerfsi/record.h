@@ -27,7 +27,7 @@ typedef enum EfsiStepRule {
   EFSI_STEP_RULE_COLLIDER = 11,    /**< the speed of a collider */
   EFSI_STEP_RULE_FLUID = 12,       /**< the speed of the fluid, a wall or a jet */
   EFSI_STEP_RULE_REPEATED = 13,    /**< a step that was rolled back */
-  EFSI_STEP_RULE_FLIGHT_WAVE = 14, /**< the same in flight */
+  EFSI_STEP_RULE_FLIGHT_WAVE = 14, /**< as EFSI_STEP_RULE_WALL_WAVE, in flight */
 } EfsiStepRule;
 
 /** Counters and extrema of the steps of one call. */

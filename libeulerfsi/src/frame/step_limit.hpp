@@ -22,7 +22,7 @@ enum class StepRule : std::int32_t {
   kCollider = 11,    // the speed of a collider
   kFluid = 12,       // the speed of the fluid, a wall or a jet
   kRepeated = 13,    // a step that was rolled back
-  kFlightWave = 14,  // the same in flight
+  kFlightWave = 14,  // as kWallWave, in flight
 };
 
 // The least of the limits so far. Bodies are numbers from 1, 0: none.
