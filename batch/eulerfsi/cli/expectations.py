@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..parameters import table
+from ..run.estimate import shear_modulus
 from ..scene.parts import Scene
 from ..solver import binding
 
@@ -77,10 +78,9 @@ def _normal() -> float:
 
 def pace(values: Mapping[str, Any], voxel: float, step: float) -> float:
     """Voxels that the elastic waves of a solid cross in a step. values: fields of EfsiSolidDef; in m and s."""
-    modulus, ratio = values["youngs_modulus"], values["poissons_ratio"]
-    mu = modulus / (2 * (1 + ratio))
-    bulk = modulus * ratio / ((1 + ratio) * (1 - 2 * ratio)) if values["compressible"] else 0.0
-    return step * float(np.sqrt(max(mu, bulk) / values["density"])) / voxel
+    mu, ratio = shear_modulus(values), values["poissons_ratio"]
+    lame = 2 * mu * ratio / (1 - 2 * ratio) if values["compressible"] else 0.0
+    return step * float(np.sqrt(max(mu, lame) / values["density"])) / voxel
 
 
 def of_solid(

@@ -13,7 +13,7 @@ import math
 import statistics
 import time
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -176,6 +176,11 @@ def plan_of(scene: Scene) -> Plan:
     )
 
 
+def shear_modulus(values: Mapping[str, Any]) -> float:
+    """Of the fields of EfsiSolidDef [Pa]."""
+    return values["youngs_modulus"] / 2 / (1 + values["poissons_ratio"])
+
+
 def _body(solid: Solid, domain: dict, reach: float, gravity: np.ndarray) -> Body:
     """A solid of a scene: it falls, or rises where the fluid is heavier, until it is `reach` metres from a wall."""
     low, high = np.array(domain["domain_min"]), np.add(domain["domain_min"], domain["domain_size"])
@@ -198,7 +203,7 @@ def _body(solid: Solid, domain: dict, reach: float, gravity: np.ndarray) -> Body
         if when < meets:
             meets, size = when, float((end - start)[axis])
     turning = float(np.linalg.norm(values["angular_velocity"]) * np.linalg.norm(end - start) / 2)
-    shear = values["youngs_modulus"] / 2 / (1 + values["poissons_ratio"])
+    shear = shear_modulus(values)
     speed = float(np.linalg.norm(velocity)) + turning
     return Body(speed, float(np.linalg.norm(fall)), meets, math.sqrt(shear / rho), size)
 

@@ -185,9 +185,9 @@ def _check_mesh(scene: Scene, solid: Solid) -> list[Issue]:
             "of the material, which is corrupted where they move relative to each other"
         )
         issues.append(Issue(solid.path, field, value, limit, message, "warning", "SeparatePieces"))
-    thinnest, limit = solid.start.report["thinnest_feature"], f"at least two voxels of {_length(scene, 1):.4g}"
+    thinnest = solid.start.report["thinnest_feature"]
     if 0 < thinnest < 2 * scene.domain["voxel_size"]:
-        issues.append(_thin(scene, where, solid.path, field, thinnest, limit))
+        issues.append(_thin(scene, where, solid.path, field, thinnest, "two"))
     return issues
 
 
@@ -198,18 +198,16 @@ def _check_colliders(scene: Scene) -> list[Issue]:
     if not thin:
         return []
     thin.sort(key=lambda collider: collider.report["thinnest_feature"])
-    limit = f"at least {_LEAST_COLLIDER:g} voxels of {_length(scene, 1):.4g}, or solids may fall through"
-    names = listed([collider.path for collider in thin])
-    return [_thin(scene, names, thin[0].path, "points", thin[0].report["thinnest_feature"], limit)]
+    names, thinnest = listed([collider.path for collider in thin]), thin[0].report["thinnest_feature"]
+    least, otherwise = f"{_LEAST_COLLIDER:g}", ", or solids may fall through"
+    return [_thin(scene, names, thin[0].path, "points", thinnest, least, otherwise)]
 
 
-def _length(scene: Scene, voxels: float) -> float:
-    """In units of the stage."""
-    return voxels * scene.domain["voxel_size"] / scene.units.meters_per_unit
-
-
-def _thin(scene: Scene, where: str, path: str, field: str, thinnest: float, limit: str) -> Issue:
-    value, fitting = f"{thinnest / scene.units.meters_per_unit:.4g}", thinnest / 2 / scene.units.meters_per_unit
+def _thin(scene: Scene, where: str, path: str, field: str, thinnest: float, least: str, otherwise: str = "") -> Issue:
+    """thinnest [m]; least: voxels that it must be."""
+    unit = scene.units.meters_per_unit
+    value, fitting = f"{thinnest / unit:.4g}", thinnest / 2 / unit
+    limit = f"at least {least} voxels of {scene.domain['voxel_size'] / unit:.4g}{otherwise}"
     affordable = memory.cells(scene.domain, thinnest / 2) <= memory.MOST_CELLS
     advice = f"eulerfsi:voxelSize = {fitting:.3g} resolves it" if affordable else "too thin for a domain this large"
     message = f"{where}: the thinnest feature is {value}: must be {limit}; {advice}"
